@@ -1,0 +1,1 @@
+"""Tetrahedral cages. numpy only."""

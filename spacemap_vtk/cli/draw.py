@@ -1,0 +1,202 @@
+"""Commands that write files: pictures, films, data."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from spacemap_vtk.cli.options import Quiet, Set, Size, Time, opened, tell_warnings
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder
+
+STILL_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
+FILM_FORMATS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
+
+Output = Annotated[Path, Parameter(name=["--output", "-o"], help="File to write.")]
+
+
+def render(
+    scene: str,
+    /,
+    *,
+    output: Output,
+    time: Time = None,
+    size: Size = None,
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Draw a scene or a draft at one time.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, or name of a scene.
+    output : Path
+        A .png or .jpg file.
+    """
+    check_output(output, STILL_FORMATS)
+    opened_scene = opened(scene, set_, time=time, size=size)
+    from PIL import Image
+
+    from spacemap_vtk.scenes.picture import Picture
+
+    at = opened_scene.view.time
+    with progress(opened_scene, "Drawing", 1, quiet):
+        picture = Picture(opened_scene, [at])
+        image = picture.draw(at)
+        picture.close()
+    with whole_file(output) as file:
+        Image.fromarray(image).save(file)
+    tell_warnings(opened_scene, quiet)
+
+
+def animate(
+    scene: str,
+    /,
+    *,
+    output: Output,
+    size: Size = None,
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Make a film of a scene, or numbered frames.
+
+    The section [animation] says which times it shows, and how many frames a second.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, or name of a scene.
+    output : Path
+        A .gif or .mp4 file, or frames such as frames/%04d.png.
+    """
+    numbered = re.search(r"%0?\d*d", output.name)
+    check_output(output, FILM_FORMATS)
+    if output.suffix.lower() == ".png" and numbered is None:
+        raise InputError(
+            f"{output}: frames need a number in their name",
+            allowed=f"for example {output.with_name(output.stem + '-%04d.png')}",
+        )
+    opened_scene = opened(scene, set_, size=size)
+    from spacemap_vtk.scenes.film import write_film, write_frames
+    from spacemap_vtk.scenes.picture import Picture
+
+    opened_scene.check()
+    times = opened_scene.animation.frame_times()
+    rate = opened_scene.animation.frames_per_second
+    with progress(opened_scene, "Drawing frames", len(times), quiet) as tell:
+        picture = Picture(opened_scene, times)
+
+        def images():  # type: ignore[no-untyped-def]
+            for done, time in enumerate(times, 1):
+                yield picture.draw(time)
+                tell(done)
+
+        if numbered:
+            with whole_folder(output.parent) as folder:
+                write_frames(folder / output.name, images())
+        else:
+            with whole_file(output) as file:
+                write_film(file, images(), rate)
+        picture.close()
+    tell_warnings(opened_scene, quiet)
+
+
+def storyboard(
+    scene: str = "plain_weave",
+    /,
+    *,
+    output: Output,
+    times: Annotated[
+        str | None,
+        Parameter(help="Times in s, separated by commas; by default six over the animation."),
+    ] = None,
+    size: Size = None,
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Draw a motion as the paper's figure 6 does: cage (a) above fabric (b), time to the right.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file or name of a scene.
+    output : Path
+        A .png or .jpg file.
+    """
+    check_output(output, STILL_FORMATS)
+    opened_scene = opened(scene, set_, size=size)
+    if not opened_scene.moves:
+        raise InputError(
+            f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
+        )
+    moments = _times(times) if times else _evenly(opened_scene.animation, 6)
+    from PIL import Image
+
+    from spacemap_vtk.scenes.picture import storyboard as drawn
+
+    chosen = (1920, 640) if size is None else tuple(opened_scene.view.size)
+    with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:
+        image = drawn(opened_scene, moments, chosen, tell)
+    with whole_file(output) as file:
+        Image.fromarray(image).save(file)
+    tell_warnings(opened_scene, quiet)
+
+
+def export(
+    scene: str,
+    /,
+    *,
+    output: Output,
+    what: Annotated[
+        str | None,
+        Parameter(help="patches, cage or surface; by default what the format holds first."),
+    ] = None,
+    time: Time = None,
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Write a scene's data: Bézier patches or cage (.vtu), surface (.vtp, .stl, .ply).
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, or name of a scene.
+    output : Path
+        The file's ending names the format.
+    """
+    from spacemap_vtk.scenes.export import FORMATS, write
+
+    check_output(output, {ending: " or ".join(kinds) for ending, kinds in FORMATS.items()})
+    kinds = FORMATS[output.suffix.lower()]
+    kind = what or kinds[0]
+    if kind not in kinds:
+        raise InputError(
+            f"{output.suffix} files do not hold that", key="--what", value=kind,
+            allowed=", ".join(kinds),
+        )
+    opened_scene = opened(scene, set_, time=time)
+    with progress(opened_scene, "Computing", 1, quiet):
+        opened_scene.update(opened_scene.view.time)
+    with whole_file(output) as file:
+        write(opened_scene, kind, file)
+    tell_warnings(opened_scene, quiet)
+
+
+def _times(text: str) -> list[float]:
+    from spacemap_vtk.units import parse_quantity
+
+    times = [parse_quantity(word, "s") for word in text.split(",")]
+    if not all(0.0 <= t < np.inf for t in times) or len(times) > 100:
+        raise InputError("not a list of times", key="--times", value=text,
+                         allowed="up to 100 times of at least 0 s")
+    return times
+
+
+def _evenly(animation, count: int) -> list[float]:  # type: ignore[no-untyped-def]
+    return [float(t) for t in np.linspace(animation.start, animation.stop, count)]

@@ -1,0 +1,68 @@
+"""The command ``spacemap``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from spacemap_vtk import __version__
+from spacemap_vtk.errors import InputError
+
+app = App(
+    name="spacemap",
+    version=__version__,
+    help="""Deform woven fabric by space mapping: pictures, films, data and figures.
+
+    SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with
+    the program (see "spacemap scenes"). Lengths are SI, or carry their unit: "0.3 mm".
+
+    Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
+    """,
+)
+for _name, _function in {
+    "render": "spacemap_vtk.cli.draw:render",
+    "animate": "spacemap_vtk.cli.draw:animate",
+    "storyboard": "spacemap_vtk.cli.draw:storyboard",
+    "export": "spacemap_vtk.cli.draw:export",
+    "modes": "spacemap_vtk.cli.figures:modes",
+    "info": "spacemap_vtk.cli.figures:info",
+    "validate": "spacemap_vtk.cli.figures:validate",
+    "scenes": "spacemap_vtk.cli.figures:scenes",
+}.items():
+    # By name: a command's modules are imported when it is called.
+    app.command(_function, name=_name)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        In place of ``sys.argv[1:]``.
+
+    Raises
+    ------
+    SystemExit
+        Always, with 0, 1 or 2.
+    """
+    try:
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, InputError) as error:
+        _say(error)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("spacemap: stopped", file=sys.stderr)
+        sys.exit(1)
+    except BrokenPipeError:
+        sys.exit(1)
+    except Exception as error:
+        _say(error)
+        sys.exit(1)
+    sys.exit(0)
+
+
+def _say(error: BaseException) -> None:
+    print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)

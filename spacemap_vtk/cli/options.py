@@ -1,0 +1,96 @@
+"""What several commands share: options, opening a scene, warnings."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.scene import Scene
+
+Set = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative="",
+        help="Change a value of the scene, as in --set weave.ends=20. Can be given again.",
+    ),
+]
+Time = Annotated[str | None, Parameter(help="Time in s, as in 0.4 or 400ms.")]
+Size = Annotated[str | None, Parameter(help="Width and height in pixels, as in 1920x1080.")]
+Quiet = Annotated[
+    bool, Parameter(name=["--quiet", "-q"], negative="", help="No progress, no warnings.")
+]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="JSON, for programs.")]
+
+
+def opened(
+    name: str,
+    assignments: Sequence[str] = (),
+    *,
+    time: str | None = None,
+    size: str | None = None,
+) -> Scene:
+    """Read a scene and apply the command line's changes to it.
+
+    Parameters
+    ----------
+    name : str
+        What the user wrote for SCENE.
+    assignments : sequence of str
+        What followed each ``--set``.
+    time, size : str, optional
+        What followed ``--time`` and ``--size``.
+
+    Returns
+    -------
+    Scene
+        Not yet run.
+
+    Raises
+    ------
+    InputError
+        If something is refused.
+    """
+    scene = Scene.read(name)
+    for assignment in assignments:
+        scene.set(assignment)
+    if time is not None:
+        with _naming("--time"):
+            scene.view.time = time
+    if size is not None:
+        width, cross, height = size.lower().partition("x")
+        if not cross:
+            raise InputError("not a size", key="--size", value=size, allowed="as in 1920x1080")
+        with _naming("--size"):
+            scene.view.size = width, height
+    return scene
+
+
+def tell_warnings(scene: Scene, quiet: bool) -> None:
+    """Print what the stages say of their trustworthiness, each sentence once.
+
+    Parameters
+    ----------
+    scene : Scene
+        As of its last update.
+    quiet : bool
+        Print nothing.
+    """
+    if not quiet:
+        for text in dict.fromkeys(scene.warnings):
+            print(f"spacemap: warning: {text}", file=sys.stderr)
+
+
+@contextmanager
+def _naming(option: str) -> Iterator[None]:
+    """Name the option, which the user wrote, in place of the parameter."""
+    try:
+        yield
+    except InputError as error:
+        error.key = option
+        raise

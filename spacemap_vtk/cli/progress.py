@@ -1,0 +1,70 @@
+"""Progress on anything that takes over a second, on stderr and only for people."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.scenes.scene import Scene
+
+#: Seconds before a bar appears.
+_PATIENCE = 1.0
+
+
+@contextmanager
+def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """Show a bar while a scene is worked on, and the running stage beside it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its stages are watched.
+    what : str
+        The work, in a word or two.
+    steps : int
+        How many steps it has.
+    quiet : bool
+        Show nothing.
+
+    Yields
+    ------
+    callable
+        To be called with the number of steps done.
+    """
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[stage]}"),
+        console=console,
+        transient=True,
+        disable=quiet or not console.is_terminal,
+    )
+    task = bar.add_task(what, total=steps, stage="")
+
+    def tell(stage: Stage, event: str) -> None:
+        share = f" {stage.GetProgress():.0%}" if event == "ProgressEvent" else ""
+        bar.update(task, stage="" if event == "EndEvent" else type(stage).__name__ + share)
+
+    observers = [
+        (stage, stage.AddObserver(event, tell))
+        for stage in scene.stages
+        for event in ("StartEvent", "ProgressEvent", "EndEvent")
+    ]
+    timer = threading.Timer(_PATIENCE, bar.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield lambda done: bar.update(task, completed=done)
+    finally:
+        timer.cancel()
+        bar.stop()
+        for stage, observer in observers:
+            stage.RemoveObserver(observer)

@@ -1,0 +1,1 @@
+"""Points in tetrahedra: location, barycentric weights, interpolation. numpy and scipy only."""

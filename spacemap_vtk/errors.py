@@ -1,0 +1,95 @@
+"""The errors of spacemap_vtk: a small tree over the built-in ones.
+
+Every message names the thing at fault, its value, what is allowed and the cure, so that whoever
+shows it (command line, window, ParaView) needs to add nothing.
+"""
+
+from __future__ import annotations
+
+
+class SpacemapError(Exception):
+    """Base of every error that spacemap_vtk raises on purpose.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong.
+    key : str, optional
+        Name of the parameter at fault, e.g. ``"warp_diameter"``.
+    value : object, optional
+        The refused value.
+    allowed : str, optional
+        What would be accepted.
+    cure : str, optional
+        What the user can do.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        key: str | None = None,
+        value: object = None,
+        allowed: str | None = None,
+        cure: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.key = key
+        self.value = value
+        self.allowed = allowed
+        self.cure = cure
+        #: Set by whoever knows them: the file at fault, and the section that `key` stands in.
+        self.file: str | None = None
+        self.section: str | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.file}: " if self.file else ""
+        if self.key is not None:
+            where += f"{self.section}.{self.key}" if self.section else self.key
+            where += ": " if self.value is None else f" = {shown(self.value)}: "
+        text = where + self.message
+        if self.allowed:
+            text += f"; allowed: {self.allowed}"
+        return f"{text}. {self.cure}" if self.cure else text
+
+
+class InputError(SpacemapError, ValueError):
+    """A value that the program cannot work with."""
+
+
+class UnknownNameError(InputError, AttributeError):
+    """A name (keyword, attribute, section, key) that does not exist."""
+
+
+class GeometryError(InputError):
+    """A fabric, cage or object whose geometry is impossible, flat, inverted or empty."""
+
+
+class SizeError(InputError, MemoryError):
+    """A request that would not fit into memory, refused before any is taken."""
+
+
+class SolverError(SpacemapError, RuntimeError):
+    """A numerical method that did not reach its tolerance."""
+
+
+class MissingLibraryError(SpacemapError, RuntimeError):
+    """A system library or an optional package that is not installed."""
+
+
+def shown(value: object) -> str:
+    """Return `value` as a user would write it, cut to a line.
+
+    Parameters
+    ----------
+    value : object
+        The refused value.
+
+    Returns
+    -------
+    str
+        At most 80 characters.
+    """
+    text = f'"{value}"' if isinstance(value, str) else str(value)
+    return text if len(text) <= 80 else text[:77] + "..."

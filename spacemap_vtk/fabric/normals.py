@@ -1,0 +1,89 @@
+"""Normals of single places on Bézier patches, degenerate ones too."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
+
+# How far inside, in parameter, the normal is taken where it is undefined. The area element grows
+# in proportion to the distance from a collapsed edge, so this is also about the share of the
+# area element that counts as none.
+_INSIDE = 1e-3
+
+
+def robust_normals(
+    nets: NDArray[Any],
+    degree: tuple[int, int],
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return unit normals, never NaN for finite control points.
+
+    Parameters
+    ----------
+    nets : (n, (p + 1)(q + 1), 3) float
+        Control points of the patch that each place is on, u fastest.
+    degree : (int, int)
+        Degrees p and q.
+    u, v : (n,) float64
+        Parameters of each place.
+
+    Returns
+    -------
+    (n, 3) float64
+        ``du x dv`` normalised. Where that vanishes, next to what it is slightly inside the patch,
+        the normal there; failing that the one in the middle of the patch; for a patch without
+        area a vector across it, or z.
+    """
+    local = nets.astype(np.float64)
+    local -= local[:, :1].copy()
+    size = np.abs(local).max(axis=(1, 2), keepdims=True)
+    local /= np.where(size > 0, size, 1.0)
+
+    here, along = _area_element(local, degree, u, v)
+    inside, _ = _area_element(local, degree, _inwards(u), _inwards(v))
+    middle, _ = _area_element(local, degree, np.full_like(u, 0.5), np.full_like(v, 0.5))
+    # across the longest direction: what has no area may still be a line
+    axis = np.eye(3)[np.abs(along).argmin(axis=1)]
+    across = np.cross(along, axis)
+    result = np.broadcast_to(np.array([0.0, 0.0, 1.0]), here.shape).copy()
+    for choice, least in ((across, 0.0), (middle, 1e-12), (inside, 1e-12)):
+        usable = _length(choice) > least
+        result[usable] = choice[usable]
+    usable = _length(here) > np.maximum(1e-12, _INSIDE * _length(inside))
+    result[usable] = here[usable]
+    broken = ~np.isfinite(local).all(axis=(1, 2))
+    result[broken] = np.nan
+    return result / _length(result)[:, None]
+
+
+def _inwards(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(t <= 0.5, t + _INSIDE, t - _INSIDE)
+
+
+def _length(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    result: NDArray[np.float64] = np.sqrt((vectors**2).sum(axis=1))
+    return result
+
+
+def _area_element(
+    nets: NDArray[np.float64],
+    degree: tuple[int, int],
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return ``du x dv`` and the longer of ``du`` and ``dv``."""
+    p, q = degree
+    grid = nets.reshape(len(nets), q + 1, p + 1, 3)
+    du = np.einsum(
+        "nj,ni,njik->nk", bernstein(q, v), bernstein_derivative(p, u), grid, optimize=False
+    )
+    dv = np.einsum(
+        "nj,ni,njik->nk", bernstein_derivative(q, v), bernstein(p, u), grid, optimize=False
+    )
+    longer = np.where((_length(du) >= _length(dv))[:, None], du, dv)
+    return np.cross(du, dv), longer

@@ -1,0 +1,462 @@
+"""Peirce's geometry of plain cloth: round yarns that bend over each other without being squeezed.
+
+Between two neighbouring crossings a yarn runs arc - straight - arc. The arcs have the angle
+theta and radii that sum up to D, the sum of the two yarn diameters; then, over the spacing p of
+the crossings and the height h by which the axis changes,
+
+    p = D sin(theta) + s cos(theta)        h = D (1 - cos(theta)) + s sin(theta)
+
+with the straight length s. The warp bends over the weft spacing p2 with h1, the weft over the
+warp spacing p1 with h2, and h1 + h2 = D because the yarns touch where they cross.
+
+Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45. His
+equations are solved for theta here in closed form: with t = tan(theta/2) both give
+t**2 (2D - h) - 2 p t + h = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.units import format_quantity
+
+#: Rounding allowed in the square of the straight length, over D**2. Clamping inside it moves the
+#: yarn by about as much, times D.
+JAM = 1e-12
+#: A straight length whose square is below this, over D**2, is taken for zero: it would be a sliver.
+_SLIVER = 1e-14
+#: Below this tan(theta/2) the series of t - arctan(t) is better than the difference.
+_SERIES_BELOW = 0.1
+
+
+class Crimp(NamedTuple):
+    """How a yarn bends between two neighbouring crossings where it changes side.
+
+    Each field is a float64 array of the arguments' common shape, a scalar for scalars.
+    """
+
+    theta: NDArray[np.float64]
+    """Angle of each arc, and slope of the straight length between them, in radians."""
+    straight: NDArray[np.float64]
+    """Length s of the straight part, in metres."""
+    length: NDArray[np.float64]
+    """Length l of the yarn's axis, in metres."""
+    crimp: NDArray[np.float64]
+    """Crimp c = l / p - 1."""
+
+
+class Family(NamedTuple):
+    """The measures of warp or weft, seen from its own yarns; lengths in metres."""
+
+    diameter: float
+    spacing: float
+    """Distance between the yarns of the family itself."""
+    crossed: float
+    """Distance between the yarns that it crosses."""
+    height: float
+    """Crimp height."""
+    overhang: float
+    """Length of each yarn past its last crossing."""
+    crimp: Crimp
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cloth:
+    """The measures of a cloth, checked.
+
+    Parameters
+    ----------
+    warp_diameter, weft_diameter : float
+        Diameters d1 and d2 of the yarns, in metres.
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+    warp_crimp_height : float, optional
+        Crimp height h1 of the warp, in metres; by default the middle of the feasible interval.
+    overhang : float, optional
+        How far each yarn reaches past its last crossing, in metres; by default half the spacing
+        that it crosses.
+
+    Raises
+    ------
+    GeometryError
+        A cloth that cannot exist (see `check`), or an overhang below 0.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> cloth.height
+    0.1
+    """
+
+    warp_diameter: float
+    weft_diameter: float
+    warp_spacing: float
+    weft_spacing: float
+    warp_crimp_height: float | None = None
+    overhang: float | None = None
+
+    def __post_init__(self) -> None:
+        d1, d2, p1, p2 = self._measures
+        check(d1, d2, p1, p2, self.height)
+        if self.overhang is not None and not 0.0 <= self.overhang < inf:
+            raise GeometryError(
+                "a yarn cannot end before its last crossing",
+                key="overhang",
+                value=self.overhang,
+                allowed="a length from 0 m on",
+            )
+
+    @property
+    def _measures(self) -> tuple[float, float, float, float]:
+        return self.warp_diameter, self.weft_diameter, self.warp_spacing, self.weft_spacing
+
+    @property
+    def diameter_sum(self) -> float:
+        """Sum D of warp and weft diameter, in metres."""
+        return self.warp_diameter + self.weft_diameter
+
+    @property
+    def height(self) -> float:
+        """Crimp height h1 of the warp, in metres; that of the weft is D - h1."""
+        if self.warp_crimp_height is not None:
+            return self.warp_crimp_height
+        return balanced_height(self.warp_spacing, self.weft_spacing, self.diameter_sum)
+
+    @property
+    def families(self) -> tuple[Family, Family]:
+        """Measures of warp and weft, Peirce's figures among them."""
+        d1, d2, p1, p2 = self._measures
+        d = self.diameter_sum
+        # h1 may pass 0 or D by rounding
+        h1 = min(max(self.height, 0.0), d)
+        past = (p2 / 2, p1 / 2) if self.overhang is None else (self.overhang, self.overhang)
+        return (
+            Family(d1, p1, p2, h1, past[0], solve(p2, h1, d)),
+            Family(d2, p2, p1, d - h1, past[1], solve(p1, d - h1, d)),
+        )
+
+
+def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Crimp:
+    """Return angle, straight length, axis length and crimp of a yarn between two crossings.
+
+    Parameters
+    ----------
+    spacing : array_like
+        Distance p of the crossings along the cloth, in metres.
+    height : array_like
+        Height h by which the axis changes from one to the other, in metres, at least 0.
+    diameter_sum : array_like
+        Sum D of the diameters of the yarn and the one that it bends over, in metres (for unequal
+        arcs: sum of their radii).
+
+    Returns
+    -------
+    Crimp
+        ``s = sqrt(p**2 - h (2 D - h))``, ``theta = 2 atan2(h, p + s)``, ``l = D theta + s``,
+        ``c = l / p - 1``, the last to full precision however small it is.
+
+    Raises
+    ------
+    GeometryError
+        A height below 0, a value that is not finite, or no room for the arcs (a jammed cloth).
+
+    Examples
+    --------
+    >>> theta, straight, length, crimp = solve(0.2, 0.1, 0.2)
+    >>> round(float(np.degrees(theta)), 6), round(float(crimp), 6)
+    (36.869898, 0.143501)
+    """
+    p, h, d = np.broadcast_arrays(
+        np.asarray(spacing, np.float64),
+        np.asarray(height, np.float64),
+        np.asarray(diameter_sum, np.float64),
+    )
+    square = _straight_squared(p, h, d)
+    refused = ~((square >= -JAM * d * d) & (h >= 0) & np.isfinite(square))
+    if refused.any():
+        where = int(np.argmax(refused))
+        _refuse(float(p.flat[where]), float(h.flat[where]), float(d.flat[where]))
+    s = np.sqrt(np.where(square > _SLIVER * d * d, square, 0.0))
+    # p + s is 0 only for crossings on one spot
+    theta = 2.0 * np.arctan2(h, p + s)
+    length = d * theta + s
+    # l - p = h t - 2 D (t - arctan t), because p - s = t (2D - h): nothing large is subtracted
+    t = np.tan(0.5 * theta)
+    excess = h * t - 2.0 * d * _minus_arctan(t)
+    crimp = np.divide(excess, p, out=np.zeros_like(excess), where=p > 0)
+    return Crimp(theta[()], s[()], length[()], crimp[()])
+
+
+def feasible_height(
+    warp_spacing: float, weft_spacing: float, diameter_sum: float
+) -> tuple[float, float]:
+    """Return the interval of warp crimp heights h1 that leave room for both families.
+
+    Parameters
+    ----------
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+    diameter_sum : float
+        Sum D of warp and weft diameter, in metres.
+
+    Returns
+    -------
+    low, high : float
+        ``sqrt(max(0, D**2 - p1**2))`` and ``D - sqrt(max(0, D**2 - p2**2))``, in metres; where low
+        is above high (by more than rounding) the cloth is jammed at any height.
+
+    Examples
+    --------
+    >>> feasible_height(0.5, 0.4, 0.5)
+    (0.0, 0.2)
+    """
+    return (
+        _least_height(warp_spacing, diameter_sum),
+        diameter_sum - _least_height(weft_spacing, diameter_sum),
+    )
+
+
+def balanced_height(warp_spacing: float, weft_spacing: float, diameter_sum: float) -> float:
+    """Return the middle of the feasible interval of the warp crimp height h1.
+
+    Parameters
+    ----------
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+    diameter_sum : float
+        Sum D of warp and weft diameter, in metres.
+
+    Returns
+    -------
+    float
+        Height in metres: D/2 where both families have the same spacing. It is a height of no
+        feasible cloth where the interval is empty; `check` says so.
+
+    Examples
+    --------
+    >>> balanced_height(0.4, 0.4, 0.5)
+    0.25
+    """
+    low, high = feasible_height(warp_spacing, weft_spacing, diameter_sum)
+    return 0.5 * (low + high)
+
+
+def height_from_crimp(spacing: float, crimp: float, diameter_sum: float) -> float:
+    """Return the crimp height of a yarn whose crimp was measured.
+
+    Parameters
+    ----------
+    spacing : float
+        Spacing p of the crossings, in metres: p2 for the warp's height, p1 for the weft's.
+    crimp : float
+        Crimp c = l / p - 1.
+    diameter_sum : float
+        Sum D of warp and weft diameter, in metres.
+
+    Returns
+    -------
+    float
+        Height h in metres, from 0 to D.
+
+    Raises
+    ------
+    GeometryError
+        The crimp is below 0, or more than the yarn has before it jams.
+
+    Notes
+    -----
+    Solves ``(l - D theta) cos(theta) + D sin(theta) = p`` for theta. The left side falls from l to
+    below p, but it is flat at 0: Newton's method from there fails, Brent's does not.
+
+    Examples
+    --------
+    >>> round(height_from_crimp(0.4, 0.09, 0.5), 5)
+    0.15556
+    """
+    p, d = spacing, diameter_sum
+    highest = d - _least_height(p, d)
+    most = float(solve(p, highest, d).crimp)
+    if not 0.0 <= crimp <= most * (1.0 + 1e-9):
+        raise GeometryError(
+            f"a yarn over a spacing of {_metres(p)} with a sum of diameters of {_metres(d)} "
+            "cannot have this crimp",
+            key="crimp",
+            value=crimp,
+            allowed=f"0 to {most:.6g}",
+            cure="Less crimp, a wider spacing or thinner yarns",
+        )
+    if crimp == 0.0 or crimp >= most:
+        return 0.0 if crimp == 0.0 else highest
+    length = p * (1.0 + crimp)
+
+    def remainder(theta: float) -> float:
+        # the equation less p, put so that a small crimp is not lost in l - p
+        sag = 2.0 * (length - d * theta) * np.sin(0.5 * theta) ** 2
+        return float(crimp * p - sag - d * (theta - np.sin(theta)))
+
+    # at jam the root is the end of the bracket, and may lie past it by rounding
+    theta = min(length / d, pi)
+    if remainder(theta) < 0.0:
+        theta = float(brentq(remainder, 0.0, theta, xtol=1e-300, rtol=1e-15))
+    height = (length - d * theta) * np.sin(theta) + 2.0 * d * np.sin(0.5 * theta) ** 2
+    return min(float(height), highest)
+
+
+def largest_diameter_sum(warp_spacing: float, weft_spacing: float) -> float:
+    """Return the largest sum of diameters that can be woven at given spacings: a jammed cloth.
+
+    Parameters
+    ----------
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+
+    Returns
+    -------
+    float
+        D in metres. Both families jam at once there, ``sqrt(D**2 - p1**2) + sqrt(D**2 - p2**2) =
+        D``; squared twice, with a = p1**2 and b = p2**2,
+        ``D**2 = (a + b + 2 sqrt(a**2 - a b + b**2)) / 3``.
+
+    Examples
+    --------
+    >>> round(largest_diameter_sum(3**0.5, 3**0.5), 12)
+    2.0
+    """
+    # over the larger spacing, so that the squares of tiny lengths stay normal numbers
+    scale = max(warp_spacing, weft_spacing)
+    a, b = (warp_spacing / scale) ** 2, (weft_spacing / scale) ** 2
+    return scale * sqrt((a + b + 2.0 * sqrt(a * a - a * b + b * b)) / 3.0)
+
+
+def check(
+    warp_diameter: float,
+    weft_diameter: float,
+    warp_spacing: float,
+    weft_spacing: float,
+    height: float,
+) -> None:
+    """Refuse a cloth that cannot exist.
+
+    Parameters
+    ----------
+    warp_diameter, weft_diameter : float
+        Diameters d1 and d2, in metres.
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+    height : float
+        Crimp height h1 of the warp, in metres.
+
+    Raises
+    ------
+    GeometryError
+        A length that is not positive; yarns of one family that overlap, d1 > p1 or d2 > p2 (where
+        neighbours change side in opposite ways they pass at the same height, side by side); a
+        cloth jammed at every height; a height outside the feasible interval, which is named.
+
+    Examples
+    --------
+    >>> check(0.1e-3, 0.1e-3, 0.2e-3, 0.2e-3, 0.1e-3)
+    """
+    d, p1, p2 = warp_diameter + weft_diameter, warp_spacing, weft_spacing
+    for key, value in (
+        ("warp_diameter", warp_diameter),
+        ("weft_diameter", weft_diameter),
+        ("warp_spacing", p1),
+        ("weft_spacing", p2),
+    ):
+        if not (isfinite(value) and value > 0.0):
+            raise GeometryError(
+                "a fabric needs a length here",
+                key=key,
+                value=value,
+                allowed="more than 0 m",
+                cure='Write, for example, "0.3 mm"',
+            )
+    for family, diameter, room in (("warp", warp_diameter, p1), ("weft", weft_diameter, p2)):
+        if diameter > room + JAM * d:
+            raise GeometryError(
+                f"neighbouring {family} yarns overlap: they are {_metres(diameter)} thick and "
+                f"{_metres(room)} apart",
+                key=f"{family}_diameter",
+                value=diameter,
+                allowed=f"up to {_metres(room)} ({family}_spacing)",
+                cure=f"Make {family}_diameter smaller or {family}_spacing larger",
+            )
+    low, high = feasible_height(p1, p2, d)
+    middle = balanced_height(p1, p2, d)
+    if _jammed(p1, p2, middle, d):
+        raise GeometryError(
+            f"the cloth is jammed at every warp_crimp_height: the weft needs at least "
+            f"{_metres(low)}, the warp at most {_metres(high)}",
+            key="warp_diameter",
+            value=warp_diameter,
+            allowed=f"warp_diameter + weft_diameter up to {_metres(largest_diameter_sum(p1, p2))}"
+            f" at these spacings, not {_metres(d)}",
+            cure="Make the yarns thinner or a spacing larger",
+        )
+    inside = -JAM * d <= height <= (1.0 + JAM) * d
+    if not inside or _jammed(p1, p2, height, d):
+        side = "warp" if height > middle else "weft"
+        # printed a little inside, so that a bound copied from the message is accepted
+        margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
+        shown_low = _metres(low + margin) if low > 0.0 else "0 mm"
+        raise GeometryError(
+            f"the cloth is jammed: no room for the {side} to bend at a height of {_metres(height)}",
+            key="warp_crimp_height",
+            value=height,
+            allowed=f"{shown_low} to {_metres(high - margin if high < d else high)}",
+            cure=f"Leave it out for the middle of these, {_metres(middle)}; thinner yarns or wider "
+            "spacings allow more",
+        )
+
+
+def _straight_squared(p: NDArray, h: NDArray, d: NDArray) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore", over="ignore"):
+        result: NDArray[np.float64] = p * p - h * (2.0 * d - h)
+    return result
+
+
+def _jammed(p1: float, p2: float, height: float, d: float) -> bool:
+    # by the squares, not by the interval: its roots lose half the digits where D is nearly p
+    square = _straight_squared(np.array([p2, p1]), np.array([height, d - height]), np.array(d))
+    return not bool(np.all(square >= -JAM * d * d))
+
+
+def _least_height(p: float, d: float) -> float:
+    square = (d - p) * (d + p)
+    return sqrt(square) if square > JAM * d * d else 0.0
+
+
+def _minus_arctan(t: NDArray) -> NDArray[np.float64]:
+    """Return t - arctan(t) for t >= 0, without loss where t is small."""
+    small = np.minimum(t, _SERIES_BELOW) ** 2
+    series = np.zeros_like(small)
+    for n in range(17, 1, -2):
+        series = small * (1.0 / n - series)
+    result: NDArray[np.float64] = np.where(t < _SERIES_BELOW, t * series, t - np.arctan(t))
+    return result
+
+
+def _refuse(p: float, h: float, d: float) -> None:
+    allowed = "finite lengths"
+    if isfinite(p + h + d) and d >= 0.0:
+        allowed = f"a height of 0 m to {_metres(d - _least_height(p, d))}"
+    raise GeometryError(
+        f"a yarn over a spacing of {_metres(p)} cannot bend by this height where the sum of "
+        f"diameters is {_metres(d)}",
+        key="height",
+        value=h,
+        allowed=allowed,
+        cure="Less height, a wider spacing or thinner yarns",
+    )
+
+
+def _metres(value: float) -> str:
+    return format_quantity(value, "m")

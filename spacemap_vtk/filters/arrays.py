@@ -1,0 +1,214 @@
+"""Between VTK data objects and numpy arrays, without copies where VTK allows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints
+from vtkmodules.vtkCommonDataModel import (
+    VTK_TETRA,
+    vtkCellArray,
+    vtkFieldData,
+    vtkPointSet,
+    vtkUnstructuredGrid,
+)
+
+from spacemap_vtk.errors import GeometryError, InputError
+
+
+def points_of(dataset: vtkPointSet) -> NDArray[Any]:
+    """Return a view of a data set's points.
+
+    Parameters
+    ----------
+    dataset : vtkPointSet
+        Any point set.
+
+    Returns
+    -------
+    ndarray, shape (n_points, 3)
+        float32 or float64, as stored.
+
+    Raises
+    ------
+    GeometryError
+        If there are no points.
+    """
+    points = dataset.GetPoints()
+    if points is None or points.GetNumberOfPoints() == 0:
+        raise GeometryError(f"the input {dataset.GetClassName()} has no points")
+    return vtk_to_numpy(points.GetData())
+
+
+def to_points(coordinates: NDArray[Any]) -> vtkPoints:
+    """Return vtkPoints that share memory with an array.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n_points, 3)
+        float32 or float64.
+
+    Returns
+    -------
+    vtkPoints
+        Of the same precision.
+    """
+    points = vtkPoints()
+    points.SetData(to_array(coordinates))
+    return points
+
+
+def to_array(values: NDArray[Any], name: str = "") -> vtkDataArray:
+    """Return a VTK array that shares memory with a numpy array.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,) or (n, k)
+        Copied only if it is not C-contiguous.
+    name : str, optional
+        Name of the VTK array.
+
+    Returns
+    -------
+    vtkDataArray
+        Keeps the numpy array alive.
+    """
+    array = numpy_to_vtk(np.ascontiguousarray(values))
+    if name:
+        array.SetName(name)
+    return array
+
+
+def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
+    """Add an array to point, cell or field data, in place of one of the same name.
+
+    Parameters
+    ----------
+    data : vtkFieldData
+        For example ``grid.GetPointData()``.
+    name : str
+        Name of the array.
+    values : ndarray
+        Shared, not copied, where it is C-contiguous.
+    """
+    data.AddArray(to_array(values, name))
+
+
+def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
+    """Return a view of a named array.
+
+    Parameters
+    ----------
+    data : vtkFieldData
+        Point, cell or field data.
+    name : str
+        Name of the array.
+    owner : str
+        Who wants it, for the message.
+
+    Returns
+    -------
+    ndarray
+        The values.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name; the message lists those that are.
+    """
+    array = data.GetArray(name)
+    if array is None:
+        names = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
+        raise InputError(
+            f'{owner} needs an array "{name}", and the input has '
+            + (", ".join(f'"{n}"' for n in names) if names else "none")
+        )
+    return vtk_to_numpy(array)
+
+
+def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.int64]:
+    """Return the connectivity of a grid whose cells are all of one type and size.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        The grid.
+    cell_type : int
+        VTK's number of the type wanted.
+    name : str
+        Its name, for the message.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_cells, points_per_cell)
+        Point numbers.
+
+    Raises
+    ------
+    GeometryError
+        If there are no cells, or some of another type or of different sizes.
+    """
+    if grid.GetNumberOfCells() == 0:
+        raise GeometryError(f"the input has no cells; {name} are needed")
+    others = [t for t in _cell_types(grid) if t != cell_type]
+    if others:
+        raise GeometryError(
+            f"the input has cells of VTK's types {others}",
+            allowed=f"{name} (type {cell_type}) only",
+        )
+    cells = grid.GetCells()
+    size = cells.GetMaxCellSize()
+    connectivity = vtk_to_numpy(cells.GetConnectivityArray())
+    if connectivity.size != size * grid.GetNumberOfCells():
+        raise GeometryError(f"{name} of different degrees in one grid")
+    return connectivity.reshape(-1, size).astype(np.int64, copy=False)
+
+
+def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    """Return the vertices of each tetrahedron of a grid of linear tetrahedra.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        A cage.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_tetrahedra, 4)
+        Vertex numbers.
+
+    Raises
+    ------
+    GeometryError
+        If a cell is no linear tetrahedron, or there is none.
+    """
+    return cells_of(grid, VTK_TETRA, "linear tetrahedra")
+
+
+def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
+    """Return cells of one size that share memory with an array.
+
+    Parameters
+    ----------
+    connectivity : ndarray of int64, shape (n_cells, points_per_cell)
+        Point numbers.
+
+    Returns
+    -------
+    vtkCellArray
+        The cells.
+    """
+    count, size = connectivity.shape
+    cells = vtkCellArray()
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(np.arange(0, (count + 1) * size, size, dtype=np.int64)),
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(connectivity, dtype=np.int64).ravel()),
+    )
+    return cells
+
+
+def _cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+    return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

@@ -1,0 +1,299 @@
+"""What the six filters share: parameters on a VTK algorithm, counted runs, errors that arrive.
+
+Invariants:
+
+- An exception never crosses VTK's C++ frames, where it would be printed and lost. It is kept on
+  the stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
+- No stage holds a reference to itself or to a stage above it, not even through an observer or a
+  stored bound method: on VTK 9.2 such an object is never freed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar
+
+from vtkmodules.util.misc import calldata_type
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.util.vtkConstants import VTK_STRING
+from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation, vtkInformationVector
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonExecutionModel import (
+    vtkAlgorithm,
+    vtkDemandDrivenPipeline,
+    vtkStreamingDemandDrivenPipeline,
+)
+
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.parameters import Parameterised
+
+_TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
+_TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+_UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+
+
+#: For `Stage.output`: the output is of the type of the data on input port 0.
+SAME_AS_INPUT = "vtkPointSet"
+
+
+class Cancelled(SpacemapError, RuntimeError):
+    """The user stopped a run (VTK's AbortExecute)."""
+
+
+class Stage(Parameterised, VTKPythonAlgorithmBase):
+    """A VTK algorithm with declared parameters; base of the six filters.
+
+    A subclass names its input and output types and implements `run`.
+    """
+
+    #: Required data type of each input port.
+    inputs: ClassVar[tuple[str, ...]] = ()
+    #: Data type of the output.
+    output: ClassVar[str] = "vtkUnstructuredGrid"
+
+    # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
+    InputType: str = ""
+    OutputType: str = ""
+
+    _executions: int
+    _warnings: list[str]
+    _vtk_messages: list[str]
+    _error: BaseException | None
+
+    def __init__(self, **values: Any) -> None:
+        VTKPythonAlgorithmBase.__init__(
+            self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output
+        )
+        self._executions = 0
+        self._warnings = []
+        self._error = None
+        self._vtk_messages = []
+        # VTK would print these; `update` raises them. The observer knows the list, not the stage.
+        observer = _collector(self._vtk_messages)
+        self.AddObserver("ErrorEvent", observer)
+        self.GetExecutive().AddObserver("ErrorEvent", observer)
+        Parameterised.__init__(self, **values)
+
+    @property
+    def executions(self) -> int:
+        """How many times this stage has run."""
+        return self._executions
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last run has to say about its own trustworthiness."""
+        return tuple(self._warnings)
+
+    def update(self, time: float | None = None) -> None:
+        """Bring the output up to date: run this stage, and those above it, as far as needed.
+
+        Parameters
+        ----------
+        time : float, optional
+            Time in s. Without it the last requested time stays.
+
+        Raises
+        ------
+        Exception
+            Whatever a stage raised, first of those above.
+        InputError
+            If an input is not connected.
+        """
+        for stage in self.upstream():
+            _check_connected(stage)
+        self._vtk_messages.clear()
+        # VTK's collector runs over the whole graph whenever Python lets go of a wrapper.
+        vtkGarbageCollector.DeferredCollectionPush()
+        try:
+            done = self.Update() if time is None else self.UpdateTimeStep(float(time))
+        finally:
+            vtkGarbageCollector.DeferredCollectionPop()
+        for stage in reversed(list(self.upstream())):
+            if isinstance(stage, Stage) and stage._error is not None:
+                error, stage._error = stage._error, None
+                raise error
+        if done == 0 or self._vtk_messages:
+            text = self._vtk_messages[-1] if self._vtk_messages else "VTK could not update it"
+            raise SpacemapError(f"{type(self).__name__}: {text}")
+
+    def upstream(self) -> Iterator[vtkAlgorithm]:
+        """Yield this stage and all above it, each once, consumers before producers.
+
+        Yields
+        ------
+        vtkAlgorithm
+            A stage or any other VTK algorithm.
+        """
+        seen: list[vtkAlgorithm] = []
+        waiting: list[vtkAlgorithm] = [self]
+        while waiting:
+            stage = waiting.pop(0)
+            # A stage met again moves to the end, behind its last consumer.
+            if stage in seen:
+                seen.remove(stage)
+            seen.append(stage)
+            for port in range(stage.GetNumberOfInputPorts()):
+                for index in range(stage.GetNumberOfInputConnections(port)):
+                    waiting.append(stage.GetInputConnection(port, index).GetProducer())
+        yield from seen
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        """Fill the output from the inputs.
+
+        Parameters
+        ----------
+        inputs : list of vtkDataObject
+            The first connection of each input port.
+        output : vtkDataObject
+            To be filled.
+        time : float
+            The requested time in s; 0 where none was requested.
+        """
+        raise NotImplementedError
+
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
+        """Return first and last time in s, or None for a stage that is still.
+
+        Parameters
+        ----------
+        inputs : list of vtkInformation
+            Pipeline information of each input.
+
+        Returns
+        -------
+        tuple of float or None
+            By default the union of the inputs' ranges: VTK itself passes on only port 0's.
+        """
+        ranges = [info.Get(_TIME_RANGE) for info in inputs if info.Has(_TIME_RANGE)]
+        if not ranges:
+            return None
+        return min(r[0] for r in ranges), max(r[1] for r in ranges)
+
+    def report(self, fraction: float) -> None:
+        """Tell observers how far the run is, and stop it if they ask for that.
+
+        Parameters
+        ----------
+        fraction : float
+            From 0 to 1.
+
+        Raises
+        ------
+        Cancelled
+            If AbortExecute was set.
+        """
+        self.UpdateProgress(fraction)
+        if self.GetAbortExecute():
+            raise Cancelled(f"{type(self).__name__} was stopped")
+
+    def warn(self, text: str) -> None:
+        """Add a sentence to `warnings`; meant to be called from `run`.
+
+        Parameters
+        ----------
+        text : str
+            One sentence.
+        """
+        self._warnings.append(text)
+
+    # --- VTK's side -------------------------------------------------------------------------
+
+    def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
+        """State the required type of an input port."""
+        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self.inputs[port])
+        return 1
+
+    def ProcessRequest(
+        self,
+        request: vtkInformation,
+        in_info: tuple[vtkInformationVector, ...],
+        out_info: vtkInformationVector,
+    ) -> int:
+        """Answer a request of the executive; an exception is kept for `update`."""
+        try:
+            if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()):
+                self._request_data_object(in_info, out_info)
+            elif request.Has(vtkDemandDrivenPipeline.REQUEST_INFORMATION()):
+                self._request_information(in_info, out_info)
+            elif request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
+                self._request_data(in_info, out_info)
+        except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
+            if isinstance(error, SpacemapError):
+                error.section = self.section
+            self._error = error
+            # Without this mark the next update would hand out the empty output as a good one.
+            out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+            return 0
+        return 1
+
+    def _request_data_object(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        if self.output != SAME_AS_INPUT:
+            return  # the executive makes an object of the stated type
+        source = in_info[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+        info = out_info.GetInformationObject(0)
+        made = info.Get(vtkDataObject.DATA_OBJECT())
+        if made is None or made.GetClassName() != source.GetClassName():
+            info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
+
+    def _request_information(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        span = self.time_range([info.GetInformationObject(0) for info in in_info])
+        info = out_info.GetInformationObject(0)
+        if span is None:
+            info.Remove(_TIME_RANGE)
+        else:
+            info.Set(_TIME_RANGE, span, 2)
+        steps = sorted(
+            {
+                step
+                for vector in in_info
+                if vector.GetInformationObject(0).Has(_TIME_STEPS)
+                for step in vector.GetInformationObject(0).Get(_TIME_STEPS)
+            }
+        )
+        if steps:
+            info.Set(_TIME_STEPS, steps, len(steps))
+        else:
+            info.Remove(_TIME_STEPS)
+
+    def _request_data(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        self._error = None
+        self._warnings.clear()
+        self._executions += 1
+        info = out_info.GetInformationObject(0)
+        # Before the first request for a time there is none.
+        time = info.Get(_UPDATE_TIME) if info.Has(_UPDATE_TIME) else 0.0
+        inputs = [
+            vector.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) for vector in in_info
+        ]
+        output = info.Get(vtkDataObject.DATA_OBJECT())
+        self.run(inputs, output, time)
+
+    def _parameter_changed(self) -> None:
+        self.Modified()
+
+
+def _check_connected(stage: vtkAlgorithm) -> None:
+    for port in range(stage.GetNumberOfInputPorts()):
+        optional = stage.GetInputPortInformation(port).Get(vtkAlgorithm.INPUT_IS_OPTIONAL())
+        if stage.GetNumberOfInputConnections(port) == 0 and not optional:
+            raise InputError(
+                f"{stage.GetClassName() if not isinstance(stage, Stage) else type(stage).__name__}"
+                f" has nothing connected to input port {port}",
+                cure=f"Call SetInputConnection({port}, source.GetOutputPort()) first.",
+            )
+
+
+def _collector(messages: list[str]) -> Callable[[Any, str, str], None]:
+    """Return an observer that appends VTK's message to a list in place of printing it."""
+
+    @calldata_type(VTK_STRING)
+    def collect(caller: Any, event: str, text: str) -> None:
+        messages.append(" ".join(text.split()))
+
+    return collect

@@ -1,0 +1,124 @@
+"""PatchTessellator: Bézier patches to a surface with analytic normals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
+    vtkCellArray,
+    vtkFieldData,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.tessellation import Tessellation
+from spacemap_vtk.filters.arrays import cells_of, points_of, to_array, to_cells, to_points
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.memory import require
+from spacemap_vtk.parameters import Integer
+
+
+class PatchTessellator(Stage):
+    """Turn Bézier quadrilaterals into polygons with analytic normals.
+
+    Each patch is evaluated on a regular grid of parameters by matrix products; what depends on
+    the connectivity alone is kept while only the control points move.
+
+    Notes
+    -----
+    Points are not shared between patches: their normals are each patch's own.
+
+    Examples
+    --------
+    >>> from spacemap_vtk import PatchTessellator, WeaveSource
+    >>> weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
+    >>> surface.SetInputConnection(weave.GetOutputPort())
+    >>> surface.update()
+    >>> patches = weave.GetOutputDataObject(0).GetNumberOfCells()
+    >>> surface.GetOutputDataObject(0).GetNumberOfCells() == 4 * patches
+    True
+    """
+
+    section = "surface"
+    inputs = ("vtkUnstructuredGrid",)
+    output = "vtkPolyData"
+
+    subdivisions = Integer(
+        4, "Number of quadrilaterals along each side of a patch.", minimum=1, maximum=64
+    )
+
+    _kept: _Prepared | None = None
+
+    def run(self, inputs: list[vtkUnstructuredGrid], output: vtkPolyData, time: float) -> None:
+        """Evaluate the patches at the present control points."""
+        grid = inputs[0]
+        prepared = self._prepared(grid)
+        positions, normals = prepared.tessellation.evaluate(points_of(grid))
+        output.SetPoints(to_points(positions))
+        output.SetPolys(prepared.polygons)
+        output.GetPointData().SetNormals(to_array(normals, "Normals"))
+        for array in _numeric_arrays(grid.GetPointData()):
+            values = prepared.tessellation.interpolate(vtk_to_numpy(array))
+            output.GetPointData().AddArray(to_array(values, array.GetName()))
+        for array in _numeric_arrays(grid.GetCellData()):
+            output.GetCellData().AddArray(prepared.cell_array(array))
+        output.GetFieldData().ShallowCopy(grid.GetFieldData())
+
+    def _prepared(self, grid: vtkUnstructuredGrid) -> _Prepared:
+        if self._kept is None or not self._kept.serves(grid, self.subdivisions):
+            self._kept = _Prepared(grid, self.subdivisions)
+        return self._kept
+
+
+class _Prepared:
+    """What depends on connectivity and subdivisions alone."""
+
+    def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int) -> None:
+        patches = cells_of(grid, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
+        order = math.isqrt(patches.shape[1])
+        if order**2 != patches.shape[1]:
+            raise GeometryError(
+                f"Bézier quadrilaterals of {patches.shape[1]} points have no equal degrees",
+                allowed="as many control points along both parameters",
+            )
+        # Positions and normals in float32, four vertex numbers and an offset for each polygon.
+        samples, polygons = len(patches) * (subdivisions + 1) ** 2, len(patches) * subdivisions**2
+        require(
+            samples * 2 * 12 + polygons * 5 * 8,
+            "this surface",
+            key="subdivisions",
+            value=subdivisions,
+            cure="Use fewer subdivisions, or fewer yarns.",
+        )
+        self.subdivisions = subdivisions
+        self.connectivity = grid.GetCells().GetConnectivityArray()
+        self.modified = self.connectivity.GetMTime()
+        self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
+        self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
+        self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
+
+    def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
+        connectivity = grid.GetCells().GetConnectivityArray()
+        return (
+            self.subdivisions == subdivisions
+            and self.connectivity is connectivity
+            and self.modified == connectivity.GetMTime()
+        )
+
+    def cell_array(self, array: vtkDataArray) -> vtkDataArray:
+        name = array.GetName()
+        kept = self.arrays.get(name)
+        if kept is None or kept[0] is not array or kept[1] != array.GetMTime():
+            values = np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0)
+            kept = self.arrays[name] = array, array.GetMTime(), to_array(values, name)
+        return kept[2]
+
+
+def _numeric_arrays(data: vtkFieldData) -> list[vtkDataArray]:
+    arrays = (data.GetArray(i) for i in range(data.GetNumberOfArrays()))
+    return [array for array in arrays if array is not None and array.GetName()]

@@ -1,0 +1,55 @@
+"""Sizes, estimated before memory is taken."""
+
+from __future__ import annotations
+
+import os
+
+from spacemap_vtk.errors import SizeError
+
+
+def available() -> int | None:
+    """Return how much memory can still be taken.
+
+    Returns
+    -------
+    int or None
+        Bytes; None where the system does not tell.
+    """
+    try:
+        import psutil  # not in ParaView's own Python
+    except ImportError:
+        try:
+            return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        except (AttributeError, OSError, ValueError):
+            return None
+    return int(psutil.virtual_memory().available)
+
+
+def require(
+    size: int, what: str, *, key: str | None = None, value: object = None, cure: str | None = None
+) -> None:
+    """Refuse what would not fit into memory.
+
+    Parameters
+    ----------
+    size : int
+        Estimate of the bytes needed.
+    what : str
+        What needs them, for the message.
+    key, value, cure
+        As for `spacemap_vtk.errors.SpacemapError`.
+
+    Raises
+    ------
+    SizeError
+        If less than `size` bytes are available.
+    """
+    free = available()
+    if free is not None and size > free:
+        raise SizeError(
+            f"{what} would need about {size / 2**30:.3g} GiB of memory",
+            key=key,
+            value=value,
+            allowed=f"up to the {free / 2**30:.3g} GiB now free",
+            cure=cure,
+        )

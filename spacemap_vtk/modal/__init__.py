@@ -1,0 +1,1 @@
+"""Vibration modes and their closed-form response. numpy and scipy only."""

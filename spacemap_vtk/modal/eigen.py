@@ -1,0 +1,237 @@
+"""Vibration modes: K s = λ M s, equations (14) and (15) of Furukawa et al., for the lowest λ.
+
+Small problems are solved densely, large ones by `spacemap_vtk.modal.lanczos`. Pieces of a mesh that
+no element joins vibrate apart from each other and are solved apart: any number of equal pieces
+then gives as many equal eigenvalues.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csgraph
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[float], object]
+
+#: Up to here the dense solver is no slower.
+DENSE = 600
+
+#: Largest ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
+RESIDUAL = 1e-6
+
+#: Share of ‖|K| |φ|‖ that rounding may leave in Kφ.
+NOISE = 1e-13
+
+#: Share of |φ|ᵀ |K| |φ| that rounding may leave in φᵀKφ: below it a mode is rigid.
+RIGID = 1e-14
+
+
+def solve_modes(
+    stiffness: sp.csr_matrix,
+    mass: sp.csr_matrix,
+    free: ArrayLike,
+    count: int,
+    progress: Progress | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest vibration modes of K s = λ M s.
+
+    Parameters
+    ----------
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        K [N/m], positive semidefinite, and M [kg], positive definite on what is free; component
+        c of vertex v is row 3 v + c.
+    free : array_like of bool, shape (3V,)
+        Which components can move.
+    count : int
+        Number of modes n; all there are, if more are asked for.
+    progress : callable, optional
+        Called now and then with a fraction from 0 to 1; an exception it raises ends the solution.
+
+    Returns
+    -------
+    eigenvalues : ndarray of float64, shape (n,)
+        λ = ω² [1/s²], ascending; exactly 0.0 for a rigid mode.
+    shapes : ndarray of float64, shape (n, V, 3)
+        Mode shapes [1/√kg], mass-normalised (SᵀMS = I), zero where fixed; the first of the
+        components of largest size is positive. The modes of a multiple eigenvalue are one basis
+        of their space, as good as any other.
+
+    Raises
+    ------
+    InputError
+        If nothing is free, `count` is not positive, or a free component has no mass.
+    SizeError
+        If a factorisation does not fit into memory.
+    SolverError
+        If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), or K
+        is not positive semidefinite.
+    """
+    report: Progress = progress or _ignore
+    where = _checked(stiffness, mass, free, count)
+    stiffness, mass = stiffness[where][:, where], mass[where][:, where]
+    massless = mass.diagonal() <= 0
+    if massless.any():
+        raise InputError(
+            f"{massless.sum()} free components have no mass, the first is index "
+            f"{where[massless.argmax()]}",
+            cure="Remove the points that belong to no tetrahedron",
+        )
+    report(0.0)
+    modes = _of_pieces(stiffness, mass, count, report)[1]
+    eigenvalues = _verified(stiffness, mass, modes)
+    order = np.argsort(eigenvalues, kind="stable")
+    shapes = np.zeros((len(order), np.size(free)))
+    shapes[:, where] = (modes * _signs(modes)).T[order]
+    report(1.0)
+    return eigenvalues[order], shapes.reshape(len(order), -1, 3)
+
+
+def estimate_bytes(dof: int, count: int) -> int:
+    """Estimate the memory that `solve_modes` takes.
+
+    Parameters
+    ----------
+    dof : int
+        Number of free components.
+    count : int
+        Number of modes.
+
+    Returns
+    -------
+    int
+        Bytes, matrices and results included: for a cube, which is the worst case; a slab of a
+        few layers takes half of it.
+    """
+    count = min(count, dof)
+    if _is_dense(dof, count):
+        return 8 * (4 * dof**2 + 4 * dof * count)
+    matrices = 4 * 12 * 60 * dof
+    # Fill of a minimum-degree order in three dimensions grows as the power 4/3.
+    factors = 640 * dof ** (4 / 3)
+    vectors = 8 * dof * (7 * count + 20 * BLOCK)
+    return int(matrices + factors + vectors)
+
+
+def _is_dense(dof: int, count: int) -> bool:
+    return dof <= DENSE or 4 * count >= dof
+
+
+def _ignore(_: float) -> None:
+    pass
+
+
+def _checked(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike, count: int
+) -> NDArray[np.int64]:
+    """Return the indices of the free components, or say what is wrong."""
+    mask = np.asarray(free)
+    size = len(mask) if mask.ndim == 1 else -1
+    if mask.dtype != bool or size % 3 or not stiffness.shape == mass.shape == (size, size):
+        raise InputError(
+            f"stiffness {stiffness.shape}, mass {mass.shape} and free ({mask.dtype}, "
+            f"{mask.shape}) do not fit each other",
+            allowed="shapes (3V, 3V), (3V, 3V) and, bool, (3V,)",
+        )
+    if count < 1:
+        raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
+    if not mask.any():
+        raise InputError(
+            "every vertex of the cage is fixed, nothing can vibrate",
+            cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
+        )
+    return np.flatnonzero(mask)
+
+
+def _of_pieces(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, count: int, report: Progress
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest modes of all pieces together: eigenvalues (n,), modes (N, n)."""
+    total = stiffness.shape[0]
+    pieces, piece_of = csgraph.connected_components(abs(stiffness) + abs(mass), directed=False)
+    if pieces == 1:
+        return _of_piece(stiffness, mass, min(count, total), report)
+    solved, done = [], 0
+    for piece in range(pieces):
+        rows = np.flatnonzero(piece_of == piece)
+
+        def part(share: float, done: int = done, size: int = len(rows)) -> None:
+            report((done + share * size) / total)
+
+        k, m = stiffness[rows][:, rows], mass[rows][:, rows]
+        solved.append((rows, *_of_piece(k, m, min(count, len(rows)), part)))
+        done += len(rows)
+    eigenvalues = np.concatenate([values for _, values, _ in solved])
+    lowest = np.argsort(eigenvalues, kind="stable")[:count]
+    modes = np.zeros((total, len(lowest)))
+    first = 0
+    for rows, values, vectors in solved:
+        mine = np.flatnonzero((lowest >= first) & (lowest < first + len(values)))
+        modes[np.ix_(rows, mine)] = vectors[:, lowest[mine] - first]
+        first += len(values)
+    return eigenvalues[lowest], modes
+
+
+def _of_piece(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, count: int, report: Progress
+) -> tuple[FloatArray, FloatArray]:
+    if not _is_dense(stiffness.shape[0], count):
+        return lowest_modes(stiffness, mass, count, report)
+    try:
+        eigenvalues, modes = la.eigh(
+            stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1]
+        )
+    except la.LinAlgError as error:
+        raise SolverError(
+            f"the dense eigenvalue problem has no solution: {error}",
+            cure="Look for badly shaped tetrahedra in the cage",
+        ) from error
+    report(1.0)
+    return eigenvalues, modes
+
+
+def _verified(stiffness: sp.csr_matrix, mass: sp.csr_matrix, modes: FloatArray) -> FloatArray:
+    """Return φᵀKφ / φᵀMφ of each mode, zero for rigid ones, or say which mode is wrong.
+
+    The quotient is exact to the square of the mode's error, and makes the eigenvalues of both
+    solvers equal down to rounding in K itself.
+    """
+    force, inertia = stiffness @ modes, mass @ modes
+    noise = abs(stiffness) @ abs(modes)
+    energy = np.einsum("nk,nk->k", modes, force)
+    eigenvalues = energy / np.einsum("nk,nk->k", modes, inertia)
+    eigenvalues[abs(energy) <= RIGID * np.einsum("nk,nk->k", abs(modes), noise)] = 0.0
+    if eigenvalues.min() < 0:
+        raise SolverError(
+            f"the stiffness matrix is not positive semidefinite: λ = {eigenvalues.min():.3g}",
+            cure="Check the material, and look for badly shaped tetrahedra in the cage",
+        )
+    residual = np.linalg.norm(force - inertia * eigenvalues, axis=0)
+    size, rounding = np.linalg.norm(force, axis=0), np.linalg.norm(noise, axis=0)
+    wrong = ~(residual <= np.maximum(RESIDUAL * size, NOISE * rounding))
+    if wrong.any():
+        worst = int(np.argmax(wrong))
+        raise SolverError(
+            f"mode {worst} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
+            f"{RESIDUAL:g}",
+            cure="Look for badly shaped tetrahedra in the cage, or ask for fewer modes",
+        )
+    return eigenvalues
+
+
+def _signs(modes: FloatArray) -> FloatArray:
+    """Return the signs that make the first of the largest components of each mode positive.
+
+    Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
+    ones often are, and rounding would choose between them.
+    """
+    size = abs(modes)
+    first = (size >= (1 - 1e-6) * size.max(axis=0)).argmax(axis=0)
+    return np.sign(modes[first, np.arange(modes.shape[1])])

@@ -1,0 +1,79 @@
+"""Run array work in a few threads.
+
+NumPy and SciPy release the interpreter's lock inside their loops, so plain threads use all cores as
+long as each call has some thousand elements to work on.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Job = TypeVar("Job")
+
+# The work is bound by memory: more threads than this only wait for each other.
+_MOST_THREADS = 8
+
+
+def thread_count() -> int:
+    """Return how many threads array work is spread over.
+
+    Returns
+    -------
+    int
+        The processors that this process may use, at most 8.
+    """
+    try:
+        available = len(os.sched_getaffinity(0))
+    except AttributeError:  # Windows, macOS
+        available = os.cpu_count() or 1
+    return min(available, _MOST_THREADS)
+
+
+def for_each(
+    jobs: Sequence[Job], worker: Callable[[], Callable[[Job], None]], threads: int | None = None
+) -> None:
+    """Do every job, in any order, in a few threads.
+
+    The threads live for one call: kept ones would be lost by a fork and hang the child.
+
+    Parameters
+    ----------
+    jobs : sequence
+        What is to be done; must not change meanwhile.
+    worker : callable
+        Called once in each thread; returns the function that does one job. What it prepares
+        (scratch memory) belongs to that thread alone.
+    threads : int, optional
+        `thread_count` if not given. No more threads are started than there are jobs.
+
+    Raises
+    ------
+    Exception
+        Whatever a job raised first; jobs not yet begun are left.
+    """
+    if not jobs:
+        return
+    count = min(threads or thread_count(), len(jobs))
+    waiting = iter(jobs)  # next() of a list iterator is atomic: each job is taken once
+
+    def run() -> None:
+        do = worker()
+        try:
+            for job in waiting:
+                do(job)
+        except BaseException:
+            for _ in waiting:  # so that the other threads stop as well
+                pass
+            raise
+
+    if count == 1:
+        run()
+        return
+    with ThreadPoolExecutor(count - 1) as executor:
+        others = [executor.submit(run) for _ in range(count - 1)]
+        run()
+        for other in others:
+            other.result()

@@ -1,0 +1,512 @@
+"""Parameters, declared once.
+
+A parameter is a descriptor on the class it belongs to. Its declaration (name, type, default, unit,
+range, choices, help) is all that the program knows of it: the Python keyword and property, the
+scene-file key, the command line's ``--set``, the reference text and, later, the Qt widget and the
+ParaView property are made from it::
+
+    class TetraCage(Stage):
+        divisions = IntegerVector((5, 5, 1), "Number of hexahedra along x, y and z.", minimum=1)
+
+Invariants that other code relies on:
+
+- A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
+- Assigning an equal value changes nothing and calls no hook.
+- A name that is not declared is refused, with the list of those that are: VTK objects would take
+  any misspelt attribute silently.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import math
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar, overload
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.units import format_quantity, parse_quantity
+
+T = TypeVar("T")
+
+
+class Parameter(Generic[T]):
+    """One declared parameter: descriptor, check and description in one.
+
+    Parameters
+    ----------
+    default : T
+        Value before any is set. ``None`` makes the parameter optional.
+    help : str
+        One sentence for every surface that shows the parameter.
+    unit : str, optional
+        SI unit, a key of `spacemap_vtk.units.UNITS`.
+    label : str, optional
+        Name shown to people; made from the attribute's name where it is not given.
+    automatic : str, optional
+        What ``None`` stands for, e.g. ``"the middle of the feasible interval"``.
+    """
+
+    kind = "value"
+    annotation = "object"
+
+    def __init__(
+        self, default: Any, help: str, *, unit: str = "", label: str = "", automatic: str = ""
+    ) -> None:
+        self.help = help
+        self.unit = unit
+        self.label = label
+        self.automatic = automatic
+        self.name = ""
+        self._default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+        self.label = self.label or name.replace("_", " ").capitalize()
+        self.default: T = self.check(self._default)
+        self.__doc__ = self.describe()
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
+    @overload
+    def __get__(self, instance: Parameterised, owner: type) -> T: ...
+    def __get__(self, instance: Parameterised | None, owner: type) -> Parameter[T] | T:
+        return self if instance is None else instance._values.get(self.name, self.default)
+
+    def __set__(self, instance: Parameterised, value: Any) -> None:
+        checked = self.check(value)
+        if checked != self.__get__(instance, type(instance)):
+            instance._values[self.name] = checked
+            instance._parameter_changed()
+
+    def check(self, value: Any) -> T:
+        """Return `value` in canonical form.
+
+        Parameters
+        ----------
+        value : object
+            Whatever a user gave.
+
+        Returns
+        -------
+        T
+            The value to store.
+
+        Raises
+        ------
+        InputError
+            If it is of the wrong type or out of range; the message says what is allowed.
+        """
+        if value is None and self.optional:
+            return None  # type: ignore[return-value]
+        try:
+            return self.convert(value)
+        except InputError as error:
+            raise InputError(
+                error.message, key=self.name, value=value, allowed=self.allowed, cure=error.cure
+            ) from None
+
+    def convert(self, value: Any) -> T:
+        """Return a given value in canonical form; raise InputError if that cannot be done."""
+        raise NotImplementedError
+
+    @property
+    def optional(self) -> bool:
+        """Whether ``None`` is a value."""
+        return self._default is None
+
+    @property
+    def allowed(self) -> str:
+        """What is accepted, in words."""
+        return self.annotation
+
+    def show(self, value: T) -> str:
+        """Return a value as a user would write it."""
+        return self.automatic if value is None else str(value)
+
+    def describe(self) -> str:
+        """Return help, range and default in one paragraph."""
+        return f"{self.help} Allowed: {self.allowed}. Default: {self.show(self.default)}."
+
+
+class Real(Parameter[T]):
+    """A finite number, with a unit and a range.
+
+    Parameters
+    ----------
+    default, help, **rest
+        As for `Parameter`.
+    minimum, maximum : float, optional
+        Ends of the range, allowed themselves.
+    above, below : float, optional
+        Ends of the range, not allowed themselves.
+    """
+
+    kind = "real"
+    annotation = "float"
+
+    def __init__(
+        self,
+        default: Any,
+        help: str,
+        *,
+        minimum: float | None = None,
+        maximum: float | None = None,
+        above: float | None = None,
+        below: float | None = None,
+        **rest: str,
+    ) -> None:
+        super().__init__(default, help, **rest)
+        self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
+
+    def convert(self, value: Any) -> Any:
+        """Return a finite float in range."""
+        if isinstance(value, str):
+            value = parse_quantity(value, self.unit)
+        if isinstance(value, (bool, np.bool_)) or not isinstance(
+            value, (int, float, np.integer, np.floating)
+        ):
+            raise InputError("not a number")
+        number = float(value)
+        if not math.isfinite(number):
+            raise InputError("not a finite number")
+        self._check_range(number)
+        return number
+
+    def _check_range(self, number: float) -> None:
+        if (
+            (self.minimum is not None and number < self.minimum)
+            or (self.maximum is not None and number > self.maximum)
+            or (self.above is not None and number <= self.above)
+            or (self.below is not None and number >= self.below)
+        ):
+            raise InputError("out of range")
+
+    @property
+    def range(self) -> str:
+        """The range in words, with its unit; empty where there is none."""
+        bounds = [
+            ("at least", self.minimum),
+            ("greater than", self.above),
+            ("at most", self.maximum),
+            ("less than", self.below),
+        ]
+        return " and ".join(
+            f"{word} {format_quantity(bound, self.unit)}"
+            for word, bound in bounds
+            if bound is not None
+        )
+
+    @property
+    def allowed(self) -> str:
+        """Type, unit and range in words."""
+        kind = "a whole number" if self.kind == "integer" else "a number"
+        unit = f' in {self.unit}, or with its unit as in "{self._example}"' if self.unit else ""
+        return f"{kind} {self.range}".rstrip() + unit
+
+    @property
+    def _example(self) -> str:
+        value = self.default if getattr(self, "default", None) is not None else 1.0
+        return format_quantity(float(value), self.unit)  # type: ignore[arg-type]
+
+    def show(self, value: Any) -> str:
+        """Return the value with a handy unit."""
+        return self.automatic if value is None else format_quantity(value, self.unit)
+
+
+class Integer(Real[T]):
+    """A whole number in a range."""
+
+    kind = "integer"
+    annotation = "int"
+
+    def convert(self, value: Any) -> Any:
+        """Return an int in range."""
+        number = super().convert(value)
+        if number != int(number):
+            raise InputError("not a whole number")
+        return int(number)
+
+    def show(self, value: Any) -> str:
+        """Return the digits, all of them."""
+        return self.automatic if value is None else str(value)
+
+
+class Flag(Parameter[bool]):
+    """True or false."""
+
+    kind = "flag"
+    annotation = "bool"
+    allowed = "true or false"
+
+    def convert(self, value: Any) -> bool:
+        """Return a bool; no other type is taken for one."""
+        if not isinstance(value, (bool, np.bool_)):
+            raise InputError("neither true nor false")
+        return bool(value)
+
+    def show(self, value: bool) -> str:
+        """Return TOML's spelling."""
+        return str(value).lower()
+
+
+class Choice(Parameter[str]):
+    """One of a few words.
+
+    Parameters
+    ----------
+    default, help, **rest
+        As for `Parameter`.
+    choices : sequence of str
+        The words, the commonest first.
+    """
+
+    kind = "choice"
+    annotation = "str"
+
+    def __init__(self, default: str, help: str, choices: Sequence[str], **rest: str) -> None:
+        super().__init__(default, help, **rest)
+        self.choices = tuple(choices)
+
+    def convert(self, value: Any) -> str:
+        """Return the word."""
+        if value not in self.choices:
+            raise InputError("not one of the choices", cure=suggestion(str(value), self.choices))
+        return str(value)
+
+    @property
+    def allowed(self) -> str:
+        """The words, quoted."""
+        return " or ".join(f'"{choice}"' for choice in self.choices)
+
+
+class Vector(Parameter[tuple[Any, ...]]):
+    """A fixed number of components, each checked by a component parameter.
+
+    Parameters
+    ----------
+    default, help, **rest
+        As for `Parameter`.
+    component : Real
+        What each component must be.
+    labels : str
+        One letter for each component.
+    """
+
+    kind = "vector"
+
+    def __init__(
+        self, default: Any, help: str, *, component: Real[Any], labels: str = "xyz", **rest: str
+    ) -> None:
+        super().__init__(default, help, unit=component.unit, **rest)
+        self.component = component
+        self.labels = labels
+        self.annotation = f"sequence of {len(labels)} {component.annotation}"
+
+    def convert(self, value: Any) -> tuple[Any, ...]:
+        """Return a tuple of checked components."""
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InputError(f"not a list of {len(self.labels)}")
+        components = tuple(value)
+        if len(components) != len(self.labels):
+            raise InputError(f"{len(components)} components in place of {len(self.labels)}")
+        return tuple(self.component.convert(component) for component in components)
+
+    @property
+    def allowed(self) -> str:
+        """The components in words."""
+        return f"a list [{', '.join(self.labels)}], each {self.component.allowed}"
+
+    def show(self, value: tuple[Any, ...]) -> str:
+        """Return TOML's spelling, in SI."""
+        if value is None:
+            return self.automatic
+        return "[" + ", ".join(f"{v:g}" for v in value) + "]" + f" {self.unit}".rstrip()
+
+
+class Text(Parameter[str]):
+    """A string."""
+
+    kind = "text"
+    annotation = "str"
+    allowed = "a string"
+
+    def convert(self, value: Any) -> str:
+        """Return the string."""
+        if not isinstance(value, str):
+            raise InputError("not a string")
+        return value
+
+    def show(self, value: str) -> str:
+        """Return the string in quotes."""
+        return f'"{value}"'
+
+
+class FilePath(Parameter[Any]):
+    """A file to read. A scene resolves it against its own folder."""
+
+    kind = "file"
+    annotation = "str or path-like"
+    allowed = "the path of a file"
+
+    def convert(self, value: Any) -> Path:
+        """Return a Path; whether the file is there is seen when it is read."""
+        if not isinstance(value, (str, Path)) or str(value) == "":
+            raise InputError("not a path")
+        return Path(value)
+
+
+class Color(Parameter[Any]):
+    """A colour: ``"#rrggbb"`` or three numbers from 0 to 255."""
+
+    kind = "color"
+    annotation = "str or sequence of 3 int"
+    allowed = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
+
+    def convert(self, value: Any) -> tuple[int, int, int]:
+        """Return red, green, blue from 0 to 255."""
+        if isinstance(value, str):
+            digits = re.fullmatch(r"#?([0-9a-fA-F]{6})", value)
+            if digits is None:
+                raise InputError("not a colour")
+            value = bytes.fromhex(digits.group(1))
+        if not isinstance(value, Iterable):
+            raise InputError("not a colour")
+        rgb = tuple(value)
+        if len(rgb) != 3 or not all(
+            isinstance(c, (int, np.integer)) and not isinstance(c, bool) and 0 <= c <= 255
+            for c in rgb
+        ):
+            raise InputError("not a colour")
+        return int(rgb[0]), int(rgb[1]), int(rgb[2])
+
+    def show(self, value: Any) -> str:
+        """Return ``#rrggbb``."""
+        return self.automatic if value is None else "#{:02x}{:02x}{:02x}".format(*value)
+
+
+class Parameterised:
+    """A class with declared parameters: keyword-only constructor, checked properties, no others."""
+
+    #: Name of the section of a scene file that configures this class.
+    section: ClassVar[str] = ""
+    #: The declared parameters by name, in the order of declaration.
+    parameters: ClassVar[dict[str, Parameter[Any]]] = {}
+
+    _values: dict[str, Any]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        own = {name: p for name, p in vars(cls).items() if isinstance(p, Parameter)}
+        cls.parameters = {**cls.parameters, **own}
+        cls.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+            [
+                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=p.default)
+                for name, p in cls.parameters.items()
+            ]
+        )
+        if "__doc__" in vars(cls) and cls.__doc__ and cls.parameters:
+            cls.__doc__ = _with_parameters(cls.__doc__, cls.parameters)
+
+    def __init__(self, **values: Any) -> None:
+        self._values = {}
+        self.configure(**values)
+
+    def configure(self, **values: Any) -> None:
+        """Set several parameters at once; if one of them is refused, none is set.
+
+        Parameters
+        ----------
+        **values : object
+            New values by parameter name.
+
+        Raises
+        ------
+        UnknownNameError
+            If a name is not a parameter.
+        InputError
+            If a value is refused.
+        """
+        for name, value in values.items():
+            self.parameter(name).check(value)
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    @classmethod
+    def parameter(cls, name: str) -> Parameter[Any]:
+        """Return the declaration of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        Parameter
+            The declaration.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of that name; the message lists those that are.
+        """
+        if name not in cls.parameters:
+            raise UnknownNameError(
+                f"{cls.__name__} has no parameter of that name",
+                key=name,
+                allowed=", ".join(cls.parameters),
+                cure=suggestion(name, cls.parameters),
+            )
+        return cls.parameters[name]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The value of every parameter, by name."""
+        return {name: getattr(self, name) for name in self.parameters}
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        # Private names are the class's own; public ones must exist, or a misspelt parameter
+        # would become a new attribute and be ignored.
+        if not name.startswith("_") and not hasattr(type(self), name):
+            self.parameter(name)
+        super().__setattr__(name, value)
+
+    def _parameter_changed(self) -> None:
+        """Do what a changed parameter asks for; nothing by default."""
+
+
+def suggestion(name: str, names: Iterable[str]) -> str | None:
+    """Return "Did you mean …?" for a misspelt name.
+
+    Parameters
+    ----------
+    name : str
+        The name that is not known.
+    names : iterable of str
+        The known ones.
+
+    Returns
+    -------
+    str or None
+        The sentence; None where no known name is near.
+    """
+    near = difflib.get_close_matches(name, list(names), n=1)
+    return f'Did you mean "{near[0]}"?' if near else None
+
+
+def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
+    """Insert a numpydoc Parameters section before the docstring's first section."""
+    doc = inspect.cleandoc(doc)
+    lines = ["Parameters", "----------"]
+    for name, parameter in parameters.items():
+        lines.append(f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}")
+        lines += [f"    {parameter.help}", f"    Allowed: {parameter.allowed}."]
+    first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
+    at = first.start() if first else len(doc)
+    section = "\n".join(lines)
+    return f"{doc[:at].rstrip()}\n\n{section}\n\n{doc[at:]}".rstrip() + "\n"

@@ -1,0 +1,1 @@
+"""Scenes: read, check, build the pipeline, draw and write results."""

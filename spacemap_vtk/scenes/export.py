@@ -1,0 +1,54 @@
+"""Writing a scene's data for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyvista as pv
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.scenes.scene import Scene
+
+#: What each file format can hold, the default first.
+FORMATS: dict[str, tuple[str, ...]] = {
+    ".vtu": ("patches", "cage"),
+    ".vtp": ("surface",),
+    ".stl": ("surface",),
+    ".ply": ("surface",),
+}
+
+
+def write(scene: Scene, what: str, file: Path) -> None:
+    """Write patches, cage or surface, as of the scene's last update.
+
+    Parameters
+    ----------
+    scene : Scene
+        Updated to the time wanted.
+    what : str
+        ``"patches"``, ``"cage"`` or ``"surface"``.
+    file : Path
+        Its ending, a key of `FORMATS`, names the format.
+
+    Raises
+    ------
+    InputError
+        If the scene has no cage, and the cage is wanted.
+    SpacemapError
+        If nothing was written.
+    """
+    data = {
+        "patches": lambda: scene.patches,
+        "cage": lambda: scene.deformed_cage,
+        "surface": lambda: scene.polygons,
+    }[what]()
+    if file.suffix == ".stl":
+        # The format knows triangles only; nothing but positions would arrive anyway.
+        bare = vtkPolyData()
+        bare.SetPoints(data.GetPoints())
+        bare.SetPolys(data.GetPolys())
+        data = pv.wrap(bare).triangulate()
+    pv.wrap(data).save(file)
+    if not file.is_file():
+        raise SpacemapError(f"{file.name}: nothing was written; is the disk full?")

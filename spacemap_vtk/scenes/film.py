@@ -1,0 +1,92 @@
+"""Films and numbered frames."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.scenes.picture import Image as Pixels
+
+
+def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    """Write a film.
+
+    Parameters
+    ----------
+    file : Path
+        Ending in .gif or .mp4.
+    images : iterable of ndarray, shape (height, width, 3)
+        The frames, taken one at a time.
+    rate : float
+        Frames per second.
+
+    Raises
+    ------
+    MissingLibraryError
+        If .mp4 is asked for without the extra ``[movie]``.
+    """
+    if file.suffix.lower() == ".gif":
+        _write_gif(file, images, rate)
+    else:
+        _write_mp4(file, images, rate)
+
+
+def write_frames(file: Path, images: Iterable[Pixels]) -> None:
+    """Write numbered pictures.
+
+    Parameters
+    ----------
+    file : Path
+        Its name has a number in it, as in ``%04d.png``.
+    images : iterable of ndarray, shape (height, width, 3)
+        The frames, taken one at a time.
+    """
+    for number, image in enumerate(images):
+        Image.fromarray(image).save(file.with_name(file.name % number))
+
+
+def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    frames = (Image.fromarray(image) for image in images)
+    first = next(frames)
+    # One palette for the whole film, of the first frame's colours: palettes of their own make
+    # still parts flicker. GIF counts time in hundredths of a second.
+    palette = first.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    palette.save(
+        file,
+        save_all=True,
+        append_images=rest,
+        duration=max(20, round(100 / rate) * 10),
+        loop=0,
+        disposal=1,
+    )
+
+
+def _write_mp4(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise MissingLibraryError(
+            ".mp4 needs the package imageio-ffmpeg",
+            cure="Run: pip install 'spacemap_vtk[movie]', or write a .gif.",
+        ) from None
+    writer = None
+    for image in images:
+        # H.264 takes even sizes only.
+        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+        if writer is None:
+            writer = imageio_ffmpeg.write_frames(
+                str(file), (even.shape[1], even.shape[0]), fps=rate, quality=8, macro_block_size=2
+            )
+            writer.send(None)
+        try:
+            writer.send(even)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise SpacemapError(f"{file.name}: ffmpeg failed: {error}") from None
+    if writer is not None:
+        writer.close()

@@ -1,0 +1,63 @@
+"""The scenes that come with the program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import suggestion
+
+
+def folder() -> Path:
+    """Return the folder of the scenes.
+
+    Returns
+    -------
+    Path
+        ``spacemap_vtk/library`` once installed, ``scenes`` in a checkout.
+    """
+    package = Path(__file__).resolve().parents[1]
+    installed = package / "library"
+    return installed if installed.is_dir() else package.parent / "scenes"
+
+
+def names() -> list[str]:
+    """Return the names of the scenes.
+
+    Returns
+    -------
+    list of str
+        In alphabetical order, without ``.toml``.
+    """
+    return sorted(path.stem for path in folder().glob("*.toml"))
+
+
+def find(scene: str | Path) -> Path:
+    """Return the file that a user's word stands for.
+
+    Parameters
+    ----------
+    scene : str or Path
+        A path, or the name of a scene that comes with the program.
+
+    Returns
+    -------
+    Path
+        An existing file.
+
+    Raises
+    ------
+    InputError
+        If there is neither such a file nor such a scene.
+    """
+    path = Path(scene)
+    if path.is_file():
+        return path
+    named = folder() / f"{scene}.toml"
+    if str(scene) == path.name and named.is_file():
+        return named
+    raise InputError(
+        f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
+        allowed="a scene (.toml), a draft (.wif), or one of " + ", ".join(names()),
+        cure=suggestion(str(scene), names()),
+    )

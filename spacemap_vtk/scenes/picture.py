@@ -1,0 +1,258 @@
+"""Offscreen pictures of a scene, at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet
+from vtkmodules.vtkFiltersCore import vtkExtractEdges
+from vtkmodules.vtkFiltersGeneral import vtkWarpVector
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.shading import averaged, contact_shade
+
+Image = NDArray[np.uint8]
+
+#: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
+CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "three-quarter": ((0.55, 0.35, 1.0), (0.0, 1.0, 0.0)),
+    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+}
+#: Full opening of the lens, in degrees, and the share of the picture left free at each edge.
+_VIEW_ANGLE, _MARGIN = 24.0, 0.06
+#: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
+_SAMPLES = 2
+
+
+class Picture:
+    """Draws a scene at one time after the other, from a camera that stands still.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to draw.
+    times : sequence of float
+        The times in s that will be drawn: the camera takes in the motion over all of them.
+    size : tuple of 2 int, optional
+        Width and height in pixels; by default the scene's.
+    show : sequence of str, optional
+        What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
+
+    Raises
+    ------
+    MissingLibraryError
+        If this machine cannot draw.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        times: Sequence[float],
+        size: tuple[int, int] | None = None,
+        show: Sequence[str] | None = None,
+    ) -> None:
+        prepare_offscreen()
+        self.scene = scene
+        width, height = size or scene.view.size
+        chosen = scene.view.show if scene.moves else "fabric"
+        panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
+        extent = _motion_extent(scene, times)
+        # The last panel takes the pixels that do not divide evenly.
+        widths = [width // len(panels)] * len(panels)
+        widths[-1] += width - sum(widths)
+        self._panels = [
+            (
+                _plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
+                scene.view.shadows and panel != "cage",
+            )
+            for panel, w in zip(panels, widths, strict=True)
+        ]
+
+    def draw(self, time: float) -> Image:
+        """Return the picture at a time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+            Red, green and blue.
+        """
+        self.scene.update(time)
+        return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
+
+    def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:
+        plotter.renderer.ResetCameraClippingRange()
+        plotter.render()
+        light = plotter.screenshot(None, return_img=True).astype(np.float32)
+        if shaded:
+            cloth = self.scene.weave.fabric.cloth
+            diameter = max(cloth.warp_diameter, cloth.weft_diameter)
+            camera = plotter.camera
+            pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
+            depth = -plotter.get_image_depth(fill_value=np.nan)
+            light *= contact_shade(depth, diameter, diameter / pixel)[:, :, None]
+        return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
+
+    def close(self) -> None:
+        """Free the windows."""
+        for plotter, _ in self._panels:
+            plotter.close()
+
+
+def storyboard(
+    scene: Scene,
+    times: Sequence[float],
+    size: tuple[int, int] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Image:
+    """Draw the paper's figure 6: cage above, fabric below, time from left to right.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene that moves.
+    times : sequence of float
+        The times of the columns, in s.
+    size : tuple of 2 int, optional
+        Width and height of the whole in pixels; by default the scene's height for each row.
+    progress : callable, optional
+        Told the number of columns drawn.
+
+    Returns
+    -------
+    ndarray of uint8, shape (height, width, 3)
+        Rows a and b, labelled, with the time under each column.
+    """
+    from spacemap_vtk.scenes.labels import label_storyboard
+
+    width, height = size or (scene.view.size[0], scene.view.size[1])
+    cell = width // len(times), height // 2
+    picture = Picture(scene, times, (2 * cell[0], cell[1]), ["cage", "fabric"])
+    columns = []
+    for count, time in enumerate(times, 1):
+        cage, fabric = np.split(picture.draw(time), 2, axis=1)
+        columns.append(np.concatenate([cage, fabric]))
+        if progress:
+            progress(count)
+    picture.close()
+    return label_storyboard(np.concatenate(columns, axis=1), times)
+
+
+def _motion_extent(scene: Scene, times: Sequence[float]) -> NDArray[np.float64]:
+    """Return points that span the scene over some of the times, shape (n, 3)."""
+    # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
+    chosen = [times[i] for i in np.unique(np.linspace(0, len(times) - 1, 9).astype(int))]
+    clouds = []
+    for time in chosen:
+        scene.update(time)
+        points = _points(scene.patches)
+        clouds.append(points[:: max(1, len(points) // 20_000)])
+        if scene.moves:
+            cage = scene.deformed_cage
+            clouds.append(_points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement")))
+    return np.concatenate(clouds)
+
+
+def _points(data: vtkPointSet) -> NDArray[np.float64]:
+    return vtk_to_numpy(data.GetPoints().GetData())
+
+
+def _plotter(
+    scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
+) -> pv.Plotter:
+    view = scene.view
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    plotter.set_background(view.background, top=view.background_top)
+    _aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+    _light(plotter)
+    if panel in ("fabric", "both"):
+        plotter.add_actor(_fabric(scene), reset_camera=False)
+    if panel in ("cage", "both"):
+        plotter.add_actor(_cage(scene), reset_camera=False)
+    plotter.enable_anti_aliasing("msaa", multi_samples=4)
+    return plotter
+
+
+def _fabric(scene: Scene) -> vtkActor:
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputConnection(scene.surface.GetOutputPort())
+    mapper.SetScalarModeToUseCellFieldData()
+    mapper.SelectColorArray("color")
+    mapper.SetColorModeToDirectScalars()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    surface = actor.GetProperty()
+    surface.SetAmbient(0.22)
+    surface.SetDiffuse(0.9)
+    surface.SetSpecular(0.12)
+    surface.SetSpecularPower(18.0)
+    return actor
+
+
+def _cage(scene: Scene) -> vtkActor:
+    moved = vtkWarpVector()
+    moved.SetInputConnection(scene.response.GetOutputPort())
+    moved.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
+    edges = vtkExtractEdges()
+    edges.SetInputConnection(moved.GetOutputPort())
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputConnection(edges.GetOutputPort())
+    mapper.ScalarVisibilityOff()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    line = actor.GetProperty()
+    line.SetColor(*(c / 255 for c in scene.view.cage_color))
+    line.SetLighting(False)
+    line.SetLineWidth(1.6 * _SAMPLES)
+    return actor
+
+
+def _light(plotter: pv.Plotter) -> None:
+    # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
+    # right opens the shadows. Both are fixed to the camera.
+    for position, intensity, color in (
+        ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
+        ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
+        ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
+    ):
+        light = pv.Light(
+            position=position, intensity=intensity, color=color, light_type="camera light"
+        )
+        plotter.add_light(light)
+
+
+def _aim(
+    camera: pv.Camera, points: NDArray[np.float64], aspect: float, name: str, zoom: float
+) -> None:
+    """Place the camera so that the points just fill the picture."""
+    direction, up = (np.array(v) / np.linalg.norm(v) for v in CAMERAS[name])
+    right = np.cross(up, direction)
+    right /= np.linalg.norm(right)
+    up = np.cross(direction, right)
+    axes = np.stack([right, up, direction])
+    low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+    middle = (low + high) / 2
+    across, above, toward = (points @ axes.T - middle).T
+    # A point is inside the picture if |across| <= slope * (distance - toward), likewise above.
+    slope = np.tan(np.radians(_VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
+    distance = max(
+        float((np.abs(across) / (slope * aspect) + toward).max()),
+        float((np.abs(above) / slope + toward).max()),
+    )
+    focus = middle @ axes
+    camera.focal_point = focus
+    camera.position = focus + direction * distance / zoom
+    camera.up = up
+    camera.view_angle = _VIEW_ANGLE

@@ -1,0 +1,290 @@
+"""A scene: the pipeline as a scene file describes it, and how to look at it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_response import ModalResponse
+from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.tetra_cage import TetraCage
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.parameters import FilePath, Parameterised, suggestion
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.settings import Animation, View
+
+#: Every section of a scene file, in the order of the pipeline.
+SECTIONS: dict[str, type[Parameterised]] = {
+    cls.section: cls
+    for cls in (
+        WeaveSource,
+        TetraCage,
+        ModalSolver,
+        ModalResponse,
+        BarycentricWarp,
+        PatchTessellator,
+        View,
+        Animation,
+    )
+}
+#: The sections that make a scene move; one of them is enough.
+_MOTION = {"cage", "modal", "response", "warp"}
+
+
+class Scene:
+    """A pipeline, connected, with its view and animation.
+
+    Without any of the sections ``[cage]``, ``[modal]``, ``[response]`` and ``[warp]`` the fabric
+    is still, and none of those stages is connected.
+
+    Parameters
+    ----------
+    values : mapping
+        ``title`` and a table for each section, as a scene file has them.
+    file : Path, optional
+        Where they come from; relative paths count from its folder, and messages name it.
+
+    Raises
+    ------
+    InputError
+        If a section or key does not exist, or a value is refused.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.scenes.scene import Scene
+    >>> scene = Scene({"weave": {"ends": 3, "picks": 3}, "response": {}})
+    >>> scene.update(time=0.1)
+    >>> scene.surface.executions
+    1
+    """
+
+    def __init__(self, values: Mapping[str, Any], file: Path | None = None) -> None:
+        self.file = file
+        self.weave = WeaveSource()
+        self.cage = TetraCage()
+        self.modal = ModalSolver()
+        self.response = ModalResponse()
+        self.warp = BarycentricWarp()
+        self.surface = PatchTessellator()
+        self.view = View()
+        self.animation = Animation()
+        self.title = file.stem if file else ""
+        self.moves = bool(_MOTION & values.keys())
+        with self._naming_file():
+            for name, value in values.items():
+                if name == "title":
+                    self._set_title(value)
+                else:
+                    self._configure(name, value)
+        self._connect()
+
+    @classmethod
+    def read(cls, scene: str | Path) -> Scene:
+        """Read a scene file or a draft.
+
+        Parameters
+        ----------
+        scene : str or Path
+            A ``.toml`` scene, a ``.wif`` draft, or the name of a scene that comes with the program.
+
+        Returns
+        -------
+        Scene
+            Connected, not yet run.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, is no TOML, or holds what a scene does not know.
+        """
+        path = library.find(scene)
+        if path.suffix.lower() == ".wif":
+            return cls({"weave": {"draft": path.name}}, path)
+        try:
+            values = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(
+                f"{path}: not a scene: {error}",
+                allowed="a TOML text with sections " + ", ".join(SECTIONS),
+                cure="Mend that line; strings need quotes.",
+            ) from None
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from None
+        return cls(values, path)
+
+    @property
+    def stages(self) -> list[Stage]:
+        """The stages that are connected, from source to surface."""
+        motion = [self.cage, self.modal, self.response, self.warp] if self.moves else []
+        return [self.weave, *motion, self.surface]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the last run of each stage says about its trustworthiness."""
+        return [text for stage in self.stages for text in stage.warnings]
+
+    def set(self, assignment: str) -> None:
+        """Change a value as ``--set`` does.
+
+        Parameters
+        ----------
+        assignment : str
+            ``section.key=value``, the value written as in a scene file; quotes can be left out.
+
+        Raises
+        ------
+        InputError
+            If it is not of that form, or refused.
+        """
+        target, equals, text = assignment.partition("=")
+        section, dot, key = target.strip().partition(".")
+        if not equals or not dot:
+            raise InputError(
+                f'"{assignment}" sets nothing',
+                allowed='section.key=value, as in "weave.ends=20"',
+            )
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        part = self._part(section)
+        with _naming_section(section):
+            part.configure(**{key: value})
+        if section in _MOTION and not self.moves:
+            self.moves = True
+            self._connect()
+
+    def update(self, time: float | None = None) -> None:
+        """Run what needs to be run for a time.
+
+        Parameters
+        ----------
+        time : float, optional
+            In s; by default the last one.
+
+        Raises
+        ------
+        SpacemapError
+            If a stage refuses its input; the message names the scene's file.
+        """
+        self.update_stage(self.surface, time)
+
+    def update_stage(self, stage: Stage, time: float | None = None) -> None:
+        """Run the pipeline as far as one of its stages.
+
+        Parameters
+        ----------
+        stage : Stage
+            One of `stages`.
+        time : float, optional
+            In s; by default the last one.
+
+        Raises
+        ------
+        SpacemapError
+            If a stage refuses its input; the message names the scene's file.
+        """
+        with self._naming_file():
+            stage.update(time)
+
+    def check(self) -> None:
+        """Check what can be checked without running anything.
+
+        Raises
+        ------
+        SpacemapError
+            If the draft cannot be read, the fabric is impossible or too large, or the animation
+            has no frames.
+        """
+        with self._naming_file():
+            with _naming_section("weave"):
+                self.weave.fabric  # noqa: B018
+            with _naming_section("animation"):
+                self.animation.frame_times()
+
+    @property
+    def patches(self) -> vtkUnstructuredGrid:
+        """The Bézier patches, moved if the scene moves, as of the last update."""
+        return (self.warp if self.moves else self.weave).GetOutputDataObject(0)
+
+    @property
+    def deformed_cage(self) -> vtkUnstructuredGrid:
+        """The cage with its displacement, as of the last update; its points are at rest."""
+        if not self.moves:
+            raise InputError(
+                "this scene has no cage",
+                key="cage",
+                cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
+            )
+        return self.response.GetOutputDataObject(0)
+
+    @property
+    def polygons(self) -> vtkPolyData:
+        """The surface, as of the last update."""
+        return self.surface.GetOutputDataObject(0)
+
+    def _set_title(self, value: Any) -> None:
+        if not isinstance(value, str):
+            raise InputError("not a string", key="title", value=value)
+        self.title = value
+
+    def _configure(self, section: str, values: Any) -> None:
+        part = self._part(section)
+        if not isinstance(values, Mapping):
+            raise InputError(
+                "not a section", key=section, value=values, cure=f"Write [{section}] on its own line."
+            )
+        folder = self.file.parent if self.file else Path()
+        with _naming_section(section):
+            for key, value in values.items():
+                if isinstance(part.parameter(key), FilePath) and isinstance(value, str) and value:
+                    value = folder / value
+                part.configure(**{key: value})
+
+    def _part(self, section: str) -> Parameterised:
+        if section not in SECTIONS:
+            raise UnknownNameError(
+                "a scene has no section of that name",
+                key=section,
+                allowed=", ".join(["title", *(f"[{name}]" for name in SECTIONS)]),
+                cure=suggestion(section, SECTIONS),
+            )
+        return getattr(self, section)
+
+    def _connect(self) -> None:
+        if not self.moves:
+            self.surface.SetInputConnection(self.weave.GetOutputPort())
+            return
+        self.cage.SetInputConnection(self.weave.GetOutputPort())
+        self.modal.SetInputConnection(self.cage.GetOutputPort())
+        self.response.SetInputConnection(self.modal.GetOutputPort())
+        self.warp.SetInputConnection(0, self.weave.GetOutputPort())
+        self.warp.SetInputConnection(1, self.response.GetOutputPort())
+        self.surface.SetInputConnection(self.warp.GetOutputPort())
+
+    @contextmanager
+    def _naming_file(self) -> Iterator[None]:
+        try:
+            yield
+        except SpacemapError as error:
+            if error.file is None and self.file is not None:
+                error.file = str(self.file)
+            raise
+
+
+@contextmanager
+def _naming_section(section: str) -> Iterator[None]:
+    try:
+        yield
+    except SpacemapError as error:
+        error.section = section
+        raise

@@ -1,0 +1,85 @@
+"""The sections of a scene that configure no stage: how it is looked at, and when."""
+
+from __future__ import annotations
+
+import math
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
+
+#: A longer film is a mistake in its times.
+MOST_FRAMES = 100_000
+
+
+class View(Parameterised):
+    """How a scene is drawn."""
+
+    section = "view"
+
+    show = Choice(
+        "fabric",
+        "What is drawn: the fabric, the cage's edges, both in one place, or both side by side.",
+        ["fabric", "cage", "both", "side by side"],
+    )
+    camera = Choice(
+        "three-quarter",
+        "Where it is seen from.",
+        ["three-quarter", "front", "side", "top"],
+    )
+    size = Vector(
+        (1280, 960),
+        "Width and height of the picture in pixels.",
+        component=Integer(1, "", minimum=16, maximum=16384),
+        labels="wh",
+    )
+    time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
+    zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
+    background = Color("#ffffff", "Colour of the background, at the bottom.")
+    background_top = Color("#dfe6ee", "Colour of the background, at the top.")
+    cage_color = Color("#39424e", "Colour of the cage's edges.")
+    shadows = Flag(True, "Soft shadow where yarns meet.")
+
+
+class Animation(Parameterised):
+    """Which times a film shows."""
+
+    section = "animation"
+
+    start = Real(0.0, "First time.", unit="s", minimum=0.0)
+    stop = Real(2.0, "Time at which it ends.", unit="s", above=0.0)
+    frames_per_second = Real(25.0, "Frames for each second of the film.", above=0.0, maximum=1000.0)
+    speed = Real(1.0, "Seconds of motion in a second of film.", above=0.0)
+
+    def frame_times(self) -> list[float]:
+        """Return the time of each frame.
+
+        Returns
+        -------
+        list of float
+            In s, from start on, before stop.
+
+        Raises
+        ------
+        InputError
+            If stop does not come after start, or there would be too many frames.
+        """
+        span = self.stop - self.start
+        if span <= 0.0:
+            raise InputError(
+                "there is nothing to show",
+                key="stop",
+                value=self.stop,
+                allowed=f"a time after animation.start = {self.start:g} s",
+            )
+        count = span / self.speed * self.frames_per_second
+        if count > MOST_FRAMES:
+            raise InputError(
+                f"{count:.0f} frames are too many",
+                key="frames_per_second",
+                value=self.frames_per_second,
+                allowed=f"up to {MOST_FRAMES} frames in all",
+                cure="Show a shorter time, or raise animation.speed.",
+            )
+        step = self.speed / self.frames_per_second
+        # Half a step's grace, so that rounding does not add a frame.
+        return [self.start + k * step for k in range(max(1, math.ceil(count - 0.5)))]

@@ -1,0 +1,73 @@
+"""Run by ParaView's own Python (VTK 9.2, numpy 1.24, scipy 1.10, no pyvista): the main pipeline.
+
+    pvpython tests/paraview_pipeline.py
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow, vtkVersion
+
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    PatchTessellator,
+    TetraCage,
+    WeaveSource,
+)
+
+window = vtkStringOutputWindow()
+vtkOutputWindow.SetInstance(window)
+
+weave = WeaveSource(ends=7, picks=7)
+cage = TetraCage(divisions=(5, 5, 1))
+modal = ModalSolver(youngs_modulus=1e3, density=300, modes=180, fixed="+y")
+response = ModalResponse(alpha=2.0, gravity=(0.0, 0.0, -9.81), initial="equilibrium")
+warp = BarycentricWarp()
+surface = PatchTessellator(subdivisions=3)
+cage.SetInputConnection(weave.GetOutputPort())
+modal.SetInputConnection(cage.GetOutputPort())
+response.SetInputConnection(modal.GetOutputPort())
+warp.SetInputConnection(0, weave.GetOutputPort())
+warp.SetInputConnection(1, response.GetOutputPort())
+surface.SetInputConnection(warp.GetOutputPort())
+stages = [weave, cage, modal, response, warp, surface]
+
+
+def lowest() -> float:
+    """The deepest point of the surface's displacement along z, in m."""
+    data = surface.GetOutputDataObject(0).GetPointData()
+    return float(vtk_to_numpy(data.GetArray("displacement"))[:, 2].min())
+
+
+grid = cage.GetOutputDataObject(0)
+surface.update(time=0.0)
+assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (72, 125)
+sag = lowest()
+assert sag < -1e-4, sag
+
+# From rest an undamped mode swings to twice its static sag after half its period.
+response.configure(initial="rest", alpha=0.0)
+eigenvalue = modal.GetOutputDataObject(0).GetFieldData().GetArray("eigenvalues").GetValue(0)
+surface.update(time=0.0)
+assert lowest() == 0.0
+surface.update(time=3.141592653589793 / eigenvalue**0.5)
+assert 1.9 * sag > lowest() > 2.2 * sag, (lowest(), sag)
+assert [stage.executions for stage in stages] == [1, 1, 1, 3, 3, 3], [s.executions for s in stages]
+
+try:
+    weave.warp_diameter = "0.6 mm"
+    surface.update()
+except ValueError as error:
+    assert "warp_diameter" in str(error), error
+else:
+    raise AssertionError("an impossible cloth was accepted")
+
+assert window.GetOutput() == "", window.GetOutput()
+assert "pyvista" not in sys.modules
+print(f"VTK {vtkVersion.GetVTKVersion()}, Python {sys.version.split()[0]}: "
+      f"72 vertices, 125 tetrahedra, sag {-sag * 1e3:.4f} mm, 1 passed")

@@ -1,0 +1,164 @@
+"""Parameters: declared once, checked everywhere."""
+
+from __future__ import annotations
+
+import inspect
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import spacemap_vtk
+from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.parameters import (
+    Choice,
+    Color,
+    FilePath,
+    Flag,
+    Integer,
+    Parameterised,
+    Real,
+    Text,
+    Vector,
+)
+from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
+
+FILTERS = [getattr(spacemap_vtk, name) for name in spacemap_vtk.__all__]
+
+
+class Thing(Parameterised):
+    """A thing."""
+
+    length = Real("2 mm", "How long.", unit="m", above=0.0, maximum=1.0)
+    count = Integer(3, "How many.", minimum=1, maximum=10)
+    kind = Choice("red", "Which.", ["red", "green"])
+    push = Vector((0.0, 0.0, 0.0), "Where to.", component=Real(0.0, "", unit="m/s2"))
+    maybe = Real(None, "Perhaps.", unit="s", automatic="never")
+    on = Flag(True, "Whether.")
+    color = Color("#ff8000", "Paint.")
+    name = Text("x", "What it is called.")
+    file = FilePath(None, "Where it is.", automatic="nowhere")
+
+    def __init__(self, **values: object) -> None:
+        self._changes = 0
+        super().__init__(**values)
+
+    def _parameter_changed(self) -> None:
+        self._changes += 1
+
+
+def test_values_with_units_are_stored_in_si() -> None:
+    thing = Thing(length="0.3 mm", push=["1 g", 0, -1.5], maybe="20 ms")
+    assert thing.length == 0.0003
+    assert thing.push == (9.80665, 0.0, -1.5)
+    assert thing.maybe == 0.02
+    thing.maybe = None
+    assert thing.maybe is None
+    thing.color = [1, 2, 3]
+    assert thing.color == (1, 2, 3)
+
+
+def test_a_setter_that_changes_nothing_calls_no_hook() -> None:
+    thing = Thing()
+    thing.length = 0.002
+    thing.length = "2 mm"
+    thing.push = [0, 0, 0]
+    assert thing._changes == 0
+    thing.count = 4
+    thing.count = 4.0
+    assert thing._changes == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "part"),
+    [
+        ("length", 0, "greater than 0 m"),
+        ("length", -1e-3, "greater than 0 m"),
+        ("length", 1.5, "at most 1 m"),
+        ("length", math.nan, "not a finite number"),
+        ("length", "inf", "not a finite number"),
+        ("length", "2 furlongs", 'unit "furlongs" is not known'),
+        ("length", "2 kg", 'unit "kg" is not known'),
+        ("length", "long", "not a number"),
+        ("length", True, "not a number"),
+        ("length", [1.0], "not a number"),
+        ("length", None, "not a number"),
+        ("count", 2.5, "not a whole number"),
+        ("count", 11, "at most 10"),
+        ("kind", "gren", 'Did you mean "green"?'),
+        ("push", (1, 2), "2 components in place of 3"),
+        ("push", "down", "not a list of 3"),
+        ("push", (1, 2, math.inf), "not a finite number"),
+        ("on", 1, "neither true nor false"),
+        ("color", "#12", "not a colour"),
+        ("color", (0, 0, 256), "not a colour"),
+        ("name", 3, "not a string"),
+        ("file", 3, "not a path"),
+    ],
+)
+def test_a_refused_value_is_named_with_what_is_allowed(name: str, value: object, part: str) -> None:
+    thing = Thing()
+    before = getattr(thing, name)
+    with pytest.raises(InputError) as caught:
+        setattr(thing, name, value)
+    text = str(caught.value)
+    assert text.startswith(name)
+    assert part in text
+    assert "allowed: " in text
+    assert getattr(thing, name) == before
+    assert thing._changes == 0
+
+
+def test_unknown_names_list_the_valid_ones() -> None:
+    with pytest.raises(UnknownNameError, match=r"lenght.*allowed: length, count.*\"length\""):
+        Thing(lenght=1)
+    thing = Thing()
+    with pytest.raises(UnknownNameError, match="allowed: length"):
+        thing.colour = "#000000"
+    with pytest.raises(AttributeError):
+        _ = thing.colour
+
+
+def test_configure_sets_all_or_nothing() -> None:
+    thing = Thing()
+    with pytest.raises(InputError):
+        thing.configure(count=5, length=-1)
+    assert thing.count == 3
+
+
+@pytest.mark.parametrize("cls", FILTERS)
+def test_every_filter_shows_its_parameters(cls: type[Parameterised]) -> None:
+    signature = inspect.signature(cls)
+    assert list(signature.parameters) == list(cls.parameters)
+    assert cls.section
+    for name, parameter in cls.parameters.items():
+        assert signature.parameters[name].default == parameter.default
+        assert f"\n{name} : {parameter.annotation}" in (cls.__doc__ or "")
+        assert parameter.help.endswith(".")
+        assert parameter.label
+        assert not parameter.unit or parameter.unit in UNITS
+        assert parameter.default is not None or parameter.automatic
+    with pytest.raises(UnknownNameError, match=next(iter(cls.parameters))):
+        cls(nonsense=1)
+    stage = cls()
+    with pytest.raises(UnknownNameError):
+        stage.nonsense = 1
+    changed = stage.GetMTime()
+    for name, value in stage.settings.items():
+        setattr(stage, name, value)
+    assert stage.GetMTime() == changed
+
+
+@given(
+    st.floats(1e-9, 1e9),
+    st.sampled_from([(si, name) for si, names in UNITS.items() for name in names]),
+)
+def test_a_quantity_reads_as_it_was_written(value: float, units: tuple[str, str]) -> None:
+    si, name = units
+    assert parse_quantity(f"{value!r} {name}", si) == pytest.approx(value * UNITS[si][name], 1e-15)
+
+
+@given(st.floats(1e-7, 1e9), st.sampled_from(["m", "Pa", "s", "kg/m3", ""]))
+def test_a_shown_quantity_can_be_read_back(value: float, unit: str) -> None:
+    assert parse_quantity(format_quantity(value, unit), unit) == pytest.approx(value, rel=1e-5)

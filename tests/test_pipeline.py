@@ -1,0 +1,423 @@
+"""The six filters in VTK's own executive: what runs again, what fails, what is freed."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkObjectBase, vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline, vtkTrivialProducer
+from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    PatchTessellator,
+    TetraCage,
+    WeaveSource,
+)
+from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+
+
+class Chain:
+    """The main pipeline."""
+
+    def __init__(self) -> None:
+        self.weave = WeaveSource(ends=4, picks=3)
+        self.cage = TetraCage(divisions=(3, 3, 1))
+        self.modal = ModalSolver(youngs_modulus=1e3, modes=12)
+        self.response = ModalResponse(alpha=2.0)
+        self.warp = BarycentricWarp()
+        self.surface = PatchTessellator(subdivisions=2)
+        self.cage.SetInputConnection(self.weave.GetOutputPort())
+        self.modal.SetInputConnection(self.cage.GetOutputPort())
+        self.response.SetInputConnection(self.modal.GetOutputPort())
+        self.warp.SetInputConnection(0, self.weave.GetOutputPort())
+        self.warp.SetInputConnection(1, self.response.GetOutputPort())
+        self.surface.SetInputConnection(self.warp.GetOutputPort())
+
+    @property
+    def stages(self) -> list[Stage]:
+        return [self.weave, self.cage, self.modal, self.response, self.warp, self.surface]
+
+    @property
+    def counts(self) -> list[int]:
+        return [stage.executions for stage in self.stages]
+
+    def update(self, time: float | None = None) -> None:
+        self.surface.update(time)
+
+
+def point_array(stage: Any, name: str) -> np.ndarray[Any, Any]:
+    return vtk_to_numpy(stage.GetOutputDataObject(0).GetPointData().GetArray(name)).copy()
+
+
+def points(stage: Any) -> np.ndarray[Any, Any]:
+    return vtk_to_numpy(stage.GetOutputDataObject(0).GetPoints().GetData()).copy()
+
+
+# --- what runs again -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "runs"),
+    [
+        (lambda c: None, [0, 0, 0, 0, 0, 0]),
+        (lambda c: c.response.configure(gravity=(0, -1, 0)), [0, 0, 0, 1, 1, 1]),
+        (lambda c: c.response.configure(alpha=3.0), [0, 0, 0, 1, 1, 1]),
+        (lambda c: c.response.configure(beta=1e-4), [0, 0, 0, 1, 1, 1]),
+        (lambda c: c.modal.configure(youngs_modulus=2e3), [0, 0, 1, 1, 1, 1]),
+        (lambda c: c.modal.configure(fixed="-x"), [0, 0, 1, 1, 1, 1]),
+        (lambda c: c.cage.configure(divisions=(2, 3, 1)), [0, 1, 1, 1, 1, 1]),
+        (lambda c: c.weave.configure(warp_diameter="0.2 mm"), [1, 1, 1, 1, 1, 1]),
+        (lambda c: c.surface.configure(subdivisions=3), [0, 0, 0, 0, 0, 1]),
+        (lambda c: c.warp.configure(outside="clamp"), [0, 0, 0, 0, 1, 1]),
+        (lambda c: c.modal.configure(youngs_modulus="1 kPa", modes=12), [0, 0, 0, 0, 0, 0]),
+    ],
+)
+def test_only_what_lies_downstream_of_a_change_runs(
+    change: Callable[[Chain], None], runs: list[int]
+) -> None:
+    chain = Chain()
+    chain.update(time=0.05)
+    assert chain.counts == [1] * 6
+    change(chain)
+    chain.update()
+    assert chain.counts == [1 + n for n in runs]
+
+
+def test_a_new_time_runs_response_warp_and_surface_and_the_same_time_nothing() -> None:
+    chain = Chain()
+    chain.update(time=0.0)
+    chain.update(time=0.1)
+    chain.update(time=0.1)
+    chain.update()
+    assert chain.counts == [1, 1, 1, 2, 2, 2]
+    assert np.abs(point_array(chain.surface, "displacement")).max() > 0
+    chain.update(time=0.0)
+    assert chain.counts == [1, 1, 1, 3, 3, 3]
+    assert np.abs(point_array(chain.surface, "displacement")).max() == 0
+
+
+def test_the_time_range_reaches_the_end_of_the_pipeline() -> None:
+    chain = Chain()
+    chain.response.duration = 3.0
+    chain.surface.UpdateInformation()
+    key = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
+    for stage in (chain.response, chain.warp, chain.surface):
+        assert stage.GetOutputInformation(0).Get(key) == (0.0, 3.0)
+    for stage in (chain.weave, chain.cage, chain.modal):
+        assert not stage.GetOutputInformation(0).Has(key)
+
+
+def test_weights_are_kept_until_geometry_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    import spacemap_vtk.filters.barycentric_warp as module
+
+    calls = []
+    real = module.locate
+    monkeypatch.setattr(module, "locate", lambda *a, **k: calls.append(1) or real(*a, **k))
+    chain = Chain()
+    for time in (0.0, 0.1, 0.2):
+        chain.update(time)
+    chain.response.gravity = (1.0, 0.0, 0.0)
+    chain.modal.density = 200.0
+    chain.update()
+    assert len(calls) == 1
+    before = points(chain.warp)
+    # Another geometry with the very same counts: stale weights would go unnoticed.
+    chain.weave.warp_spacing = "0.6 mm"
+    chain.update()
+    assert len(calls) == 2
+    assert points(chain.warp).shape == before.shape
+    chain.response.gravity = (0.0, 0.0, 0.0)
+    chain.update()
+    np.testing.assert_allclose(points(chain.warp), points(chain.weave), atol=1e-15)
+
+
+def test_an_equal_mesh_read_again_keeps_the_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    import spacemap_vtk.filters.barycentric_warp as module
+
+    calls = []
+    real = module.locate
+    monkeypatch.setattr(module, "locate", lambda *a, **k: calls.append(1) or real(*a, **k))
+    chain = Chain()
+    chain.update(time=0.1)
+    warp = BarycentricWarp()
+    source = vtkTrivialProducer()
+    for _ in range(3):
+        copy = vtkUnstructuredGrid()
+        copy.DeepCopy(chain.response.GetOutputDataObject(0))
+        source.SetOutput(copy)
+        warp.SetInputConnection(0, chain.weave.GetOutputPort())
+        warp.SetInputConnection(1, source.GetOutputPort())
+        warp.update()
+    assert warp.executions == 3
+    assert len(calls) == 2  # the chain's own, and one for the copies
+
+
+# --- what fails, and recovers ------------------------------------------------------------------
+
+
+def test_the_stage_that_fails_hands_over_its_own_error_and_recovers() -> None:
+    chain = Chain()
+    chain.update(time=0.1)
+    chain.weave.warp_crimp_height = "0.6 mm"
+    for _ in range(2):
+        with pytest.raises(GeometryError, match=r"weave\.warp_crimp_height.*allowed: 0 mm to"):
+            chain.update()
+    counts = chain.counts
+    assert counts[0] == 3
+    assert counts[1:] == [1] * 5
+    chain.weave.warp_crimp_height = None
+    chain.update()
+    assert chain.counts == [4, 2, 2, 2, 2, 2]
+    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
+
+
+def test_a_failure_in_the_middle_names_its_stage() -> None:
+    chain = Chain()
+    chain.modal.fixed = ""
+    chain.response.initial = "equilibrium"
+    with pytest.raises(InputError, match=r"response\.initial.*rigid modes"):
+        chain.update(time=0.0)
+    chain.response.initial = "rest"
+    chain.update()
+    assert chain.counts == [1, 1, 1, 2, 1, 1]
+
+
+def test_plain_update_does_not_take_a_failed_output_for_a_good_one() -> None:
+    chain = Chain()
+    chain.weave.warp_crimp_height = 1.0
+    chain.surface.Update()
+    chain.surface.Update()
+    assert chain.surface.executions == 0
+    chain.weave.warp_crimp_height = None
+    chain.surface.Update()
+    assert chain.surface.executions == 1
+
+
+def test_an_unconnected_input_is_named() -> None:
+    with pytest.raises(InputError, match="ModalSolver has nothing connected to input port 0"):
+        ModalSolver().update()
+    warp = BarycentricWarp()
+    warp.SetInputConnection(0, WeaveSource().GetOutputPort())
+    with pytest.raises(InputError, match="input port 1"):
+        warp.update()
+
+
+def test_wrong_data_is_refused_with_words() -> None:
+    sphere = vtkSphereSource()
+    solver = ModalSolver()
+    solver.SetInputConnection(sphere.GetOutputPort())
+    with pytest.raises(SpacemapError, match="vtkUnstructuredGrid"):
+        solver.update()
+    weave = WeaveSource(ends=2, picks=2)
+    solver = ModalSolver()
+    solver.SetInputConnection(weave.GetOutputPort())
+    with pytest.raises(GeometryError, match="linear tetrahedra"):
+        solver.update()
+    cage = TetraCage()
+    cage.SetInputConnection(weave.GetOutputPort())
+    response = ModalResponse()
+    response.SetInputConnection(cage.GetOutputPort())
+    with pytest.raises(InputError, match="ModalSolver before it"):
+        response.update()
+    surface = PatchTessellator()
+    surface.SetInputConnection(cage.GetOutputPort())
+    with pytest.raises(GeometryError, match="Bézier quadrilaterals"):
+        surface.update()
+    empty = vtkTrivialProducer()
+    empty.SetOutput(vtkPolyData())
+    cage.SetInputConnection(empty.GetOutputPort())
+    with pytest.raises(GeometryError, match="no points"):
+        cage.update()
+
+
+def test_what_does_not_fit_into_memory_is_refused_first() -> None:
+    with pytest.raises(SizeError, match="GiB"):
+        WeaveSource(ends=100_000, picks=100_000).update()
+    chain = Chain()
+    chain.cage.divisions = (50_000, 50_000, 50_000)
+    with pytest.raises(SizeError, match=r"cage\.divisions"):
+        chain.update()
+
+
+def test_a_run_can_be_stopped() -> None:
+    chain = Chain()
+    chain.modal.modes = 30
+    chain.cage.divisions = (16, 16, 2)
+    seen = []
+
+    def stop(caller: Any, event: str) -> None:
+        seen.append(caller.GetProgress())
+        caller.SetAbortExecute(1)
+
+    chain.modal.AddObserver("ProgressEvent", stop)
+    with pytest.raises(SpacemapError, match="ModalSolver was stopped"):
+        chain.update()
+    assert seen
+
+
+# --- what is right -----------------------------------------------------------------------------
+
+
+def test_the_papers_cage() -> None:
+    weave, cage = WeaveSource(ends=7, picks=7), TetraCage(divisions=(5, 5, 1))
+    cage.SetInputConnection(weave.GetOutputPort())
+    modal = ModalSolver(modes=180, fixed="+y")
+    modal.SetInputConnection(cage.GetOutputPort())
+    modal.update()
+    grid = modal.GetOutputDataObject(0)
+    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (72, 125)
+    assert point_array(modal, "fixed").sum() == 12
+    assert grid.GetFieldData().GetArray("eigenvalues").GetNumberOfTuples() == 180
+    assert "stiffly" in modal.warnings[0]
+    cage.divisions = (5, 5, 2)
+    modal.update()
+    assert modal.warnings == ()
+
+
+@pytest.mark.parametrize("initial", ["rest", "equilibrium"])
+@pytest.mark.parametrize(("alpha", "beta"), [(0.0, 0.0), (3.0, 1e-4), (500.0, 0.05)])
+def test_displacement_and_velocity_equal_the_unreduced_system(
+    initial: str, alpha: float, beta: float
+) -> None:
+    """All modes against expm of M u'' + C u' + K u = f as a first-order system."""
+    chain = Chain()
+    chain.modal.modes = 10_000
+    gravity = np.array([1.0, -2.0, 9.81])
+    chain.response.configure(alpha=alpha, beta=beta, gravity=gravity, initial=initial)
+    chain.update(time=0.0)
+    vertices, grid = points(chain.modal), chain.modal.GetOutputDataObject(0)
+    tets = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
+    k, m = stiffness_and_mass(vertices, tets, isotropic(1e3, 0.3), 300.0)
+    free = np.repeat(point_array(chain.modal, "fixed") == 0, 3)
+    load = (m @ np.tile(gravity, len(vertices)))[free]
+    k, m = k.toarray()[np.ix_(free, free)], m.toarray()[np.ix_(free, free)]
+    n = len(load)
+    # State (u, v, 1), scaled so that expm sees numbers of one size.
+    scale = np.sqrt(np.linalg.eigvalsh(np.linalg.solve(m, k)).real.max())
+    system = np.zeros((2 * n + 1, 2 * n + 1))
+    system[:n, n : 2 * n] = scale * np.eye(n)
+    system[n : 2 * n, :n] = -np.linalg.solve(m, k) / scale
+    system[n : 2 * n, n : 2 * n] = -np.linalg.solve(m, alpha * m + beta * k)
+    system[n : 2 * n, -1] = np.linalg.solve(m, load) / scale
+    start = np.zeros(2 * n + 1)
+    start[-1] = 1.0
+    if initial == "equilibrium":
+        start[:n] = np.linalg.solve(k, load)
+    static = np.abs(np.linalg.solve(k, load)).max()
+    for time in (0.0, 0.003, 0.04):
+        state = expm(system * time) @ start
+        chain.update(time)
+        u = point_array(chain.response, "displacement").ravel()
+        v = point_array(chain.response, "velocity").ravel()
+        assert np.abs(u[~free]).max() == 0.0
+        np.testing.assert_allclose(u[free], state[:n], atol=1e-9 * static)
+        np.testing.assert_allclose(v[free], scale * state[n:-1], atol=1e-9 * static * scale)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.floats(-2, 2), min_size=12, max_size=12), st.floats(-0.4, 0.4))
+def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift: float) -> None:
+    matrix, offset = np.reshape(numbers[:9], (3, 3)), np.array(numbers[9:])
+    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 3, 1))
+    cage.SetInputConnection(weave.GetOutputPort())
+    cage.update()
+    grid = vtkUnstructuredGrid()
+    grid.DeepCopy(cage.GetOutputDataObject(0))
+    vertices = points(cage) + np.array([shift * 1e-3, 0.0, 0.0])  # some points fall outside
+    moved = vtkPoints()
+    moved.SetData(numpy_to_vtk(vertices, deep=True))
+    grid.SetPoints(moved)
+    displacement = numpy_to_vtk(vertices @ matrix.T + offset, deep=True)
+    displacement.SetName("displacement")
+    grid.GetPointData().AddArray(displacement)
+    warp = BarycentricWarp()
+    warp.SetInputConnection(0, weave.GetOutputPort())
+    warp.SetInputDataObject(1, grid)
+    warp.update()
+    rest = points(weave)
+    expected = rest @ matrix.T + offset
+    np.testing.assert_allclose(point_array(warp, "displacement"), expected, atol=1e-12)
+    np.testing.assert_allclose(points(warp), rest + expected, atol=1e-12)
+    assert bool(warp.warnings) == (abs(shift) > 1e-6)
+
+
+def test_arrays_ride_along_to_the_surface() -> None:
+    chain = Chain()
+    chain.update(time=0.1)
+    patches, surface = chain.warp.GetOutputDataObject(0), chain.surface.GetOutputDataObject(0)
+    data = surface.GetCellData()
+    for name in ("yarn", "family", "color"):
+        np.testing.assert_array_equal(
+            vtk_to_numpy(data.GetArray(name)),
+            np.repeat(vtk_to_numpy(patches.GetCellData().GetArray(name)), 4, axis=0),
+        )
+    normals = vtk_to_numpy(surface.GetPointData().GetNormals())
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+    assert surface.GetFieldData().GetArray("warp_theta") is not None
+
+
+def test_any_point_set_can_ride_and_keeps_its_type() -> None:
+    chain = Chain()
+    chain.update(time=0.05)
+    sphere = vtkSphereSource()
+    sphere.SetRadius(2e-4)
+    warp = BarycentricWarp()
+    warp.SetInputConnection(0, sphere.GetOutputPort())
+    warp.SetInputConnection(1, chain.response.GetOutputPort())
+    warp.update(time=0.05)
+    assert isinstance(warp.GetOutputDataObject(0), vtkPolyData)
+    assert np.abs(point_array(warp, "displacement")).max() > 0
+    # A filter of VTK's own between two of ours.
+    from vtkmodules.vtkCommonTransforms import vtkTransform
+
+    move, shift = vtkTransformFilter(), vtkTransform()
+    shift.Translate(0, 0, 1e-5)
+    move.SetTransform(shift)
+    move.SetInputConnection(warp.GetOutputPort())
+    chain.cage.SetInputConnection(move.GetOutputPort())
+    chain.response.gravity = (0, 0, 0)
+    warp.SetInputConnection(1, Chain().response.GetOutputPort())
+    chain.cage.update()
+    assert chain.cage.GetOutputDataObject(0).GetNumberOfCells() == 45
+
+
+# --- what is freed -----------------------------------------------------------------------------
+
+
+def test_pipelines_are_freed() -> None:
+    def round_trip(fail: bool) -> list[weakref.ref[Stage]]:
+        chain = Chain()
+        chain.update(time=0.1)
+        if fail:
+            chain.weave.warp_crimp_height = 1.0
+            with pytest.raises(GeometryError):
+                chain.update()
+        return [weakref.ref(stage) for stage in chain.stages]
+
+    def count() -> int:
+        gc.collect()
+        return sum(isinstance(thing, vtkObjectBase) for thing in gc.get_objects())
+
+    round_trip(True)
+    before = count()
+    for fail in (False, True, False, True):
+        stages = round_trip(fail)
+        gc.collect()
+        assert [stage() for stage in stages] == [None] * 6
+    assert count() <= before

@@ -1,0 +1,445 @@
+"""Weave geometry: Bézier tubes that touch, never overlap, and stay round and smooth."""
+
+from __future__ import annotations
+
+import doctest
+import tracemalloc
+from functools import cache
+from math import pi, sqrt
+from time import perf_counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from scipy.spatial import cKDTree
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import mutable, vtkPoints
+from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
+    vtkCellArray,
+    vtkUnstructuredGrid,
+)
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric import draft, weave
+from spacemap_vtk.fabric.peirce import feasible_height
+from spacemap_vtk.fabric.weave import RING, Cloth, Weave, axis_points, build
+
+MM = 1e-3
+SQUARE = Cloth(
+    warp_diameter=0.25 * MM, weft_diameter=0.25 * MM, warp_spacing=0.6 * MM, weft_spacing=0.6 * MM
+)
+UNEQUAL = Cloth(
+    warp_diameter=0.25,
+    weft_diameter=0.30,
+    warp_spacing=0.55,
+    weft_spacing=0.60,
+    warp_crimp_height=0.20,
+)
+#: All crimp in the warp, whose arcs turn by nearly 90 degrees.
+STEEP = Cloth(
+    warp_diameter=0.2,
+    weft_diameter=0.3,
+    warp_spacing=0.7,
+    weft_spacing=0.501,
+    warp_crimp_height=0.5,
+)
+JAMMED = Cloth(
+    warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.1 * sqrt(3), weft_spacing=0.1 * sqrt(3)
+)
+CLOTHS = {"square": SQUARE, "unequal": UNEQUAL, "steep": STEEP, "jammed": JAMMED}
+DRAWDOWNS = {
+    "plain": draft.plain(5, 4),
+    "twill": draft.twill(2, 1, 5, 6),
+    "satin": draft.satin(5, 2, 6, 7),
+    "basket": draft.basket(2, 5, 5),
+    "all up": np.ones((3, 4), dtype=bool),
+    "one": np.ones((1, 1), dtype=bool),
+}
+ALL = [(d, c) for d in DRAWDOWNS for c in CLOTHS]
+
+
+@cache
+def built(drawdown: str, cloth: str) -> Weave:
+    return build(DRAWDOWNS[drawdown], CLOTHS[cloth])
+
+
+def bernstein(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cubic Bernstein polynomials and their derivatives, (n, 4)."""
+    s = 1 - t
+    value = np.stack([s**3, 3 * s * s * t, 3 * s * t * t, t**3], axis=1)
+    slope = 3 * np.stack([-s * s, s * s - 2 * s * t, 2 * s * t - t * t, t * t], axis=1)
+    return value, slope
+
+
+#: VTK's order of a 3 x 3 Bézier quadrilateral, by hand: its place in the list for each (i, j).
+PLACES = [[0, 10, 11, 3], [4, 12, 14, 8], [5, 13, 15, 9], [1, 6, 7, 2]]
+
+
+def surface(made: Weave, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and derivatives of every patch at t x t, (patches, n, n, 3)."""
+    net = made.points[made.patches][:, PLACES]
+    value, slope = bernstein(t)
+    return tuple(
+        np.einsum("ui,vj,pijc->puvc", u, v, net, optimize=True)
+        for u, v in ((value, value), (slope, value), (value, slope))
+    )
+
+
+def expected_lengths(drawdown: np.ndarray, cloth: Cloth) -> np.ndarray:
+    result = []
+    for side, family in zip((drawdown.T, drawdown), cloth.families, strict=True):
+        changes = np.count_nonzero(np.diff(side.astype(int), axis=1), axis=1)
+        float_length = (side.shape[1] - 1 - changes) * family.crossed
+        result.append(changes * family.crimp.length + float_length + 2 * family.overhang)
+    return np.concatenate(result)
+
+
+def test_examples() -> None:
+    assert doctest.testmod(weave).failed == 0
+
+
+@pytest.mark.parametrize(("size", "parts"), [(7, 280), (100, 59_800)])
+def test_counts_of_plain_weave(size: int, parts: int) -> None:
+    start = perf_counter()
+    made = build(draft.plain(size, size), SQUARE)
+    assert perf_counter() - start < 2
+    assert made.patches.shape == (4 * parts, 16)
+    assert made.points.shape == (12 * (3 * parts + 2 * size), 3)
+    assert np.array_equal(np.unique(made.patches), np.arange(len(made.points)))
+    assert (np.bincount(made.yarn) == 4 * parts / (2 * size)).all()
+    assert np.array_equal(made.family, made.yarn >= size)
+    assert made.points.dtype == np.float64
+    assert made.patches.dtype == np.int64
+    assert made.yarn.dtype == np.int32
+    assert made.family.dtype == np.uint8
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_control_points_are_shared_inside_a_yarn(drawdown: str, cloth: str) -> None:
+    made = built(drawdown, cloth)
+    yarns = sum(DRAWDOWNS[drawdown].shape)
+    assert len(made.points) == RING * (3 * len(made.patches) // 4 + yarns)
+    assert np.array_equal(np.unique(made.patches), np.arange(len(made.points)))
+    assert np.array_equal(np.unique(made.yarn), np.arange(yarns))
+    first, last = np.full(yarns, len(made.points)), np.full(yarns, -1)
+    np.minimum.at(first, made.yarn, made.patches.min(axis=1))
+    np.maximum.at(last, made.yarn, made.patches.max(axis=1))
+    assert (first[1:] == last[:-1] + 1).all()
+    # no two points of a yarn coincide: nothing is degenerate, not even at exact jam
+    for begin, end in zip(first, last, strict=True):
+        points = made.points[begin : end + 1]
+        assert cKDTree(points).count_neighbors(cKDTree(points), 1e-3 * made.points.max() / 20) == (
+            len(points)
+        )
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_surface_lies_on_the_tube(drawdown: str, cloth: str) -> None:
+    made, families = built(drawdown, cloth), CLOTHS[cloth].families
+    points, _, _ = surface(made, np.linspace(0, 1, 7))
+    axis, owner = axis_points(DRAWDOWNS[drawdown], CLOTHS[cloth], samples=90)
+    for yarn in range(owner[-1] + 1):
+        mine = made.yarn == yarn
+        radius = families[made.family[mine][0]].diameter / 2
+        distance = cKDTree(axis[owner == yarn]).query(points[mine])[0] / radius - 1
+        # the axis is sampled: it seems a little further than it is
+        assert distance.max() < made.radial_error + 2e-4
+        assert distance.min() > -made.radial_error
+        # corners of the patches are on it exactly, above a station of the axis
+        assert abs(distance[:, ::6, ::6]).max() < 1e-12
+    assert abs(distance).max() > 2e-4
+    assert made.radial_error < 4e-4
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_tangents_are_continuous(drawdown: str, cloth: str) -> None:
+    made = built(drawdown, cloth)
+    net = made.points[made.patches][:, PLACES]
+    before, after = made.patches[:-4], made.patches[4:]
+    follows = made.yarn[:-4] == made.yarn[4:]
+    assert np.array_equal(before[follows][:, [1, 2]], after[follows][:, [0, 3]])
+    arrive = (net[:-4, 3] - net[:-4, 2])[follows]
+    leave = (net[4:, 1] - net[4:, 0])[follows]
+    for end in (arrive, leave):
+        end /= np.linalg.norm(end, axis=-1, keepdims=True)
+    assert abs(arrive - leave).max(initial=0) < 1e-11
+    # round the yarn: each quarter goes on into the next
+    rings = made.points.reshape(-1, RING, 3)
+    arrive, leave = rings[:, [0, 3, 6, 9]] - rings[:, [11, 2, 5, 8]], rings[:, [1, 4, 7, 10]]
+    leave = leave - rings[:, [0, 3, 6, 9]]
+    assert abs(arrive - leave).max() < 1e-12 * abs(made.points).max()
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_normals_point_outwards(drawdown: str, cloth: str) -> None:
+    made = built(drawdown, cloth)
+    t = np.linspace(0, 1, 5)
+    points, du, dv = surface(made, t)
+    rings = made.points.reshape(-1, RING, 3)
+    first = made.patches[:, 0] // RING
+    centres = np.stack([(rings[first + k, 0] + rings[first + k, 6]) / 2 for k in range(4)], axis=1)
+    middle = np.einsum("ui,pic->puc", bernstein(t)[0], centres)[:, :, None]
+    normal = np.cross(du, dv)
+    size = np.linalg.norm(normal, axis=-1)
+    assert size.min() > 1e-3 * np.median(size)
+    outward = points - middle
+    cosine = (normal * outward).sum(-1) / size / np.linalg.norm(outward, axis=-1)
+    assert cosine.min() > 0.99
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_yarns_touch_and_never_overlap(drawdown: str, cloth: str) -> None:
+    points, yarn = axis_points(DRAWDOWNS[drawdown], CLOTHS[cloth], samples=20)
+    warp = yarn < DRAWDOWNS[drawdown].shape[1]
+    distance = cKDTree(points[warp]).query(points[~warp])[0]
+    contact = CLOTHS[cloth].diameter_sum / 2
+    assert distance.min() == pytest.approx(contact, rel=1e-12)
+    # every crossing is a contact
+    assert np.count_nonzero(distance < contact * (1 + 1e-12)) >= DRAWDOWNS[drawdown].size
+
+
+cloths = st.builds(
+    lambda *measures: cloth_of(*measures),
+    *[st.floats(0.1, 1)] * 2,
+    *[st.floats(1.0, 3)] * 2,
+    st.floats(0, 1),
+)
+
+
+def cloth_of(d1: float, d2: float, s1: float, s2: float, share: float) -> Cloth:
+    p1, p2 = s1 * d1, s2 * d2
+    # stretch the spacings until the cloth can be woven
+    for _ in range(60):
+        low, high = feasible_height(p1, p2, d1 + d2)
+        if low <= high:
+            break
+        p1, p2 = 1.05 * p1, 1.05 * p2
+    return Cloth(
+        warp_diameter=d1,
+        weft_diameter=d2,
+        warp_spacing=p1,
+        weft_spacing=p2,
+        warp_crimp_height=low + share * (high - low),
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=6)), cloths)
+def test_any_weave_touches_and_never_overlaps(over: np.ndarray, cloth: Cloth) -> None:
+    points, yarn = axis_points(over, cloth, samples=12)
+    warp = yarn < over.shape[1]
+    distance = cKDTree(points[warp]).query(points[~warp])[0]
+    assert distance.min() == pytest.approx(cloth.diameter_sum / 2, rel=1e-9)
+    made = build(over, cloth)
+    assert np.isfinite(made.points).all()
+    assert made.radial_error < 1e-2
+    tallest = max(family.height + family.diameter for family in cloth.families)
+    assert 2 * abs(made.points[:, 2]).max() == pytest.approx(tallest, rel=1e-12)
+
+
+def test_sides_and_directions() -> None:
+    over = np.array([[1, 0, 1], [1, 1, 0]], dtype=bool)
+    points, yarn = axis_points(over, UNEQUAL, samples=1)
+    for end, pick in np.ndindex(3, 2):
+        place = (end - 1) * 0.55, (pick - 0.5) * 0.60
+        at = np.linalg.norm(points[:, :2] - place, axis=1) < 1e-9
+        warp, weft = (points[at & (yarn == y), 2] for y in (end, 3 + pick))
+        sign = 1 if over[pick, end] else -1
+        assert warp == pytest.approx(sign * 0.10)
+        assert weft == pytest.approx(-sign * 0.175)
+    for y, fixed in ((0, 0), (3, 1)):
+        assert np.ptp(points[yarn == y, fixed]) == 0
+        assert (np.diff(points[yarn == y, 1 - fixed]) > 0).all()
+    box = np.array([points.min(axis=0), points.max(axis=0)])
+    assert box[:, :2] == pytest.approx(np.array([[-0.825, -0.6], [0.825, 0.6]]))
+
+
+@pytest.mark.parametrize("overhang", [0.0, 0.1, 2.0])
+def test_overhang(overhang: float) -> None:
+    measures = {name: getattr(SQUARE, name) for name in SQUARE.__dataclass_fields__}
+    cloth = Cloth(**measures | {"overhang": overhang * MM})
+    made = build(draft.plain(4, 4), cloth)
+    assert len(made.patches) == 4 * 8 * (9 + 2 * (overhang > 0))
+    assert made.points[:, 0].max() == pytest.approx((0.9 + max(overhang, 0.125)) * MM)
+    points, _ = axis_points(draft.plain(4, 4), cloth)
+    assert points[:, 1].max() == pytest.approx((0.9 + overhang) * MM)
+    if overhang == 0:
+        with pytest.raises(InputError, match="overhang"):
+            build([[1, 0]], cloth)
+
+
+@pytest.mark.parametrize("cloth", CLOTHS)
+def test_shape_does_not_depend_on_the_unit(cloth: str) -> None:
+    over, reference = DRAWDOWNS["twill"], built("twill", cloth)
+    measures = {n: getattr(CLOTHS[cloth], n) for n in Cloth.__dataclass_fields__}
+    for unit in (1e3, 1e6, 1e-3, 1 / 3):
+        scaled = {n: None if value is None else value * unit for n, value in measures.items()}
+        made = build(over, Cloth(**scaled))
+        assert np.array_equal(made.patches, reference.patches)
+        size = abs(reference.points).max()
+        assert abs(made.points / unit - reference.points).max() < 1e-12 * size
+
+
+def test_long_arcs_are_split() -> None:
+    assert np.degrees(STEEP.families[0].crimp.theta) == pytest.approx(86.4, abs=0.1)
+    made = build(draft.plain(3, 3), STEEP)
+    # in a gap of the warp 2 + 1 + 2 parts, of the (straight) weft 1; an overhang at either end
+    assert (np.bincount(made.yarn) == 4 * np.array([12] * 3 + [4] * 3)).all()
+    # 60 degrees up to rounding are not split, and there is no straight between the arcs
+    assert (np.bincount(build(draft.plain(3, 3), JAMMED).yarn) == 4 * 6).all()
+
+
+def test_arcs_of_different_radii() -> None:
+    rng = np.random.default_rng(1)
+    gaps, yarns = 12, 5
+    arc = rng.uniform(0.1, 0.6, (yarns, gaps + 1))
+    height = rng.uniform(-0.2, 0.2, (yarns, gaps + 1))
+    height[:, 3:6] = height[:, 2:3]
+    bounds = np.cumsum(rng.uniform(1.0, 1.5, gaps + 1))
+    path = weave._lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
+    start, last, _ = weave._stations(path)
+    s, k, a = path.length, path.curvature, path.angle[start]
+    chord = s * np.sinc(k * s / 2 / pi)
+    for array, component in ((path.along, np.cos), (path.height, np.sin)):
+        ends = array[start] + chord * component(a + k * s / 2)
+        np.testing.assert_allclose(ends, array[start + 1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(a + k * s, path.angle[start + 1], atol=1e-14)
+    assert set(np.round(1 / abs(k[k != 0]), 9)) <= set(np.round(arc.ravel(), 9))
+    np.testing.assert_array_equal(path.height[last], height[:, -1])
+    assert (np.bincount(np.searchsorted(last, np.flatnonzero(path.angle == 0))) > gaps).all()
+
+
+def test_flat_families_are_straight() -> None:
+    measures = {n: getattr(UNEQUAL, n) for n in Cloth.__dataclass_fields__}
+    for height in (0.0, 1e-14, 1e-9):
+        made = build(draft.plain(4, 4), Cloth(**measures | {"warp_crimp_height": height}))
+        assert (np.bincount(made.yarn)[:4] == 4 * 5).all()
+        assert abs(made.points[made.patches[made.family == 0], 2]).max() < 0.126
+
+
+def grid_of(made: Weave) -> vtkUnstructuredGrid:
+    points, cells, grid = vtkPoints(), vtkCellArray(), vtkUnstructuredGrid()
+    points.SetData(numpy_to_vtk(made.points))
+    # deep: vtkCellArray of VTK 9.2 takes the memory, but not the array that keeps it alive
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(np.arange(0, made.patches.size + 1, 16), deep=True),
+        numpy_to_vtkIdTypeArray(made.patches.ravel(), deep=True),
+    )
+    grid.SetPoints(points)
+    grid.SetCells(VTK_BEZIER_QUADRILATERAL, cells)
+    return grid
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), [("twill", "unequal"), ("plain", "steep")])
+def test_vtk_sees_the_same_tubes(drawdown: str, cloth: str) -> None:
+    made = built(drawdown, cloth)
+    grid = grid_of(made)
+    points, _, _ = surface(made, np.array([0.2, 0.7]))
+    for patch in range(0, len(made.patches), 37):
+        location, weights = [0.0] * 3, [0.0] * 16
+        grid.GetCell(patch).EvaluateLocation(mutable(0), (0.7, 0.2, 0.0), location, weights)
+        np.testing.assert_allclose(location, points[patch, 1, 0], atol=1e-14)
+
+    tessellator = vtkDataSetSurfaceFilter()
+    tessellator.SetNonlinearSubdivisionLevel(3)
+    tessellator.PassThroughCellIdsOn()
+    tessellator.SetInputData(grid)
+    tessellator.Update()
+    result = tessellator.GetOutput()
+    vertices = vtk_to_numpy(result.GetPoints().GetData()).astype(float)
+    triangles = vtk_to_numpy(result.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    a, b, c = vertices[triangles.T]
+    patch = vtk_to_numpy(result.GetCellData().GetArray("vtkOriginalCellIds"))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    by_yarn = np.bincount(made.yarn[patch], weights=area)
+    # by Pappus the area of a tube is its axis' length times its girth; chords lose (pi/32)**2 / 6
+    family = made.family[np.unique(made.yarn, return_index=True)[1]]
+    diameter = np.array([f.diameter for f in CLOTHS[cloth].families])[family]
+    lengths = by_yarn / (pi * diameter)
+    np.testing.assert_allclose(
+        lengths, expected_lengths(DRAWDOWNS[drawdown], CLOTHS[cloth]), rtol=3e-3
+    )
+    assert abs(lengths / expected_lengths(DRAWDOWNS[drawdown], CLOTHS[cloth]) - 1).min() > 1e-4
+
+
+@pytest.mark.parametrize(("drawdown", "cloth"), ALL)
+def test_areas_by_quadrature(drawdown: str, cloth: str) -> None:
+    made = built(drawdown, cloth)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    _, du, dv = surface(made, (nodes + 1) / 2)
+    element = np.linalg.norm(np.cross(du, dv), axis=-1)
+    area = np.einsum("puv,u,v->p", element, weights / 2, weights / 2)
+    family = made.family[np.unique(made.yarn, return_index=True)[1]]
+    diameter = np.array([f.diameter for f in CLOTHS[cloth].families])[family]
+    np.testing.assert_allclose(
+        np.bincount(made.yarn, weights=area) / (pi * diameter),
+        expected_lengths(DRAWDOWNS[drawdown], CLOTHS[cloth]),
+        rtol=4e-4,
+    )
+
+
+@pytest.mark.parametrize("kind", ["plain", "steep", "float"])
+def test_memory_is_estimated_from_above(kind: str) -> None:
+    over = draft.plain(60, 40) if kind != "float" else np.ones((40, 60), dtype=bool)
+    cloth, parts = {"plain": (SQUARE, 3), "steep": (STEEP, 5), "float": (SQUARE, 1)}[kind]
+    tracemalloc.start()
+    build(over, cloth)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    estimate = weave.estimate_bytes(60, 40, parts)
+    assert peak < estimate
+    if kind != "steep":  # whose weft is straight
+        assert estimate < 1.3 * peak
+    assert weave.estimate_bytes(60, 40) >= estimate
+
+
+def test_figures_of_plain_weave() -> None:
+    figures = weave.fabric_figures(draft.plain(7, 5), UNEQUAL, density=1000.0)
+    assert (figures["ends"], figures["picks"]) == (7, 5)
+    warp, weft = figures["warp"], figures["weft"]
+    assert warp["theta_deg"] == pytest.approx(22.097356, abs=5e-7)
+    assert weft["theta_deg"] == pytest.approx(50.033787, abs=5e-7)
+    assert warp["length"] == pytest.approx(0.63638346, abs=5e-9)
+    assert weft["crimp"] == pytest.approx(0.236891, abs=5e-7)
+    assert weft["mean_crimp"] == pytest.approx(weft["crimp"], rel=1e-14)
+    assert (warp["height"], weft["height"]) == pytest.approx((0.20, 0.35))
+    assert figures["thickness"] == pytest.approx(0.65)
+    assert (warp["cover"], weft["cover"]) == pytest.approx((0.25 / 0.55, 0.5))
+    assert figures["cover"] == pytest.approx(1 - (1 - 0.25 / 0.55) * 0.5)
+    lengths = expected_lengths(draft.plain(7, 5), UNEQUAL)
+    assert warp["yarn_length"] == pytest.approx(lengths[:7].sum())
+    assert weft["yarn_length"] == pytest.approx(lengths[7:].sum())
+    # one repeat, two by two: two lengths of each of two yarns
+    volume = pi / 4 * (4 * warp["length"] * 0.25**2 + 4 * weft["length"] * 0.30**2)
+    area = 4 * 0.55 * 0.60
+    assert figures["areal_mass"] == pytest.approx(1000 * volume / area)
+    assert figures["volume_fraction"] == pytest.approx(volume / area / 0.65)
+
+
+def test_figures_count_floats() -> None:
+    over = draft.twill(3, 1, 9, 9)
+    figures = weave.fabric_figures(over, SQUARE)
+    assert figures["areal_mass"] is None
+    assert figures["warp"]["mean_crimp"] == pytest.approx(figures["warp"]["crimp"] / 2)
+    total = expected_lengths(over, SQUARE).sum()
+    assert sum(figures[f]["yarn_length"] for f in ("warp", "weft")) == pytest.approx(total)
+    alone = weave.fabric_figures([[1]], SQUARE)
+    assert alone["warp"]["mean_crimp"] == 0
+    assert alone["warp"]["yarn_length"] == pytest.approx(0.6 * MM)
+
+
+def test_refusals() -> None:
+    for bad in (np.ones(3), np.ones((0, 2)), 1):
+        with pytest.raises(InputError, match="drawdown"):
+            build(bad, SQUARE)
+    measures = dict.fromkeys(("warp_diameter", "weft_diameter"), 0.15 * MM)
+    measures |= dict.fromkeys(("warp_spacing", "weft_spacing"), 0.27 * MM)
+    with pytest.raises(GeometryError, match=r"allowed: 0\.1307\d* mm to 0\.1692\d* mm"):
+        Cloth(**measures, warp_crimp_height=0.2 * MM)
+    measures |= dict.fromkeys(("warp_spacing", "weft_spacing"), 0.2 * MM)
+    with pytest.raises(GeometryError, match="jammed at every"):
+        Cloth(**measures)

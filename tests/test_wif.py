@@ -1,0 +1,679 @@
+"""Weaving Information Files: a real draft, each leniency, each refusal, round trips, fuzzing."""
+
+import dataclasses
+import doctest
+import re
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric import wif, wif_writer
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.fabric.wif_writer import format_wif
+
+REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
+
+# Plain weave of 4 ends and 2 picks, without a fault; the tests change lines of it by number.
+BASE = """\
+[WIF]
+Version=1.1
+[CONTENTS]
+WEAVING=true
+WARP=true
+WEFT=true
+THREADING=true
+TIEUP=true
+TREADLING=true
+COLOR PALETTE=true
+COLOR TABLE=true
+[WEAVING]
+Shafts=2
+Treadles=2
+Rising Shed=true
+[WARP]
+Threads=4
+Color=1
+Units=Centimeters
+Spacing=0.1
+[WEFT]
+Threads=2
+Color=2
+Units=Centimeters
+Spacing=0.2
+[COLOR PALETTE]
+Entries=2
+Range=0,255
+[COLOR TABLE]
+1=255,0,0
+2=0,0,255
+[THREADING]
+1=1
+2=2
+3=1
+4=2
+[TIEUP]
+1=1
+2=2
+[TREADLING]
+1=1
+2=2
+"""
+PLAIN = ["1010", "0101"]
+
+
+def changed(changes):
+    """Return BASE with some lines, counted from 1, replaced, or dropped where None is given."""
+    lines = BASE.splitlines()
+    for number, line in changes.items():
+        lines[number - 1] = line
+    return "\n".join(line for line in lines if line is not None) + "\n"
+
+
+def rows(draft):
+    return ["".join("01"[cell] for cell in row) for row in draft.drawdown.astype(int)]
+
+
+def same(first, second):
+    """Assert that two WifDrafts are one draft, their warnings apart."""
+    for one, other in ((first.draft, second.draft), (first, second)):
+        for field in dataclasses.fields(one):
+            if field.name not in ("warnings", "draft"):
+                a, b = getattr(one, field.name), getattr(other, field.name)
+                if isinstance(a, np.ndarray):
+                    assert b.dtype == a.dtype
+                    np.testing.assert_array_equal(a, b)
+                else:
+                    assert a == b, field.name
+
+
+# --- a draft that a weaver's program wrote
+
+
+def naive_sections(path):
+    sections, name = {}, None
+    for line in path.read_text().split("\n"):
+        line = line.strip()
+        if line.startswith("["):
+            name = line[1:-1]
+            sections[name] = {}
+        elif "=" in line:
+            left, right = line.split("=", 1)
+            sections[name][left] = right
+    return sections
+
+
+def test_real_draft_against_a_naive_reading():
+    sections = naive_sections(REAL)
+    found = read_wif(REAL)
+    draft = found.draft
+    expected = np.zeros((62, 62), dtype=bool)
+    for pick in range(62):
+        for end in range(62):
+            for treadle in sections["TREADLING"][str(pick + 1)].split(","):
+                if sections["THREADING"][str(end + 1)] in sections["TIEUP"][treadle].split(","):
+                    expected[pick, end] = True
+    np.testing.assert_array_equal(draft.drawdown, expected)
+    # 17 of 32 shafts rise at each pick
+    assert draft.drawdown.dtype == bool
+    assert 0.5 < expected.mean() < 0.57
+    assert draft.warnings == ()
+    for family, colors in (("WARP", draft.warp_colors), ("WEFT", draft.weft_colors)):
+        assert colors.dtype == np.uint8
+        for thread in range(62):
+            index = sections[family + " COLORS"][str(thread + 1)]
+            assert ",".join(map(str, colors[thread])) == sections["COLOR TABLE"][index]
+    assert tuple(draft.warp_colors[0]) == (55, 117, 178)
+    assert tuple(draft.warp_colors[1]) == (125, 60, 87)
+    for length in (draft.warp_spacing, draft.weft_spacing, draft.warp_thickness):
+        assert length == pytest.approx(0.04167 * 0.0254, rel=1e-15)
+    assert draft.weft_thickness == draft.weft_spacing
+    assert (found.loom.shafts, found.loom.treadles, found.loom.rising) == (32, 32, True)
+    assert found.loom.treadling[0] == (32,)
+    assert found.warp_spacings is None
+
+
+def test_real_draft_written_and_read_again():
+    found = read_wif(REAL)
+    again = parse_wif(format_wif(found))
+    same(found, again)
+    assert again.draft.warnings == ()
+    assert format_wif(again) == format_wif(found)
+    # without its loom the cloth stays, woven by the smallest loom
+    derived = parse_wif(format_wif(found.draft))
+    np.testing.assert_array_equal(derived.draft.drawdown, found.draft.drawdown)
+    assert derived.loom.shafts == 32
+
+
+# --- what the standard allows, which is no reason for a warning
+
+ALLOWED = {
+    "comment after a number": ({33: "1=1 ; selvedge"}, PLAIN),
+    "comment after a boolean": ({15: "Rising Shed=YES;jack loom"}, PLAIN),
+    "comment line": ({12: "; a comment\n  ;another\n[WEAVING]"}, PLAIN),
+    "mixed case": ({12: "[Weaving]", 13: "SHAFTS=2", 32: "[tHreading]", 16: "[warp]"}, PLAIN),
+    "blanks": ({13: "  Shafts =  2  ", 15: "Rising   Shed = 1", 33: " 1 = 1"}, PLAIN),
+    "several treadles": ({41: "1=1,2"}, ["1111", "0101"]),
+    "several shafts for a treadle": ({38: "1=1, 2"}, ["1111", "0101"]),
+    "a treadle that is tied twice": ({38: "1=1,1", 41: "1=1,1"}, PLAIN),
+    "an end in two heddles": ({33: "1=2,1"}, ["1010", "1101"]),
+    "zeros in lists": ({41: "1=0,1", 38: "1=1,0"}, PLAIN),
+    "falling shed": ({15: "Rising Shed=false"}, ["0101", "1010"]),
+    "falling shed, 0": ({15: "Rising Shed=0"}, ["0101", "1010"]),
+    "an end in two heddles, falling shed": (
+        {15: "Rising Shed=off", 33: "1=1,2"},
+        ["0101", "0010"],
+    ),
+    "liftplan": ({37: None, 38: None, 39: None, 8: None, 9: "LIFTPLAN=1", 40: "[LIFTPLAN]"}, PLAIN),
+    "liftplan and an idle tie-up": ({9: "LIFTPLAN=1", 40: "[LIFTPLAN]"}, PLAIN),
+    "more shafts than are used": ({13: "Shafts=8", 14: "Treadles=10"}, PLAIN),
+    "idle treadles beyond the stated": ({39: "2=2\n3=0\n4="}, PLAIN),
+    "private section": ({12: "[PRIVATE X Y]\nno equals sign\n1=\n1=\n[WEAVING]"}, PLAIN),
+    "notes": ({3: "[NOTES]\njust text\n[CONTENTS]\nNOTES=1"}, PLAIN),
+    "leading zeros": ({33: "01=001"}, PLAIN),
+    "numbers as reals": ({17: "Threads=4.0"}, PLAIN),
+    "empty lengths and colours": ({20: "Spacing=", 18: "Color="}, PLAIN),
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_allowed(name):
+    changes, expected = ALLOWED[name]
+    draft = parse_wif(changed(changes)).draft
+    assert rows(draft) == expected
+    assert draft.warnings == ()
+
+
+def test_any_order_of_sections():
+    sections = ["[" + part for part in BASE.split("[")[1:]]
+    draft = parse_wif("".join(reversed(sections))).draft
+    same(parse_wif(BASE), parse_wif("".join(reversed(sections))))
+    assert draft.warnings == ()
+
+
+def test_sparse_colours_and_lengths_over_the_defaults():
+    extra = "[WARP COLORS]\n3=2\n[WARP SPACING]\n2=0.3\n[WARP THICKNESS]\n4=0.05\n1=0.05\n[WARP]"
+    listed = "COLOR TABLE=true\nWARP COLORS=1\nWARP SPACING=1\nWARP THICKNESS=1"
+    found = parse_wif(changed({16: extra, 11: listed, 20: "Spacing=0.1\nThickness=0.02"}))
+    draft = found.draft
+    assert draft.warnings == ()
+    red, blue = [255, 0, 0], [0, 0, 255]
+    assert draft.warp_colors.tolist() == [red, red, blue, red]
+    assert draft.weft_colors.tolist() == [blue, blue]
+    assert draft.warp_spacing == 0.001
+    assert found.warp_spacings.tolist() == [0.001, 0.003, 0.001, 0.001]
+    assert draft.warp_thickness == 0.0002
+    assert found.warp_thicknesses.tolist() == [0.0005, 0.0002, 0.0002, 0.0005]
+    assert (draft.weft_spacing, draft.weft_thickness, found.weft_spacings) == (0.002, None, None)
+    same(found, parse_wif(format_wif(found)))
+
+
+@pytest.mark.parametrize(
+    ("units", "metres"),
+    [
+        *((name, 0.0254 / 720) for name in ("Decipoints", "decipoint", "dp", "DPTS")),
+        *((name, 0.0254) for name in ("Inches", "INCH", "in", "in.", "inches ;comment")),
+        *((name, 0.01) for name in ("Centimeters", "centimetres", "Centimeter", "CM", "c.m.")),
+    ],
+)
+def test_units(units, metres):
+    draft = parse_wif(changed({19: f"Units={units}", 20: "Spacing=.5"})).draft
+    assert draft.warp_spacing == pytest.approx(0.5 * metres, rel=1e-15)
+    assert draft.weft_spacing == 0.002
+    assert draft.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("range_", "color", "expected"),
+    [
+        ("0,255", "255,128,0", [255, 128, 0]),
+        ("0,999", "999,500,0", [255, 128, 0]),
+        ("0, 65535", "65535,257,0", [255, 1, 0]),
+        ("0,15", "15,8,0", [255, 136, 0]),
+        ("100,200", "200,150,100", [255, 128, 0]),
+        ("0,255", "255;comment", None),
+    ],
+)
+def test_colour_ranges(range_, color, expected):
+    draft = parse_wif(changed({28: f"Range={range_}", 30: f"1={color}", 31: "2=0,0,0"})).draft
+    if expected:
+        assert draft.warp_colors.tolist() == [expected] * 4
+
+
+def test_inline_colours_stand_in_for_the_palette():
+    draft = parse_wif(changed({18: "Color=7,1,2,3", 23: "Color=1,9,9,9"})).draft
+    assert draft.warp_colors.tolist() == [[1, 2, 3]] * 4
+    # the table wins, as the standard has it
+    assert draft.weft_colors.tolist() == [[255, 0, 0]] * 2
+    assert draft.warnings == ()
+
+
+def test_no_colours_at_all():
+    gone = dict.fromkeys([10, 11, 18, 23, *range(26, 32)])
+    draft = parse_wif(changed(gone)).draft
+    assert (draft.warp_colors, draft.weft_colors, draft.warnings) == (None, None, ())
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("codec", ["utf-8", "utf-8-sig"])
+def test_encodings_and_line_ends(codec, end):
+    text = changed({3: "[TEXT]\nTitle=Köper; breit \n[CONTENTS]\nTEXT=1"}).replace("\n", end)
+    draft = parse_wif(text.encode(codec)).draft
+    # a semicolon in a string is no comment
+    assert (draft.title, draft.warnings, rows(draft)) == ("Köper; breit", (), PLAIN)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_latin_1_is_noted_where_it_shows(end):
+    text = changed({3: "[TEXT]\nTitle=Köper\n[CONTENTS]\nTEXT=1"}).replace("\n", end)
+    draft = parse_wif(text.encode("latin-1")).draft
+    assert draft.title == "Köper"
+    assert len(draft.warnings) == 1
+    assert draft.warnings[0].startswith("line 4: ")
+    assert "Latin-1" in draft.warnings[0]
+
+
+def test_utf_16():
+    draft = parse_wif(BASE.encode("utf-16")).draft
+    assert rows(draft) == PLAIN
+    assert draft.warnings[0].startswith("line 1: the file is in UTF-16")
+
+
+# --- leniencies: lines changed, line of the one warning, what it says, the drawdown
+
+FLOAT_3 = ["1000", "0101"]
+LENIENT = {
+    "no [WIF]": ({1: None, 2: None}, 1, "no [WIF]", PLAIN),
+    "version": ({2: "Version=1.0"}, 2, 'Version "1.0" is read as 1.1', PLAIN),
+    "no version": ({2: None}, 1, "no Version", PLAIN),
+    "no [CONTENTS]": (dict.fromkeys(range(3, 12)), 1, "no [CONTENTS]", PLAIN),
+    "[CONTENTS] lists too much": ({9: "TREADLING=1\nLIFTPLAN=1"}, 10, "[LIFTPLAN]", PLAIN),
+    "[CONTENTS] lists too little": ({7: None}, 31, "does not list [THREADING]", PLAIN),
+    "[CONTENTS] denies": ({7: "THREADING=no"}, 32, "does not list [THREADING]", PLAIN),
+    "text before all": ({1: "hello\n[WIF]"}, 1, "before the first section", PLAIN),
+    "no equals sign": ({13: "Shafts=2\nhello"}, 14, '"hello" is not of the form', PLAIN),
+    "no bracket": ({12: "[WEAVING ; x"}, 12, 'lacks its "]"', PLAIN),
+    "unknown section": ({12: "[TREADLNG]\n1=1\n[WEAVING]", 11: "COLOR TABLE=1\nTREADLNG=1"}, 13,
+                        "[TREADLNG] is not known", PLAIN),
+    "section twice": ({35: "[threading]\n3=1"}, 35, "[THREADING] is there already, in line 32",
+                      PLAIN),
+    "key twice": ({34: "2=1\n02=2"}, 35, "[THREADING] 02 is given already, in line 34", PLAIN),
+    "key that is no number": ({33: "1=1\nx=2"}, 34, '"x" is not a number from 1', PLAIN),
+    "key 0": ({33: "1=1\n0=2"}, 34, '"0" is not a number from 1', PLAIN),
+    "no rising shed": ({15: None}, 12, "no Rising Shed; a rising shed is assumed", PLAIN),
+    "rising shed empty": ({15: "Rising Shed="}, 15, "a rising shed is assumed", PLAIN),
+    "rising shed unreadable": ({15: "Rising Shed=up"}, 15, 'Rising Shed "up" is neither', PLAIN),
+    "no shafts": ({13: None}, 12, "no Shafts; 2 assumed", PLAIN),
+    "shafts 0": ({13: "Shafts=0"}, 13, "no Shafts; 2 assumed", PLAIN),
+    "too few shafts, threading": ({13: "Shafts=2", 36: "4=3", 39: "2=2"}, 36,
+                                  "shaft 3 is beyond Shafts=2", ["1010", "0100"]),
+    "too few shafts, tie-up": ({39: "2=2,5"}, 39, "[TIEUP] shaft 5 is beyond Shafts=2", PLAIN),
+    "no treadles": ({14: "Treadles="}, 14, "no Treadles; 2 assumed", PLAIN),
+    "tie-ups beyond the treadles": ({39: "2=2\n3=1\n4=1"}, 40, "treadle 3 is beyond Treadles=2",
+                                    PLAIN),
+    "no tie-up for a treadle": ({14: "Treadles=3", 41: "1=1,3"}, 41, "treadle 3", PLAIN),
+    "no ends": ({17: "Threads="}, 17, "[WARP] has no Threads; 4 assumed", PLAIN),
+    "no picks": ({22: None}, 21, "[WEFT] has no Threads; 2 assumed", PLAIN),
+    "ends 0": ({17: "Threads=0"}, 17, "[WARP] has no Threads; 4 assumed", PLAIN),
+    "threading beyond the ends": ({17: "Threads=2"}, 35, "[THREADING] 3 is beyond the 2 threads",
+                                  ["10", "01"]),
+    "treadling beyond the picks": ({22: "Threads=1"}, 42, "[TREADLING] 2 is beyond", ["1010"]),
+    "end in no heddle": ({35: None}, 32, "end 3 floats across the cloth: in no heddle, under",
+                         FLOAT_3),
+    "end in heddle 0": ({35: "3=0"}, 35, "end 3 floats across the cloth", FLOAT_3),
+    "end with an empty value": ({35: "3="}, 35, "end 3 floats across the cloth", FLOAT_3),
+    "two ends in no heddle": ({34: "2=0", 35: None}, 34, "ends 2, 3 float across",
+                              ["1000", "0001"]),
+    "end in no heddle, falling shed": ({35: "3=", 15: "Rising Shed=no"}, 35, "over every pick",
+                                       ["0111", "1010"]),
+    "empty pick": ({41: "1=0"}, 41, "pick 1 floats across the cloth: in no shed, over every",
+                   ["0000", "0101"]),
+    "pick left out": ({41: None}, 40, "pick 1 floats", ["0000", "0101"]),
+    "pick of an idle treadle": ({38: "1=0"}, 41, "pick 1 floats", ["0000", "0101"]),
+    "treadling and liftplan": ({9: "TREADLING=1\nLIFTPLAN=1", 40: "[LIFTPLAN]\n1=2\n[TREADLING]"},
+                               41, "the treadling is used", PLAIN),
+    "treadling of zeros and liftplan": (
+        {9: "LIFTPLAN=1", 40: "[LIFTPLAN]\n1=2\n2=1\n[TREADLING]", 8: "TIEUP=1\nTREADLING=1",
+         41: "1=0", 42: "2="},
+        44, "the treadling presses no treadle; the liftplan is used", ["0101", "1010"]),
+    "treadling without tie-up and liftplan": (
+        {8: "LIFTPLAN=1", 37: "[LIFTPLAN]", 38: "1=2", 39: "2=1"},
+        40, "the treadling has no tie-up; the liftplan is used", ["0101", "1010"]),
+    "blanks for commas": ({38: "1=1 2"}, 38, "blanks between", ["1111", "0101"]),
+    "words after numbers": ({33: "1=1 (left)"}, 33, '"(left)" after the numbers', PLAIN),
+    "range missing": ({28: None}, 26, "is missing; 0,255 assumed", PLAIN),
+    "range missing, 0 to 999": ({28: None, 30: "1=999,0,0"}, 26, "0,999 assumed", PLAIN),
+    "range missing, 16 bit": ({28: "Range=", 30: "1=40000,0,0"}, 28, "0,65535 assumed", PLAIN),
+    "range unreadable": ({28: "Range=255,0"}, 28, '"255,0" can\'t be read; 0,255', PLAIN),
+    "colour outside of the range": ({30: "1=300,0,0"}, 30, "outside of the Range", PLAIN),
+    "colour form": ({27: "Entries=2\nForm=HSV"}, 28, "Form=HSV is read as RGB", PLAIN),
+    "colour entries": ({27: "Entries=20"}, 27, "Entries=20, but [COLOR TABLE] has 2", PLAIN),
+    "colour of the table": ({31: "2=0,0,255\n3=red"}, 32, '"red" is not r,g,b', PLAIN),
+    "colour not in the table": ({18: "Color=7"}, 18, "colour 7 is not in [COLOR TABLE]", PLAIN),
+    "colour 0": ({18: "Color=0"}, 18, "colour 0 is not in [COLOR TABLE]", PLAIN),
+    "colour as r,g,b": ({18: "Color=1,2,3"}, 18, "read as r,g,b", PLAIN),
+    "colour and more": ({18: "Color=1,2"}, 18, "numbers after the index", PLAIN),
+    "colour unreadable": ({18: "Color=red"}, 18, '"red" is not a colour', PLAIN),
+    "colour of few threads": (
+        {11: "COLOR TABLE=1\nWARP COLORS=1", 18: None, 21: "[WARP COLORS]\n2=2\n[WEFT]"},
+        21, "3 threads have no colour in [WARP COLORS], nor has [WARP]; given that of thread 2",
+        PLAIN),
+    "colours beyond the ends": (
+        {11: "COLOR TABLE=1\nWARP COLORS=1", 21: "[WARP COLORS]\n9=2\n[WEFT]"},
+        23, "[WARP COLORS] 9 is beyond the 4 threads", PLAIN),
+    "units missing": ({19: None}, 16, "[WARP] has no Units; centimeters assumed", PLAIN),
+    "units empty": ({19: "Units="}, 19, "[WARP] has no Units; centimeters assumed", PLAIN),
+    "units unknown": ({19: "Units=cubits"}, 19, 'Units "cubits" are not known; centim', PLAIN),
+    "units not of the standard": ({19: "Units=mm"}, 19, "Units=mm is not of the standard", PLAIN),
+    "decimal comma": ({20: "Spacing=0,1"}, 20, "the comma is read as a point", PLAIN),
+    "spacing 0": ({20: "Spacing=0"}, 20, "Spacing of 0 in [WARP] is read as not given", PLAIN),
+    "spacing negative": ({20: "Spacing=-1"}, 20, "is not between 1 µm and 1 m", PLAIN),
+    "spacing huge": ({20: "Spacing=1e200"}, 20, "is not between 1 µm and 1 m", PLAIN),
+    "spacing unreadable": ({20: "Spacing=wide"}, 20, '"wide" in [WARP] is not a number', PLAIN),
+    "spacing nan": ({20: "Spacing=nan"}, 20, '"nan" in [WARP] is not a number', PLAIN),
+    "spacing of few threads": (
+        {11: "COLOR TABLE=1\nWARP SPACING=1", 20: None, 21: "[WARP SPACING]\n2=0.3\n[WEFT]"},
+        21, "are given the others' mean", PLAIN),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LENIENT)
+def test_leniency(name):
+    changes, line, said, expected = LENIENT[name]
+    found = parse_wif(changed(changes))
+    draft = found.draft
+    assert rows(draft) == expected
+    assert len(draft.warnings) == 1, draft.warnings
+    assert draft.warnings[0].startswith(f"line {line}: ")
+    assert said in draft.warnings[0]
+    same(found, parse_wif(format_wif(found)))
+
+
+def test_a_warning_is_given_once_with_the_count():
+    draft = parse_wif(changed({33: "1=1 x", 35: "3=1 y", 38: "1=1 z"})).draft
+    assert draft.warnings == (
+        'line 33: "x" after the numbers is ignored (and 2 more, the last in line 38)',
+    )
+
+
+def test_units_of_nobody_are_inches():
+    draft = parse_wif(changed({19: None, 24: None})).draft
+    assert draft.warp_spacing == 0.1 * 0.0254
+    assert [warning.split(":")[0] for warning in draft.warnings] == ["line 16", "line 20"]
+
+
+def test_values_that_leniency_gives():
+    assert parse_wif(changed({28: None, 30: "1=999,500,0"})).draft.warp_colors[0].tolist() == [
+        255,
+        128,
+        0,
+    ]
+    assert parse_wif(changed({18: "Color=1,2,3"})).draft.warp_colors[0].tolist() == [1, 2, 3]
+    assert parse_wif(changed({20: "Spacing=0,1"})).draft.warp_spacing == 0.001
+    assert parse_wif(changed({20: "Spacing=0"})).draft.warp_spacing is None
+    assert parse_wif(changed({18: "Color=7"})).draft.warp_colors is None
+    assert parse_wif(changed({30: "1=300,0,-5"})).draft.warp_colors[0].tolist() == [255, 0, 0]
+
+
+# --- refusals: lines changed, line in the message, what it says
+
+REFUSED = {
+    "no section": (None, 1, "no section of a draft", InputError),
+    "no threading": (dict.fromkeys(range(32, 37)), 37, "no end threaded", InputError),
+    "empty threading": (dict.fromkeys(range(33, 37)), 32, "no end threaded", InputError),
+    "threading of zeros": ({33: "1=0", 34: "2=", 35: None, 36: None}, 32, "no end", InputError),
+    "no treadling": (dict.fromkeys(range(40, 43)), 39, "no treadle in [TREADLING]", InputError),
+    "treadling of zeros": ({41: "1=0", 42: "2=0"}, 40, "no treadle", InputError),
+    "no tie-up": (dict.fromkeys(range(37, 40)), 39, "no tie-up", InputError),
+    "shaft in words": ({34: "2=two"}, 34, "not a list of numbers", InputError),
+    "shaft negative": ({34: "2=-2"}, 34, "not a list of numbers", InputError),
+    "shaft real": ({34: "2=1.5"}, 34, "not a list of numbers", InputError),
+    "word in a list": ({38: "1=1,x,2"}, 38, "not a list of numbers", InputError),
+    "treadle in words": ({42: "2=second"}, 42, "not a list of numbers", InputError),
+    "foreign digits": ({34: "2=٢"}, 34, "not a list of numbers", InputError),
+    "shaft too high": ({34: "2=100001"}, 34, "too large", SizeError),
+    "shaft endless": ({34: "2=" + "9" * 9999}, 34, "too large", SizeError),
+    "treadle too high": ({39: "100001=2"}, 39, "too many treadles", SizeError),
+    "threads unreadable": ({17: "Threads=many"}, 17, "not a count", InputError),
+    "threads negative": ({17: "Threads=-4"}, 17, "not a count", InputError),
+    "threads broken": ({17: "Threads=4.5"}, 17, "not a count", InputError),
+    "threads too many": ({17: "Threads=1000000000"}, 17, "too many", SizeError),
+    "threads too many, 1e9": ({17: "Threads=1e9"}, 17, "too many", SizeError),
+    "threads assumed too many": ({17: None, 33: "999999=1"}, 32, "too many", SizeError),
+    "shafts too many": ({13: "Shafts=1e99"}, 13, "too many", SizeError),
+    "treadles unreadable": ({14: "Treadles=?"}, 14, "not a count", InputError),
+    "cloth too large": ({17: "Threads=9000", 22: "Threads=9000"}, 22, "too large", SizeError),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusal(name):
+    changes, line, said, kind = REFUSED[name]
+    text = "hello" if changes is None else changed(changes)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=rf"line {line}: ") as caught:
+            parse_wif(text)
+        assert tracemalloc.get_traced_memory()[1] < 2**20
+    finally:
+        tracemalloc.stop()
+    assert type(caught.value) is kind
+    assert said in str(caught.value)
+    assert caught.value.allowed
+    assert caught.value.cure
+
+
+def test_refusal_names_key_value_and_cure():
+    with pytest.raises(InputError) as caught:
+        parse_wif(changed({34: "2=two"}))
+    error = caught.value
+    assert (error.key, error.value) == ("[THREADING] 2", "two")
+    assert str(error).startswith('[THREADING] 2 = "two": line 34: not a list of numbers; allowed:')
+
+
+def test_too_long(monkeypatch, tmp_path):
+    monkeypatch.setattr(wif, "MAX_LENGTH", 100)
+    with pytest.raises(SizeError, match="too long"):
+        parse_wif(BASE)
+    path = tmp_path / "long.wif"
+    path.write_text(BASE)
+    with pytest.raises(SizeError, match=r"long\.wif"):
+        read_wif(path)
+
+
+def test_read_wif_names_the_file(tmp_path):
+    path = tmp_path / "a.wif"
+    path.write_text(changed({34: "2=two"}))
+    with pytest.raises(InputError) as caught:
+        read_wif(str(path))
+    assert caught.value.file == str(path)
+    assert str(caught.value).startswith(f"{path}: [THREADING] 2")
+    for missing in (tmp_path / "none.wif", tmp_path, tmp_path / "nul\0.wif"):
+        with pytest.raises(InputError, match="can't be read") as caught:
+            read_wif(missing)
+        assert caught.value.file == str(missing)
+
+
+# --- the loom, and round trips
+
+
+def test_smallest_loom():
+    loom = Loom.from_drawdown(np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]], dtype=bool))
+    assert loom.threading == ((1,), (2,), (1,))
+    assert loom.tieup == ((1,), ())
+    assert loom.treadling == ((1,), (2,), (1,))
+    assert (loom.shafts, loom.treadles) == (2, 2)
+
+
+lengths = st.none() | st.floats(1e-6, 1.0)
+titles = st.text(st.characters(codec="utf-8"), max_size=20)
+
+
+@st.composite
+def drafts(draw):
+    picks, ends = draw(st.integers(1, 9)), draw(st.integers(1, 9))
+    return Draft(
+        drawdown=draw(arrays(bool, (picks, ends))),
+        warp_colors=draw(st.none() | arrays(np.uint8, (ends, 3))),
+        weft_colors=draw(st.none() | arrays(np.uint8, (picks, 3))),
+        warp_spacing=draw(lengths),
+        weft_spacing=draw(lengths),
+        warp_thickness=draw(lengths),
+        weft_thickness=draw(lengths),
+        title=draw(titles),
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(drafts())
+def test_any_draft_written_and_read(draft):
+    first = parse_wif(format_wif(draft))
+    expected = dataclasses.replace(draft, title=first.draft.title)
+    same(WifDraft(expected, first.loom), first)
+    assert first.draft.title == re.sub("[\r\n]+", " ", draft.title).strip()
+    same(first, parse_wif(format_wif(first)))
+
+
+numbers = st.lists(st.integers(1, 6), max_size=3, unique=True).map(sorted).map(tuple)
+
+
+@st.composite
+def looms(draw):
+    def some_rows(size):
+        return st.lists(numbers, min_size=1, max_size=size).map(tuple).filter(any)
+
+    threading, moves = draw(some_rows(8)), draw(some_rows(8))
+    tieup = draw(some_rows(6).filter(lambda found: found[-1]))
+    lifted = draw(st.booleans())
+    return Loom(
+        threading=threading,
+        tieup=() if lifted else tieup,
+        treadling=() if lifted else moves,
+        liftplan=moves if lifted else None,
+        rising=draw(st.booleans()),
+        shafts=draw(st.integers(0, 9)),
+        treadles=0 if lifted else draw(st.integers(0, 9)),
+    )
+
+
+def naive_drawdown(loom):
+    picks = loom.treadling if loom.liftplan is None else loom.liftplan
+    result = []
+    for moves in picks:
+        row = []
+        for shafts in loom.threading:
+            moved = False
+            for shaft in shafts:
+                if loom.liftplan is not None:
+                    moved = moved or shaft in moves
+                else:
+                    for treadle in moves:
+                        if treadle <= len(loom.tieup) and shaft in loom.tieup[treadle - 1]:
+                            moved = True
+            row.append(moved if loom.rising else not moved)
+        result.append(row)
+    return result
+
+
+@settings(max_examples=150, deadline=None)
+@given(looms(), st.data())
+def test_any_loom_written_and_read(loom, data):
+    drawdown = loom.drawdown()
+    assert drawdown.tolist() == naive_drawdown(loom)
+    own = arrays(np.float64, drawdown.shape[1], elements=st.floats(1e-6, 1.0))
+    spacings = data.draw(own.filter(lambda found: (found != 0.5).any()))
+    first = WifDraft(Draft(drawdown, warp_spacing=0.5), loom, warp_spacings=spacings)
+    same(first, parse_wif(format_wif(first)))
+
+
+def test_a_changed_drawdown_is_written_with_another_loom():
+    found = parse_wif(BASE)
+    other = dataclasses.replace(found.draft, drawdown=~found.draft.drawdown)
+    again = parse_wif(format_wif(dataclasses.replace(found, draft=other)))
+    np.testing.assert_array_equal(again.draft.drawdown, other.drawdown)
+
+
+# --- fuzzing
+
+
+def understood_or_refused(data):
+    """Read; a draft must come back the same when written and read, anything else is a refusal."""
+    start = time.process_time()
+    try:
+        found = parse_wif(data)
+    except InputError:
+        return
+    finally:
+        assert time.process_time() - start < 1
+    assert all(warning.startswith("line ") for warning in found.draft.warnings)
+    if found.draft.drawdown.size < 10_000:
+        same(found, parse_wif(format_wif(found)))
+
+
+fuzz = settings(max_examples=400, deadline=None)
+FULL = BASE + (
+    "[WARP COLORS]\n1=2\n[WEFT SPACING]\n2=0.3\n[LIFTPLAN]\n1=1\n[TEXT]\nTitle=t\n"
+    "[WARP THICKNESS]\n1=.05\n"
+)
+NASTY = [
+    "", "0", "-1", "1e9", "99999999999", "1e999", "nan", "inf", "=", "[", "]", ";", ",", "1,1,1",
+    "٣", "²", "\0", "true", "no", "0,999", "1 2", "1.5", "  ", "_1", "1_000", "0x10", "\x85",
+    "[WARP]", "[LIFTPLAN]\n1=1", "Threads=4000", "Units=dp", "Spacing=", "Color=3,1,2,3",
+]  # fmt: skip
+
+
+@fuzz
+@given(
+    st.sampled_from([FULL.encode(), FULL.replace("\n", "\r\n").encode("utf-8-sig")]),
+    st.lists(
+        st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=4)), max_size=8
+    ),
+)
+def test_fuzz_bytes(data, changes):
+    for where, drop, put in changes:
+        at = where % len(data)
+        data = data[:at] + put + data[at + drop :]
+        if not data:
+            break
+    understood_or_refused(data)
+
+
+@fuzz
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.sampled_from(NASTY)), max_size=6
+    )
+)
+def test_fuzz_lines(changes):
+    lines = FULL.split("\n")
+    for where, how, put in changes:
+        at = where % len(lines)
+        key, equals, value = lines[at].partition("=")
+        lines[at] = (key + equals + put, put + equals + value, put, f"{lines[at]}{put}")[how]
+    understood_or_refused("\n".join(lines))
+
+
+@fuzz
+@given(st.text() | st.binary())
+def test_fuzz_anything(data):
+    understood_or_refused(data)
+
+
+def test_fuzz_truncated_and_shuffled_real_draft():
+    data = REAL.read_bytes()
+    for size in range(0, len(data), 97):
+        understood_or_refused(data[:size])
+        understood_or_refused(data[size:])
+
+
+@pytest.mark.parametrize("module", [wif, wif_writer])
+def test_examples(module):
+    assert doctest.testmod(module).failed == 0
