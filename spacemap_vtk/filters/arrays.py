@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints
+from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkVersion
 from vtkmodules.vtkCommonDataModel import (
     VTK_TETRA,
     vtkCellArray,
@@ -17,6 +17,10 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.errors import GeometryError, InputError
+
+#: VTK 9.2 takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that own
+#: them: it would read freed memory.
+_CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 4)
 
 
 def points_of(dataset: vtkPointSet) -> NDArray[Any]:
@@ -189,7 +193,7 @@ def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
 
 
 def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
-    """Return cells of one size that share memory with an array.
+    """Return cells of one size, which share memory with the array where VTK can.
 
     Parameters
     ----------
@@ -202,10 +206,12 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
         The cells.
     """
     count, size = connectivity.shape
+    offsets = np.arange(0, (count + 1) * size, size, dtype=np.int64)
+    numbers = np.ascontiguousarray(connectivity, dtype=np.int64).ravel()
     cells = vtkCellArray()
     cells.SetData(
-        numpy_to_vtkIdTypeArray(np.arange(0, (count + 1) * size, size, dtype=np.int64)),
-        numpy_to_vtkIdTypeArray(np.ascontiguousarray(connectivity, dtype=np.int64).ravel()),
+        numpy_to_vtkIdTypeArray(offsets, deep=_CELLS_NEED_COPIES),
+        numpy_to_vtkIdTypeArray(numbers, deep=_CELLS_NEED_COPIES),
     )
     return cells
 
