@@ -241,7 +241,10 @@ class Scene:
         part = self._part(section)
         if not isinstance(values, Mapping):
             raise InputError(
-                "not a section", key=section, value=values, cure=f"Write [{section}] on its own line."
+                "not a section",
+                key=section,
+                value=values,
+                cure=f"Write [{section}] on its own line.",
             )
         folder = self.file.parent if self.file else Path()
         with _naming_section(section):
