@@ -107,7 +107,8 @@ class Frames:
         # edges has all.
         edges = self._edges[which].T.reshape(3, 3, -1)
         rest = [
-            away[i] - (weights[0] * edges[0, i] + weights[1] * edges[1, i] + weights[2] * edges[2, i])
+            away[i]
+            - (weights[0] * edges[0, i] + weights[1] * edges[1, i] + weights[2] * edges[2, i])
             for i in range(3)
         ]
         result = np.empty((len(which), 4))
