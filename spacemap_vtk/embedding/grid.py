@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.frames import Frames
 
-_CELLS_PER_TETRAHEDRON = 4.0
+_CELLS_PER_TETRAHEDRON = 2.0
 _FEWEST_CELLS = 4096.0  # a coarse cage meets many points: fewer trials pay for more cells
-_PAIRS = 2**19  # pairs of a tetrahedron and a cell that are looked at together
+_PAIRS = 2**15  # pairs of a tetrahedron and a cell that are looked at together
 
 
 class Grid:
