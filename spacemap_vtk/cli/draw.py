@@ -66,7 +66,8 @@ def animate(
 ) -> None:
     """Make a film of a scene, or numbered frames.
 
-    The section [animation] says which times it shows, and how many frames a second.
+    The section [animation] says which times it shows, and how many frames a second. Without
+    --size, a GIF is drawn at half the scene's size.
 
     Parameters
     ----------
@@ -87,6 +88,8 @@ def animate(
     from spacemap_vtk.scenes.picture import Picture
 
     opened_scene.check()
+    if size is None and output.suffix.lower() == ".gif":
+        opened_scene.view.size = tuple(max(16, side // 2) for side in opened_scene.view.size)
     times = opened_scene.animation.frame_times()
     rate = opened_scene.animation.frames_per_second
     with progress(opened_scene, "Drawing frames", len(times), quiet) as tell:
