@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def chain(yarns: int, subdivisions: int) -> list[Stage]:
     return [weave, cage, modal, response, warp, surface]
 
 
-def milliseconds(run, *arguments) -> float:  # noqa: ANN001
+def milliseconds(run: Callable[..., object], *arguments: object) -> float:
     """Return how long a call takes."""
     start = time.perf_counter()
     run(*arguments)

@@ -177,7 +177,7 @@ class Tessellation:
         Returns
         -------
         (P (n + 1)**2,) or (P (n + 1)**2, k) float
-            float32 for float32, float64 for all else.
+            Of float32 for float32, of float64 for all else.
 
         Raises
         ------
