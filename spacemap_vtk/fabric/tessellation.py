@@ -165,7 +165,7 @@ class Tessellation:
             self._repair(normals, points, suspects)
         return positions, normals
 
-    def interpolate(self, values: ArrayLike) -> Floats:
+    def interpolate(self, values: ArrayLike, *, along: str = "") -> Floats:
         """Carry an array of the control points over to the surface points.
 
         Parameters
@@ -173,6 +173,8 @@ class Tessellation:
         values : (N,) or (N, k) array_like
             One row a control point; taken as control values of a Bézier function on each patch, as
             positions are. So a displacement, or any linear function of position, comes out exact.
+        along : str
+            ``"u"`` or ``"v"`` for the derivative along that parameter.
 
         Returns
         -------
@@ -189,7 +191,7 @@ class Tessellation:
             raise GeometryError(f"point array of shape {table.shape}", allowed="(N,) or (N, k)")
         columns = table if table.ndim == 2 else table[:, None]
         kind = np.dtype(np.float32 if table.dtype == np.float32 else np.float64)
-        matrix = self._basis[0].astype(kind)
+        matrix = self._basis[("", "u", "v").index(along)].astype(kind)
         result = self._recycler.empty((self.point_count, columns.shape[1]), kind)
 
         def worker() -> Callable[[Chunk], None]:
@@ -202,7 +204,9 @@ class Tessellation:
                         net, origin = scratch.gather(chunk, columns[:, start : start + 3])
                         products = scratch.multiply(chunk, matrix, net)
                         for i, product in enumerate(products):
-                            np.add(product, origin[i][:, None], out=part[..., start + i])
+                            # the derivative of what was taken off is nothing
+                            offset = 0 if along else origin[i][:, None]
+                            np.add(product, offset, out=part[..., start + i])
 
             return do
 

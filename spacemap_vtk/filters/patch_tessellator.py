@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.rational import evaluate_rational
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.arrays import cells_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
@@ -58,11 +59,19 @@ class PatchTessellator(Stage):
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
         prepared = self._prepared(grid)
-        positions, normals = prepared.tessellation.evaluate(points_of(grid))
+        weights = grid.GetPointData().GetRationalWeights()
+        if weights is None:
+            positions, normals = prepared.tessellation.evaluate(points_of(grid))
+        else:
+            positions, normals = evaluate_rational(
+                prepared.tessellation, points_of(grid), vtk_to_numpy(weights)
+            )
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(grid.GetPointData()):
+            if array is weights:
+                continue  # they are part of the patches' shape, and the surface has none
             # In float32 as the positions are: twice the bytes would say no more.
             values = vtk_to_numpy(array).astype(np.float32, copy=False)
             values = prepared.tessellation.interpolate(values)
