@@ -2,48 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, weave
+from spacemap_vtk.fabric import weave
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft_file import read_draft
 from spacemap_vtk.fabric.settle import Fabric, settle
-from spacemap_vtk.fabric.wif import read_wif
 from spacemap_vtk.filters.arrays import add_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.weave_parameters import Pattern, repeat_of
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Color, FilePath, Integer, Parameter, Real
-
-#: Weaves with a name, each as one repeat.
-PRESETS = {"plain": ("10", "01")}
-
-
-class Pattern(Parameter[Any]):
-    """A weave: the name of a preset, or a 0/1 matrix."""
-
-    kind = "pattern"
-    annotation = "str or sequence of rows"
-    allowed = (
-        " or ".join(f'"{name}"' for name in PRESETS)
-        + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
-    )
-
-    def convert(self, value: Any) -> Any:
-        """Return a preset's name, or a tuple of strings of 0 and 1."""
-        if isinstance(value, str):
-            if value not in PRESETS:
-                raise InputError("not a weave")
-            return value
-        if not isinstance(value, Iterable):
-            raise InputError("not a weave")
-        return tuple(draft.rows(draft.from_matrix(list(value))))
-
-    def show(self, value: Any) -> str:
-        """Return the name or the rows."""
-        return f'"{value}"' if isinstance(value, str) else str(list(value))
+from spacemap_vtk.parameters import Color, FilePath, Integer, Real
 
 
 class WeaveSource(Stage):
@@ -70,7 +43,11 @@ class WeaveSource(Stage):
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.")
     draft = FilePath(
-        None, "A weaver's draft (WIF 1.1), in place of the pattern.", automatic="no draft"
+        None,
+        "A draft in place of the pattern: a WIF; a text (.txt, .csv), a row of 0 and 1 for each "
+        "pick, the first pick first; or a black-and-white picture (.png and others), a pixel for "
+        "each crossing, black where the end lies over the pick, the first pick at the bottom.",
+        automatic="no draft",
     )
     ends = Integer(
         None,
@@ -144,13 +121,19 @@ class WeaveSource(Stage):
         SizeError
             If the patches would not fit into memory.
         """
-        if self.draft is not None:
-            source = read_wif(self.draft).draft
-            picks, ends = source.drawdown.shape
-        else:
-            repeat = PRESETS.get(self.pattern, self.pattern)
-            source = draft.Draft(draft.from_matrix(repeat))
+        if self.draft is None:
+            source = Draft(repeat_of(self.pattern))
             picks, ends = 7, 7
+        elif self.pattern != self.parameter("pattern").default:
+            raise InputError(
+                "there are a pattern and a draft, and a cloth has one weave",
+                key="pattern",
+                value=self.pattern,
+                cure=f"Leave out the pattern, or the draft {self.draft}",
+            )
+        else:
+            source = read_draft(self.draft).draft
+            picks, ends = source.drawdown.shape
         ends, picks = self.ends or ends, self.picks or picks
         require(
             weave.estimate_bytes(ends, picks, parts_per_gap=3),
