@@ -133,7 +133,7 @@ class Parameter(Generic[T]):
         return f"{self.help} Allowed: {self.allowed}. Default: {self.show(self.default)}."
 
 
-class Real(Parameter[T]):
+class Real(Parameter[Any]):
     """A finite number, with a unit and a range.
 
     Parameters
@@ -211,14 +211,14 @@ class Real(Parameter[T]):
     @property
     def _example(self) -> str:
         value = self.default if getattr(self, "default", None) is not None else 1.0
-        return format_quantity(float(value), self.unit)  # type: ignore[arg-type]
+        return format_quantity(float(value), self.unit)
 
     def show(self, value: Any) -> str:
         """Return the value with a handy unit."""
         return self.automatic if value is None else format_quantity(value, self.unit)
 
 
-class Integer(Real[T]):
+class Integer(Real):
     """A whole number in a range."""
 
     kind = "integer"
@@ -300,7 +300,7 @@ class Vector(Parameter[tuple[Any, ...]]):
     kind = "vector"
 
     def __init__(
-        self, default: Any, help: str, *, component: Real[Any], labels: str = "xyz", **rest: str
+        self, default: Any, help: str, *, component: Real, labels: str = "xyz", **rest: str
     ) -> None:
         super().__init__(default, help, unit=component.unit, **rest)
         self.component = component
@@ -504,7 +504,9 @@ def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
     doc = inspect.cleandoc(doc)
     lines = ["Parameters", "----------"]
     for name, parameter in parameters.items():
-        lines.append(f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}")
+        lines.append(
+            f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}"
+        )
         lines += [f"    {parameter.help}", f"    Allowed: {parameter.allowed}."]
     first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
     at = first.start() if first else len(doc)

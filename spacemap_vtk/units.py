@@ -1,4 +1,4 @@
-"""Physical units: values with a unit, such as ``"0.3 mm"``, turned into SI, and back for display."""
+"""Physical units: values such as ``"0.3 mm"``, turned into SI and back."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ UNITS: dict[str, dict[str, float]] = {
     "deg": {"deg": 1.0, "rad": 57.29577951308232},
 }
 
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*?)\s*")
+_QUANTITY = re.compile(
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*?)\s*"
+)
 
 
 def parse_quantity(text: str, unit: str) -> float:

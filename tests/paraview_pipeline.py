@@ -1,6 +1,6 @@
 """Run by ParaView's own Python (VTK 9.2, numpy 1.24, scipy 1.10, no pyvista): the main pipeline.
 
-    pvpython tests/paraview_pipeline.py
+pvpython tests/paraview_pipeline.py
 """
 
 import sys
@@ -69,5 +69,7 @@ else:
 
 assert window.GetOutput() == "", window.GetOutput()
 assert "pyvista" not in sys.modules
-print(f"VTK {vtkVersion.GetVTKVersion()}, Python {sys.version.split()[0]}: "
-      f"72 vertices, 125 tetrahedra, sag {-sag * 1e3:.4f} mm, 1 passed")
+print(
+    f"VTK {vtkVersion.GetVTKVersion()}, Python {sys.version.split()[0]}: "
+    f"72 vertices, 125 tetrahedra, sag {-sag * 1e3:.4f} mm, 1 passed"
+)

@@ -177,7 +177,9 @@ def export(
     kind = what or kinds[0]
     if kind not in kinds:
         raise InputError(
-            f"{output.suffix} files do not hold that", key="--what", value=kind,
+            f"{output.suffix} files do not hold that",
+            key="--what",
+            value=kind,
             allowed=", ".join(kinds),
         )
     opened_scene = opened(scene, set_, time=time)
@@ -193,8 +195,12 @@ def _times(text: str) -> list[float]:
 
     times = [parse_quantity(word, "s") for word in text.split(",")]
     if not all(0.0 <= t < np.inf for t in times) or len(times) > 100:
-        raise InputError("not a list of times", key="--times", value=text,
-                         allowed="up to 100 times of at least 0 s")
+        raise InputError(
+            "not a list of times",
+            key="--times",
+            value=text,
+            allowed="up to 100 times of at least 0 s",
+        )
     return times
 
 

@@ -33,8 +33,8 @@ def modes(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = 
         _print_json(figures)
         return
     table = Table(
-        title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} tetrahedra, "
-        f"{figures['dof']} degrees of freedom"
+        title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
+        f"tetrahedra, {figures['dof']} degrees of freedom"
     )
     for heading in ("mode", "frequency [Hz]", "eigenvalue [1/s²]", "damping ratio", "regime"):
         table.add_column(heading, justify="right")

@@ -72,7 +72,7 @@ def opened(
 
 
 def tell_warnings(scene: Scene, quiet: bool) -> None:
-    """Print what the stages say of their trustworthiness, each sentence once.
+    """Print what the stages say of their trustworthiness.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def tell_warnings(scene: Scene, quiet: bool) -> None:
         Print nothing.
     """
     if not quiet:
-        for text in dict.fromkeys(scene.warnings):
+        for text in scene.warnings:
             print(f"spacemap: warning: {text}", file=sys.stderr)
 
 

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, array_of
+from spacemap_vtk.filters.arrays import add_array, array_of, points_of, tetrahedra_of
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.modal.kinematics import (
+    LARGE_ROTATION,
+    largest_rotation,
+    rotation_operator,
+)
 from spacemap_vtk.modal.oscillator import oscillate
 from spacemap_vtk.parameters import Choice, Real, Vector
 
@@ -59,8 +67,7 @@ class ModalResponse(Stage):
         above=0.0,
     )
 
-    # Modes as (n, 3V) and the modal loads per unit gravity (n, 3), kept until the input changes.
-    _kept: tuple[int, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None = None
+    _kept: tuple[int, _Modes] | None = None
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
         """Return the continuous range of times."""
@@ -70,8 +77,9 @@ class ModalResponse(Stage):
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Evaluate the sum at `time`; before t = 0 the initial state holds."""
-        eigenvalues, shapes, participation = self._modes(inputs[0])
-        load = participation @ np.asarray(self.gravity)
+        modes = self._modes(inputs[0])
+        eigenvalues = modes.eigenvalues
+        load = modes.participation @ np.asarray(self.gravity)
         response = oscillate(eigenvalues, self.alpha, self.beta, max(time, 0.0))
         if self.initial == "equilibrium":
             rigid = (eigenvalues == 0.0) & (np.abs(load) > 0.0)
@@ -86,24 +94,51 @@ class ModalResponse(Stage):
             coordinates, rates = static, np.zeros_like(load)
         else:
             coordinates, rates = response.step * load, response.impulse * load
+        displacement = (coordinates @ modes.shapes).reshape(-1, 3)
+        velocity = (rates @ modes.shapes).reshape(-1, 3)
+        if largest_rotation(modes.rotation, displacement) > LARGE_ROTATION:
+            self.warn(
+                f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
+                "model stretches what turns: lower the load or raise the modulus to trust the shape"
+            )
         output.ShallowCopy(inputs[0])
-        add_array(output.GetPointData(), "displacement", (coordinates @ shapes).reshape(-1, 3))
-        add_array(output.GetPointData(), "velocity", (rates @ shapes).reshape(-1, 3))
+        add_array(output.GetPointData(), "displacement", displacement)
+        add_array(output.GetPointData(), "velocity", velocity)
         add_array(output.GetFieldData(), "modal_coordinates", coordinates)
 
-    def _modes(
-        self, grid: vtkUnstructuredGrid
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _modes(self, grid: vtkUnstructuredGrid) -> _Modes:
         changed = grid.GetMTime()
         if self._kept is None or self._kept[0] != changed:
-            owner = "ModalResponse (put a ModalSolver before it)"
-            eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", owner)
-            data = grid.GetPointData()
-            shapes = np.stack(
-                [array_of(data, MODE_NAME.format(k), owner) for k in range(len(eigenvalues))]
-            )
-            mass = array_of(data, "nodal_mass", owner)
-            # Gravity's load on vertex v is its share of the mass times g; (16) with M u = M g.
-            participation = np.einsum("nvc,v->nc", shapes, mass)
-            self._kept = changed, eigenvalues, shapes.reshape(len(shapes), -1), participation
-        return self._kept[1:]
+            self._kept = changed, _Modes.of(grid)
+        return self._kept[1]
+
+
+class _Modes(NamedTuple):
+    """What the response needs of ModalSolver's output."""
+
+    eigenvalues: NDArray[np.float64]
+    """(n,)"""
+    shapes: NDArray[np.float64]
+    """(n, 3 V)"""
+    participation: NDArray[np.float64]
+    """(n, 3): the modal load of a unit gravity along x, y and z."""
+    rotation: csr_matrix
+    """(3 T, 3 V)"""
+
+    @classmethod
+    def of(cls, grid: vtkUnstructuredGrid) -> _Modes:
+        owner = "ModalResponse (put a ModalSolver before it)"
+        eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", owner)
+        data = grid.GetPointData()
+        shapes = np.stack(
+            [array_of(data, MODE_NAME.format(k), owner) for k in range(len(eigenvalues))]
+        )
+        # Gravity's load on a vertex is its share of the mass times g: (16) with M u = M g.
+        mass = array_of(data, "nodal_mass", owner)
+        vertices = points_of(grid).astype(np.float64, copy=False)
+        return cls(
+            eigenvalues,
+            shapes.reshape(len(shapes), -1),
+            np.einsum("nvc,v->nc", shapes, mass),
+            rotation_operator(vertices, tetrahedra_of(grid)),
+        )

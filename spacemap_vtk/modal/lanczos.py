@@ -130,10 +130,13 @@ def factorise(matrix: sp.csr_matrix) -> Solve:
     SolverError
         If the matrix is singular.
     """
+    # Minimum degree breaks its many ties by the order it is given. A regular lattice's own order is
+    # a bad one: shuffled, 100,000 degrees of freedom of a slab factorise in 5 s instead of 34.
+    order = np.random.default_rng(0).permutation(matrix.shape[0])
     try:
         # Less than half the time of SuperLU's defaults on such a matrix.
         factors = splu(
-            matrix.tocsc(),
+            matrix[order][:, order].tocsc(),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
@@ -148,7 +151,12 @@ def factorise(matrix: sp.csr_matrix) -> Solve:
             f"the stiffness matrix cannot be factorised: {error}",
             cure="Look for badly shaped tetrahedra in the cage",
         ) from error
-    solve: Solve = factors.solve
+
+    def solve(right: FloatArray) -> FloatArray:
+        solution = np.empty_like(right)
+        solution[order] = factors.solve(right[order])
+        return solution
+
     return solve
 
 

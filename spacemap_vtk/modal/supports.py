@@ -51,9 +51,7 @@ def on_sides(vertices: NDArray[np.float64], sides: Iterable[str]) -> NDArray[np.
     return held
 
 
-def layers_through_thickness(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.int64]
-) -> float:
+def layers_through_thickness(vertices: NDArray[np.float64], tetrahedra: NDArray[np.int64]) -> float:
     """Return how many tetrahedra lie on top of each other where the mesh is thinnest.
 
     Parameters

@@ -36,7 +36,8 @@ def check_output(path: Path, formats: dict[str, str]) -> None:
         )
     if not path.parent.is_dir():
         raise InputError(
-            f"{path}: the folder {path.parent} does not exist", cure=f'Try "mkdir -p {path.parent}".'
+            f"{path}: the folder {path.parent} does not exist",
+            cure=f'Try "mkdir -p {path.parent}".',
         )
     if path.is_dir():
         raise InputError(f"{path}: a folder of that name is in the way")

@@ -161,7 +161,9 @@ def _motion_extent(scene: Scene, times: Sequence[float]) -> NDArray[np.float64]:
         clouds.append(points[:: max(1, len(points) // 20_000)])
         if scene.moves:
             cage = scene.deformed_cage
-            clouds.append(_points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement")))
+            clouds.append(
+                _points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+            )
     return np.concatenate(clouds)
 
 

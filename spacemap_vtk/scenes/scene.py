@@ -78,6 +78,7 @@ class Scene:
         self.view = View()
         self.animation = Animation()
         self.title = file.stem if file else ""
+        self._warnings: dict[str, None] = {}
         self.moves = bool(_MOTION & values.keys())
         with self._naming_file():
             for name, value in values.items():
@@ -129,8 +130,8 @@ class Scene:
 
     @property
     def warnings(self) -> list[str]:
-        """What the last run of each stage says about its trustworthiness."""
-        return [text for stage in self.stages for text in stage.warnings]
+        """What the stages have said of their trustworthiness in any update, each sentence once."""
+        return list(self._warnings)
 
     def set(self, assignment: str) -> None:
         """Change a value as ``--set`` does.
@@ -195,6 +196,8 @@ class Scene:
         """
         with self._naming_file():
             stage.update(time)
+        for run in self.stages:
+            self._warnings |= dict.fromkeys(run.warnings)
 
     def check(self) -> None:
         """Check what can be checked without running anything.
@@ -207,7 +210,7 @@ class Scene:
         """
         with self._naming_file():
             with _naming_section("weave"):
-                self.weave.fabric  # noqa: B018
+                self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
             with _naming_section("animation"):
                 self.animation.frame_times()
 
@@ -241,7 +244,10 @@ class Scene:
         part = self._part(section)
         if not isinstance(values, Mapping):
             raise InputError(
-                "not a section", key=section, value=values, cure=f"Write [{section}] on its own line."
+                "not a section",
+                key=section,
+                value=values,
+                cure=f"Write [{section}] on its own line.",
             )
         folder = self.file.parent if self.file else Path()
         with _naming_section(section):

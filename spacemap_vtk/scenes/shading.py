@@ -8,6 +8,8 @@ Graph. 25, 2006). The result depends on no driver.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -78,7 +80,7 @@ def _reduced(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return averaged(padded[:, :, None], _COARSER)[:, :, 0]
 
 
-def _enlarged(image: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+def _enlarged(image: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a coarse image on the fine grid, linear between the coarse pixels' centres."""
     result = image
     for axis, size in enumerate(shape):

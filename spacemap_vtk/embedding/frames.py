@@ -1,0 +1,203 @@
+"""Barycentric coordinates in many tetrahedra.
+
+Only element by element arithmetic is used, no BLAS and no einsum: what they return for a point can
+depend on which other points come with it, and a point must get the same tetrahedron in any company.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import GeometryError
+
+# A tetrahedron whose volume is less than this part of its longest edge cubed is flat: the rounding
+# error of its volume alone is a part in 10**15.
+_FLAT = 1e-12
+# What counts as inside, in barycentric coordinates ...
+_TOLERANCE = 1e-9
+# ... and in units of the rounding of the coordinates themselves.
+_ROUNDINGS = 4.0
+
+
+class Frames:
+    """The affine frames of tetrahedra, prepared once.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        Finite.
+    tetrahedra : (T, 4) int
+        In any orientation.
+    rounding : float
+        Relative precision of the points that will be asked for.
+
+    Attributes
+    ----------
+    usable : (T,) bool
+        False where a tetrahedron is flat.
+    positive : (T,) bool
+        Orientation.
+    low, high : (T, 3) float64
+        Bounding boxes.
+    distance : float
+        Rounding of a coordinate, in the unit of the vertices.
+
+    Raises
+    ------
+    GeometryError
+        Every tetrahedron is flat.
+    """
+
+    def __init__(
+        self, vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]], rounding: float
+    ) -> None:
+        corners = vertices[tetrahedra]  # (T, 4, 3)
+        first = corners[:, 0]
+        edges = corners[:, 1:] - first[:, None]
+        a, b, c = edges.transpose(1, 2, 0)  # each (3, T)
+        gradients = np.stack((_cross(b, c), _cross(c, a), _cross(a, b)))  # (3, 3, T)
+        volume = _dot(a, gradients[0])
+        longest = np.sqrt(
+            np.max([_dot(d, d) for d in (a, b, c, b - a, c - b, a - c)], axis=0, initial=0.0)
+        )
+        self.usable = np.abs(volume) > _FLAT * longest**3
+        if not self.usable.any():
+            raise GeometryError(
+                f"all {len(tetrahedra)} tetrahedra of the cage are flat",
+                allowed="at least one with a volume",
+            )
+        self.positive = volume > 0
+        self.low, self.high = corners.min(axis=1), corners.max(axis=1)
+        self.distance = _ROUNDINGS * rounding * float(np.abs(vertices[tetrahedra]).max())
+        # flat ones stay in the table, so that numbers are kept, and are never asked for
+        gradients /= np.where(self.usable, volume, 1.0)
+        last = -gradients.sum(axis=0)
+        steepness = np.sqrt([_dot(last, last), *(_dot(g, g) for g in gradients)])
+        self.tolerance = (_TOLERANCE + self.distance * steepness).T  # (T, 4)
+        # one row a tetrahedron, so that a gather touches one place
+        self._table = np.concatenate(
+            (first, gradients.transpose(2, 0, 1).reshape(-1, 9), self.tolerance), axis=1
+        )
+        self._edges = edges.reshape(-1, 9)
+
+    def weights(
+        self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
+    ) -> NDArray[np.float64]:
+        """Return barycentric coordinates that reproduce the points.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            The points.
+        which : (n,) int
+            The tetrahedron of each.
+
+        Returns
+        -------
+        (n, 4) float64
+            They sum to 1 within rounding.
+        """
+        rows = self._table[which]
+        away = (points - rows[:, :3]).T
+        weights = _transform(rows[:, 3:12].T, away)
+        # One step of refinement: in a sliver the inverse has few digits, the product with the
+        # edges has all.
+        edges = self._edges[which].T.reshape(3, 3, -1)
+        rest = [
+            away[i]
+            - (weights[0] * edges[0, i] + weights[1] * edges[1, i] + weights[2] * edges[2, i])
+            for i in range(3)
+        ]
+        result = np.empty((len(which), 4))
+        for i, (weight, correction) in enumerate(
+            zip(weights, _transform(rows[:, 3:12].T, rest), strict=True)
+        ):
+            result[:, i + 1] = weight + correction
+        result[:, 0] = 1.0 - (result[:, 1] + result[:, 2] + result[:, 3])
+        return result
+
+    def inside(
+        self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
+    ) -> NDArray[np.bool_]:
+        """Return whether points lie in tetrahedra, boundary and tolerance included.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            The points.
+        which : (n,) int
+            The tetrahedron that each is tried with.
+
+        Returns
+        -------
+        (n,) bool
+            True inside.
+        """
+        rows = np.take(self._table, which, axis=0)
+        away = [points[:, i] - rows[:, i] for i in range(3)]
+        x, y, z = _transform(rows[:, 3:12].T, away)
+        tolerance = rows[:, 12:].T
+        result: NDArray[np.bool_] = x >= -tolerance[1]
+        result &= y >= -tolerance[2]
+        result &= z >= -tolerance[3]
+        result &= x + y + z <= 1.0 + tolerance[0]
+        return result
+
+    def touch_boxes(
+        self,
+        which: NDArray[np.integer[Any]],
+        middle: list[NDArray[np.float64]],
+        half: NDArray[np.float64],
+    ) -> NDArray[np.bool_]:
+        """Return whether tetrahedra may have points in boxes: none of their faces separates them.
+
+        Parameters
+        ----------
+        which : (n,) int
+            The tetrahedra.
+        middle : list of 3 (n,) float64
+            Coordinates of the middle of a box for each.
+        half : (3,) float64
+            Half the size of every box.
+
+        Returns
+        -------
+        (n,) bool
+            False where they certainly have none.
+        """
+        rows = self._table[which]
+        gradients = rows[:, 3:12].T
+        coordinates = _transform(gradients, [middle[i] - rows[:, i] for i in range(3)])
+        coordinates.insert(0, 1.0 - (coordinates[0] + coordinates[1] + coordinates[2]))
+        slopes = [-(gradients[0:3] + gradients[3:6] + gradients[6:9])]
+        slopes += [gradients[0:3], gradients[3:6], gradients[6:9]]
+        result = np.ones(len(which), dtype=np.bool_)
+        for i, (coordinate, slope) in enumerate(zip(coordinates, slopes, strict=True)):
+            reach = np.abs(slope[0]) * half[0] + np.abs(slope[1]) * half[1]
+            reach += np.abs(slope[2]) * half[2]
+            # a little more, for the rounding of this very sum
+            result &= coordinate + reach * (1 + 1e-9) >= -2.0 * rows[:, 12 + i] - 1e-12
+        return result
+
+
+def _transform(
+    matrix: NDArray[np.float64], vector: Any
+) -> list[NDArray[np.float64]]:  # 9 rows, 3 rows -> 3 rows
+    return [
+        matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2]
+        for i in range(3)
+    ]
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack(
+        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return result

@@ -1,0 +1,195 @@
+"""Find the tetrahedron of each point, and the weights of its corners.
+
+Equations (6) to (9) of Furukawa, Kitagawa and Shimizu, "Deformation of Flexible Objects Based on
+Space Mapping"; (9) is taken with the tetrahedron's orientation, so that any will do. What the paper
+leaves open, points outside the cage, is decided by the true distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.embedding.frames import Frames
+from spacemap_vtk.embedding.grid import Grid
+from spacemap_vtk.embedding.nearest import NearestTetrahedron
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.parallel import for_each
+
+Outside = Literal["extrapolate", "clamp", "error"]
+
+_BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where points lie in a tetrahedral mesh.
+
+    Attributes
+    ----------
+    tetrahedron : (N,) int32
+        Tetrahedron that each point belongs to.
+    weights : (N, 4) float64
+        Weights of its corners, of sum 1; negative ones extrapolate.
+    is_outside : (N,) bool
+        True for points outside every tetrahedron.
+    outside : int
+        How many these are.
+    largest_distance : float
+        Their largest distance from the mesh, in the unit of the points; 0 if there are none.
+    """
+
+    tetrahedron: NDArray[np.int32]
+    weights: NDArray[np.float64]
+    is_outside: NDArray[np.bool_]
+    outside: int
+    largest_distance: float
+
+
+def locate(
+    points: ArrayLike,
+    vertices: ArrayLike,
+    tetrahedra: ArrayLike,
+    outside: str = "extrapolate",
+    *,
+    threads: int | None = None,
+) -> Location:
+    """Find the tetrahedron that each point belongs to, and the weights of its corners.
+
+    A point on a face that several share belongs to the one with the lowest number, whatever other
+    points come with it and in whatever order. A point outside every tetrahedron belongs to the
+    nearest one, by exact distance.
+
+    Parameters
+    ----------
+    points : (N, 3) array_like
+        In m.
+    vertices : (V, 3) array_like
+        Vertices of the mesh in m.
+    tetrahedra : (T, 4) array_like of int
+        Vertices of each tetrahedron, in any orientation. Flat ones hold no points.
+    outside : {"extrapolate", "clamp", "error"}
+        What becomes of points outside: they get the weights of their own place, some of them
+        negative; or those of the nearest point of the mesh; or are refused.
+    threads : int, optional
+        Threads to work in; all processors if not given.
+
+    Returns
+    -------
+    Location
+        Tetrahedron, weights, and what lies outside.
+
+    Raises
+    ------
+    GeometryError
+        A coordinate is not finite, a shape or vertex number is wrong, there are no tetrahedra or
+        all are flat; with ``outside="error"`` if points lie outside.
+    InputError
+        `outside` is none of the three.
+
+    Notes
+    -----
+    Inside means barycentric coordinates of at least -1e-9, or not further out than the rounding of
+    the coordinates (in the precision in which points are passed).
+
+    Examples
+    --------
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> where = locate([[0.5, 0.25, 0.125], [2, 0, 0]], corners, [[0, 1, 2, 3]])
+    >>> where.weights.tolist()
+    [[0.125, 0.5, 0.25, 0.125], [-1.0, 2.0, 0.0, 0.0]]
+    >>> where.outside, where.largest_distance
+    (1, 1.0)
+    """
+    if outside not in ("extrapolate", "clamp", "error"):
+        raise InputError(
+            "no such treatment", key="outside", value=outside, allowed="extrapolate, clamp, error"
+        )
+    given = np.asarray(points)
+    single = given.dtype in (np.float32, np.float16)
+    places = _checked_points(given, "point")
+    nodes = _checked_points(vertices, "vertex of the cage")
+    cells = _checked_tetrahedra(tetrahedra, len(nodes))
+    frames = Frames(nodes, cells, float(np.finfo(np.float32 if single else np.float64).eps))
+
+    tetrahedron = np.empty(len(places), dtype=np.int32)
+    weights = np.empty((len(places), 4))
+    grid = Grid(frames)
+
+    def search() -> Callable[[int], None]:
+        def do(begin: int) -> None:
+            block = slice(begin, begin + _BLOCK)
+            tetrahedron[block] = found = grid.find(places[block])
+            # those outside get weights of some tetrahedron, and the right ones below
+            weights[block] = frames.weights(places[block], np.maximum(found, 0))
+
+        return do
+
+    for_each(range(0, len(places), _BLOCK), search, threads)
+    missed = np.flatnonzero(tetrahedron < 0)
+    distance = np.empty(len(missed))
+    if len(missed):
+        nearest = NearestTetrahedron(nodes, cells, frames)
+
+        def measure() -> Callable[[int], None]:
+            def do(begin: int) -> None:
+                block = slice(begin, begin + _BLOCK)
+                which = missed[block]
+                owner, clamped, far = nearest.find(places[which])
+                tetrahedron[which], distance[block] = owner, far
+                extrapolated = frames.weights(places[which], owner)
+                clamp = (outside == "clamp") & (far > frames.distance)
+                weights[which] = np.where(clamp[:, None], clamped, extrapolated)
+
+            return do
+
+        for_each(range(0, len(missed), _BLOCK), measure, threads)
+
+    # gaps between faces that rounding has opened are no outside
+    far_out = distance > frames.distance
+    is_outside = np.zeros(len(places), dtype=np.bool_)
+    is_outside[missed[far_out]] = True
+    count = int(np.count_nonzero(far_out))
+    largest = float(distance.max(initial=0.0, where=far_out))
+    if count and outside == "error":
+        raise GeometryError(
+            f"{count} of {len(places)} points lie outside the cage, by up to {largest:.3g} m",
+            cure='Enlarge the cage (padding), or let outside be "extrapolate" or "clamp"',
+        )
+    return Location(tetrahedron, weights, is_outside, count, largest)
+
+
+def _checked_points(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    result = np.ascontiguousarray(values, dtype=np.float64)
+    if result.ndim != 2 or result.shape[1] != 3:
+        raise GeometryError(f"{what} coordinates of shape {result.shape}", allowed="(N, 3)")
+    finite = np.isfinite(result).all(axis=1)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
+        raise GeometryError(
+            f"{what} {bad[0]} is not finite: {tuple(result[bad[0]].tolist())}"
+            + (f", and {len(bad) - 1} more" if len(bad) > 1 else ""),
+            cure="Remove or repair it",
+        )
+    return result
+
+
+def _checked_tetrahedra(values: ArrayLike, vertex_count: int) -> NDArray[np.integer[Any]]:
+    result = np.asarray(values)
+    if result.ndim != 2 or result.shape[1] != 4 or result.dtype.kind not in "iu":
+        raise GeometryError(
+            f"tetrahedra of shape {result.shape} and type {result.dtype}",
+            allowed="(T, 4) vertex numbers",
+        )
+    if not len(result):
+        raise GeometryError("the cage has no tetrahedra")
+    if result.min() < 0 or result.max() >= vertex_count:
+        raise GeometryError(
+            f"the cage refers to vertex {result.min() if result.min() < 0 else result.max()}",
+            allowed=f"0 to {vertex_count - 1}",
+        )
+    return result

@@ -1,0 +1,151 @@
+"""The tetrahedron truly nearest to a point that lies in none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from spacemap_vtk.embedding.frames import Frames
+from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
+
+_TIE = 1e-12  # relative difference of distances that is rounding: the lowest tetrahedron wins
+_BLOCK = 2**13  # points that are worked on together
+_PAIRS = 2**18  # pairs of a point and a box that are looked at together; bounds the scratch memory
+_MORTON_BITS = 16
+
+Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corners, (3, n)
+
+
+class NearestTetrahedron:
+    """Exact distances to the boundary of a mesh.
+
+    The nearest tetrahedron has the nearest face, and that is not the one with the nearest middle:
+    the tree of middles only gives a first bound. With it a binary tree of boxes round the faces is
+    descended, all points at once, level by level; faces whose box is further away than the bound
+    drop out, and what is left is measured.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        Vertices of the mesh.
+    tetrahedra : (T, 4) int
+        Its tetrahedra.
+    frames : Frames
+        Their frames.
+    """
+
+    def __init__(
+        self,
+        vertices: NDArray[np.float64],
+        tetrahedra: NDArray[np.integer[Any]],
+        frames: Frames,
+    ) -> None:
+        usable = np.flatnonzero(frames.usable)
+        owner, self._face = boundary(tetrahedra[usable], frames.positive[usable])
+        self._owner = usable[owner]
+        corners = vertices[tetrahedra[self._owner[:, None], FACES[self._face]]]  # (B, 3, 3)
+        self._corners = np.ascontiguousarray(corners.transpose(1, 2, 0))
+        middles = corners.mean(axis=1)
+        self._middles = cKDTree(middles)
+        self._order = _morton_order(middles)
+        self._levels = _levels(self._corners[:, :, self._order])
+        self._distance = frames.distance
+
+    def find(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the nearest tetrahedron, the nearest point on it, and how far that is.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            Finite, and outside every tetrahedron.
+
+        Returns
+        -------
+        tetrahedron : (n,) int32
+            Of those with equally near faces on the boundary, the one with the lowest number. One
+            that touches the boundary with an edge alone does not count: it lies behind.
+        weights : (n, 4) float64
+            Barycentric weights of the nearest point: at least 0, and of sum 1.
+        distance : (n,) float64
+            In the unit of the points.
+        """
+        triangle = np.empty(len(points), dtype=np.intp)
+        for begin in range(0, len(points), _BLOCK):
+            block = slice(begin, begin + _BLOCK)
+            triangle[block] = self._search(np.ascontiguousarray(points[block].T))
+        squared, on_face = nearest_on_triangles(points.T, *self._corners[:, :, triangle])
+        weights = np.zeros((len(points), 4))
+        np.put_along_axis(weights, FACES[self._face[triangle]], on_face.T, axis=1)
+        return self._owner[triangle].astype(np.int32), weights, np.sqrt(squared)
+
+    def _search(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the nearest triangle of each of (3, n) points."""
+        everyone = np.arange(points.shape[1])
+        bound = self._measure(points, self._middles.query(points.T)[1])
+        worth = bound * (1 + _TIE) + self._distance
+        row, node = everyone, np.zeros_like(everyone)
+        for low, high in self._levels:
+            row, node = np.repeat(row, 2), np.repeat(2 * node, 2)
+            node[1::2] += 1
+            here = points[:, row]
+            gap = np.maximum(np.maximum(low[:, node] - here, here - high[:, node]), 0.0)
+            away = np.sqrt(gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2)
+            near = away * (1 - _TIE) <= worth[row]
+            row, node = row[near], node[near]
+            if len(row) > _PAIRS and len(everyone) > 1:
+                half = len(everyone) // 2
+                return np.concatenate(
+                    (self._search(points[:, :half]), self._search(points[:, half:]))
+                )
+        triangle = self._order[node]
+        distance = self._measure(points[:, row], triangle)
+        # every point has kept at least the triangle that gave the bound, and rows are ascending
+        start = np.searchsorted(row, everyone)
+        least = np.minimum.reduceat(distance, start) * (1 + _TIE) + self._distance
+        # triangles are in the order of their tetrahedra
+        equal = np.where(distance <= least[row], triangle, len(self._owner))
+        return np.minimum.reduceat(equal, start)
+
+    def _measure(
+        self, points: NDArray[np.float64], triangle: NDArray[np.intp]
+    ) -> NDArray[np.float64]:
+        result: NDArray[np.float64] = np.sqrt(
+            nearest_on_triangles(points, *self._corners[:, :, triangle])[0]
+        )
+        return result
+
+
+def _morton_order(middles: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return an order in which neighbours in space are mostly neighbours."""
+    away = middles - middles.min(axis=0)
+    size = float(away.max())
+    steps = (away * ((2**_MORTON_BITS - 1) / size if size else 0.0)).astype(np.int64)
+    code = np.zeros(len(middles), dtype=np.int64)
+    for bit in range(_MORTON_BITS):
+        for axis in range(3):
+            code |= (steps[:, axis] >> bit & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+def _levels(corners: NDArray[np.float64]) -> list[Boxes]:
+    """Return the boxes of a binary tree over triangles, below its root, leaves last.
+
+    Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
+    each triangle, and empty boxes, infinitely far from everything, up to a power of two.
+    """
+    count = corners.shape[2]
+    depth = max(1, (count - 1).bit_length())
+    low, high = np.full((3, 2**depth), np.inf), np.full((3, 2**depth), -np.inf)
+    low[:, :count], high[:, :count] = corners.min(axis=0), corners.max(axis=0)
+    levels = [(low, high)]
+    for _ in range(depth - 1):
+        low, high = levels[-1]
+        levels.append(
+            (np.minimum(low[:, ::2], low[:, 1::2]), np.maximum(high[:, ::2], high[:, 1::2]))
+        )
+    return levels[::-1]

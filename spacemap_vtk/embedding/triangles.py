@@ -1,0 +1,112 @@
+"""The boundary of a tetrahedral mesh, and the point of a triangle nearest to another.
+
+As in `spacemap_vtk.embedding.frames`, only element by element arithmetic.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]  # (3, n): one row an axis
+
+# Face i lies opposite corner i; of a positive tetrahedron all look outwards.
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+def boundary(
+    tetrahedra: NDArray[np.integer[Any]], positive: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the faces on which the nearest point of a mesh to a point outside can lie.
+
+    A face is left out only if exactly two tetrahedra share it from opposite sides. A mesh that does
+    not conform, or overlaps itself, thus yields more faces than it needs, and never too few.
+
+    Parameters
+    ----------
+    tetrahedra : (T, 4) int
+        None of them flat.
+    positive : (T,) bool
+        Orientation of each.
+
+    Returns
+    -------
+    owner : (B,) int
+        Tetrahedron of each face, ascending.
+    face : (B,) int
+        Corner that it lies opposite of.
+    """
+    faces = tetrahedra[:, FACES].reshape(-1, 3)
+    a, b, c = faces.T
+    # parity of the order of the three numbers: which side the face looks to
+    side = np.sign(b - a) * np.sign(c - b) * np.sign(c - a)
+    side *= np.repeat(np.where(positive, 1, -1), 4)
+    a, b, c = np.sort(faces, axis=1).T
+    order = np.lexsort((c, b, a))
+    key = np.stack((a, b, c), axis=1)[order]
+    begins = np.concatenate(([True], (key[1:] != key[:-1]).any(axis=1)))
+    group = np.cumsum(begins) - 1
+    count = np.bincount(group)
+    balance = np.bincount(group, weights=side[order])
+    inner = (count == 2) & (balance == 0)
+    kept = np.sort(order[~inner[group]])
+    return kept // 4, kept % 4
+
+
+def nearest_on_triangles(
+    points: Vector, a: Vector, b: Vector, c: Vector
+) -> tuple[NDArray[np.float64], Vector]:
+    """Return the squared distance to triangles, and where it is attained.
+
+    Parameters
+    ----------
+    points, a, b, c : (3, n) float64
+        Points, and the corners of the triangle that each is measured to.
+
+    Returns
+    -------
+    squared : (n,) float64
+        Squared distances.
+    weights : (3, n) float64
+        Barycentric weights of a, b and c: at least 0, and of sum 1.
+    """
+    ab, ac, bc = b - a, c - a, c - b
+    ap, bp = points - a, points - b
+    along_ab, to_ab = _on_edge(ap, ab)
+    along_ac, to_ac = _on_edge(ap, ac)
+    along_bc, to_bc = _on_edge(bp, bc)
+    squared = np.minimum(np.minimum(to_ab, to_ac), to_bc)
+    on_ab, on_ac = to_ab == squared, to_ac == squared
+    # Cross products, not the Gram matrix: that one loses all digits in a needle.
+    normal = _cross(ab, ac)
+    area = _dot(normal, normal)
+    area = np.where(area > 0, area, 1.0)
+    v = _dot(_cross(ap, ac), normal) / area
+    w = _dot(_cross(ab, ap), normal) / area
+    height = _dot(ap, normal)
+    above = (v > 0) & (w > 0) & (v + w < 1)
+    squared = np.where(above, np.minimum(height * height / area, squared), squared)
+    v = np.where(above, v, np.where(on_ab, along_ab, np.where(on_ac, 0.0, 1.0 - along_bc)))
+    w = np.where(above, w, np.where(on_ab, 0.0, np.where(on_ac, along_ac, along_bc)))
+    return squared, np.stack((np.maximum(1.0 - v - w, 0.0), v, w))
+
+
+def _on_edge(p: Vector, edge: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the parameter of the nearest point of an edge, and its squared distance."""
+    length = _dot(edge, edge)
+    t = np.clip(_dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    rest = p - t * edge
+    return t, _dot(rest, rest)
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return np.stack(
+        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
+
+
+def _dot(a: Vector, b: Vector) -> NDArray[np.float64]:
+    result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return result

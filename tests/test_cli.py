@@ -1,0 +1,330 @@
+"""The command line as a user runs it: exit codes, messages, files."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image
+
+from spacemap_vtk.cli.main import main
+
+SCENES = Path(__file__).parents[1] / "scenes"
+SMALL = ["--size", "160x120"]
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    return int(caught.value.code or 0)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Run what must be refused; return its one message."""
+    assert run(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("spacemap: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in err
+    return err
+
+
+# --- what works --------------------------------------------------------------------------------
+
+
+def test_render_by_name_in_a_fresh_process(tmp_path: Path) -> None:
+    picture = tmp_path / "cloth.png"
+    done = subprocess.run(
+        [sys.executable, "-m", "spacemap_vtk", "render", "plain_weave", "-o", str(picture), *SMALL],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert "stiffly" in done.stderr
+    image = np.asarray(Image.open(picture))
+    assert image.shape == (120, 160, 3)
+    assert image.std() > 20
+    assert [file.name for file in tmp_path.iterdir()] == ["cloth.png"]
+
+
+def test_quiet_says_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    target = str(tmp_path / "a.png")
+    assert run("render", "plain_weave", "-o", target, *SMALL, "--quiet") == 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_time_size_and_set_change_the_picture(tmp_path: Path) -> None:
+    def drawn(*more: str) -> np.ndarray:
+        file = tmp_path / "x.png"
+        assert run("render", "plain_weave", "-o", str(file), "-q", *more) == 0
+        return np.asarray(Image.open(file)).astype(int)
+
+    rest = drawn(*SMALL, "--time", "0")
+    assert np.abs(drawn(*SMALL, "--time", "40 ms") - rest).max() > 30
+    assert np.abs(drawn(*SMALL, "--time", "0", "--set", "weave.ends=3") - rest).max() > 30
+    assert np.abs(drawn(*SMALL, "--time", "0", "--set", "view.camera=top") - rest).max() > 30
+    assert drawn("--size", "100x80").shape == (80, 100, 3)
+
+
+def test_a_real_draft_in_its_own_colours(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    file = tmp_path / "twill.png"
+    assert run("render", str(SCENES / "32-shaft_twill.wif"), "-o", str(file), *SMALL) == 0
+    assert "too thick to interlace" in capsys.readouterr().err
+    image = np.asarray(Image.open(file)).astype(int)
+    hues = image[image.max(axis=2) - image.min(axis=2) > 60]
+    assert len(hues) > 500  # yarns in colours, not in grey
+
+
+def test_animate_gif_and_frames(tmp_path: Path) -> None:
+    short = ["--set", "animation.stop=0.02", "--set", "animation.speed=0.1"]
+    short += ["--set", "animation.frames_per_second=20", "-q", "--size", "96x64"]
+    film = tmp_path / "film.gif"
+    assert run("animate", "plain_weave", "-o", str(film), *short) == 0
+    with Image.open(film) as gif:
+        assert gif.n_frames == 4
+        assert gif.size == (96, 64)
+        assert gif.info["duration"] == 50
+        first = np.asarray(gif.convert("RGB")).astype(int)
+        gif.seek(3)
+        assert np.abs(np.asarray(gif.convert("RGB")).astype(int) - first).max() > 30
+    assert run("animate", "plain_weave", "-o", str(tmp_path / "f%03d.png"), *short) == 0
+    names = sorted(file.name for file in tmp_path.iterdir())
+    assert names == ["f000.png", "f001.png", "f002.png", "f003.png", "film.gif"]
+
+
+def test_animate_mp4(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg", reason="comes with the extra [movie]")
+    film = tmp_path / "film.mp4"
+    short = ["--set", "animation.stop=0.01", "--set", "animation.speed=0.1", "-q"]
+    assert run("animate", "plain_weave", "-o", str(film), *short, "--size", "97x63") == 0
+    assert film.read_bytes()[4:8] == b"ftyp"
+
+
+def test_storyboard_draws_two_rows(tmp_path: Path) -> None:
+    file = tmp_path / "figure6.png"
+    arguments = ["-o", str(file), "--times", "0,20ms,0.04", "--size", "300x200", "-q"]
+    assert run("storyboard", "plain_weave", *arguments) == 0
+    image = np.asarray(Image.open(file))
+    assert image.shape[0] > 200
+    assert image.shape[1] > 300
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "cells"),
+    [
+        ("a.vtu", [], 1120),
+        ("a.vtu", ["--what", "cage"], 125),
+        ("a.vtp", [], 1120 * 36),
+        ("a.stl", [], 1120 * 72),
+        ("a.ply", [], 1120 * 36),
+    ],
+)
+def test_export_can_be_read_back(tmp_path: Path, name: str, what: list[str], cells: int) -> None:
+    file = tmp_path / name
+    assert run("export", "plain_weave", "-o", str(file), "--time", "0.02", "-q", *what) == 0
+    mesh = pv.read(file)
+    assert mesh.n_cells == cells
+    if name == "a.vtu":
+        assert np.abs(mesh["displacement"]).max() > 1e-5
+        assert set(mesh.celltypes) == ({10} if what else {77})
+
+
+def test_modes_and_info_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("modes", "plain_weave", "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["vertices"], figures["tetrahedra"], figures["dof"]) == (72, 125, 180)
+    assert len(figures["modes"]) == 180
+    first = figures["modes"][0]
+    alpha = 2.0
+    omega = 2 * np.pi * first["frequency_hz"]
+    assert omega**2 == pytest.approx(first["eigenvalue"])
+    assert first["damping_ratio"] == pytest.approx(alpha / 2 / omega)
+    assert run("info", "plain_weave", "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["ends"], figures["picks"]) == (7, 7)
+    assert figures["drawdown"][:2] == ["1010101", "0101010"]
+    # Peirce with p = D, h = D / 2: the published table's second row.
+    for family in ("warp", "weft"):
+        assert figures[family]["theta_deg"] == pytest.approx(36.869898, abs=1e-6)
+        assert figures[family]["crimp"] == pytest.approx(0.143501, abs=1e-6)
+        assert figures[family]["height"] == pytest.approx(0.25e-3)
+    assert figures["warnings"] == []
+
+
+def test_free_cage_has_null_damping_ratio(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("modes", "plain_weave", "--json", "--set", "modal.fixed=''") == 0
+    modes = json.loads(capsys.readouterr().out)["modes"]
+    assert [mode["eigenvalue"] for mode in modes[:7]].count(0.0) == 6
+    assert modes[0]["damping_ratio"] is None
+    assert modes[0]["regime"] == "rigid"
+
+
+def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("modes", "plain_weave") == 0
+    assert "180 degrees of freedom" in " ".join(capsys.readouterr().out.split())
+    assert run("info", str(SCENES / "32-shaft_twill.wif")) == 0
+    out = capsys.readouterr().out
+    assert "weave angle" in out
+    assert "repeat 62 x 62" in " ".join(out.split())
+    assert run("scenes") == 0
+    assert "plain_weave" in capsys.readouterr().out
+    assert run("scenes", "plain_weave") == 0
+    assert "[weave]" in capsys.readouterr().out
+    assert run("validate", "plain_weave") == 0
+    assert "valid" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["render", "animate", "storyboard", "export", "modes", "info", "validate", "scenes"],
+)
+def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(command, "--help") == 0
+    out = capsys.readouterr().out
+    assert "Usage" in out
+    assert len(out) > 200
+    assert run("--help") == 0
+    assert command in capsys.readouterr().out
+
+
+# --- what is refused ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[weave\nends = 7", ["not a scene", "line 1"]),
+        ("[waeve]\nends = 7", ["waeve", "[weave]", 'Did you mean "weave"?']),
+        ("[weave]\nend = 7", ["weave.end", "ends, picks", 'Did you mean "ends"?']),
+        ("weave = 3", ["weave = 3", "not a section"]),
+        ("title = 3", ["title = 3", "not a string"]),
+        ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
+        ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
+        ("[weave]\nends = true", ["weave.ends = True", "not a number"]),
+        ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
+        ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),
+        ("[weave]\nwarp_diameter = inf", ["weave.warp_diameter = inf", "not a finite number"]),
+        ("[weave]\nwarp_diameter = '1 kg'", ['unit "kg"', "mm"]),
+        ("[weave]\nwarp_crimp_height = '0.51 mm'", ["weave.warp_crimp_height", "0 mm to 0.5 mm"]),
+        ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
+        ("[weave]\npattern = ['10', '0']", ["weave.pattern", "0 and 1"]),
+        ("[weave]\npattern = 'plian'", ["weave.pattern", '"plain"']),
+        ("[weave]\ndraft = 'no.wif'", ["no.wif", "No such file"]),
+        ("[modal]\npoissons_ratio = 0.5", ["modal.poissons_ratio = 0.5", "less than 0.5"]),
+        ("[modal]\nfixed = 'top'", ['modal.fixed = "top"', '"+y"']),
+        ("[cage]\ndivisions = [5, 5]", ["cage.divisions", "[x, y, z]"]),
+        ("[cage]\ndivisions = [60000, 60000, 60000]", ["cage.divisions", "GiB"]),
+        ("[weave]\nends = 100000\npicks = 100000", ["weave.ends", "GiB"]),
+        ("[modal]\nfixed = ''\n[response]\ninitial = 'equilibrium'", ["response.initial", "Fix"]),
+        ("[view]\nsize = [1280]", ["view.size", "1 components in place of 2"]),
+        ("[view]\nbackground = 'red'", ["view.background", "#rrggbb"]),
+    ],
+)
+def test_a_bad_scene_gets_one_message_and_touches_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
+) -> None:
+    scene, picture = tmp_path / "bad.toml", tmp_path / "old.png"
+    scene.write_text(text)
+    picture.write_bytes(b"precious")
+    message = refused(capsys, "render", str(scene), "-o", str(picture), *SMALL)
+    assert str(scene) in message or "no.wif" in message
+    for part in parts:
+        assert part in message
+    assert picture.read_bytes() == b"precious"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bad.toml", "old.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["render", "nowhere.toml", "-o", "a.png"], ["nowhere.toml", "no such file"]),
+        (["render", "plian_weave", "-o", "a.png"], ['Did you mean "plain_weave"?']),
+        (["render", "plain_weave", "-o", "a.xyz"], ["a.xyz", ".png (picture)"]),
+        (["render", "plain_weave", "-o", "a"], ["names no format", ".png"]),
+        (["render", "plain_weave", "-o", "no/such/a.png"], ["no/such", "mkdir"]),
+        (["render", "plain_weave"], ["--output"]),
+        (["render", "plain_weave", "-o", "a.png", "--size", "big"], ["--size", "1920x1080"]),
+        (["render", "plain_weave", "-o", "a.png", "--size", "0x10"], ["--size", "at least 16"]),
+        (["render", "plain_weave", "-o", "a.png", "--size", "99999x9"], ["--size", "16384"]),
+        (["render", "plain_weave", "-o", "a.png", "--time", "-1"], ["--time", "at least 0 s"]),
+        (["render", "plain_weave", "-o", "a.png", "--time", "nan"], ["--time", "finite"]),
+        (["render", "plain_weave", "-o", "a.png", "--set", "ends=3"], ["section.key=value"]),
+        (["render", "plain_weave", "-o", "a.png", "--set", "weave.ens=3"], ["weave.ens", "ends"]),
+        (["render", "plain_weave", "-o", "a.png", "--colour"], ["--colour"]),
+        (["animate", "plain_weave", "-o", "a.png"], ["%04d"]),
+        (["animate", "plain_weave", "-o", "a.avi"], ["a.avi", ".gif"]),
+        (["animate", "plain_weave", "-o", "a.gif", "--set", "animation.stop=1e9"], ["frames"]),
+        (
+            ["animate", "plain_weave", "-o", "a.gif", "--set", "animation.start=3"],
+            ["animation.stop"],
+        ),
+        (["storyboard", "plain_weave", "-o", "a.png", "--times", "x"], ["not a number"]),
+        (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
+        (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
+        (["scenes", "nothing"], ["nothing", "plain_weave"]),
+        (["rendr", "plain_weave"], ["render"]),
+    ],
+)
+def test_a_bad_command_gets_one_message(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    parts: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    message = refused(capsys, *arguments)
+    for part in parts:
+        assert part in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "still.toml"
+    scene.write_text("[weave]\nends = 2\npicks = 2\n")
+    assert "[modal]" in refused(capsys, "modes", str(scene))
+    arguments = ["-o", str(tmp_path / "c.vtu"), "--what", "cage"]
+    assert "cage" in refused(capsys, "export", str(scene), *arguments)
+
+
+def test_a_missing_library_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from spacemap_vtk.scenes import graphics
+
+    monkeypatch.setattr(graphics, "_loads", lambda name: False)
+    target = tmp_path / "a.png"
+    assert run("render", "plain_weave", "-o", str(target)) == 1
+    assert "apt-get install libegl1 libgl1" in capsys.readouterr().err
+    assert not target.exists()
+
+
+def test_a_film_that_breaks_off_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from spacemap_vtk.scenes.picture import Picture
+
+    real, count = Picture.draw, []
+
+    def failing(self: Picture, time: float) -> np.ndarray:
+        count.append(time)
+        if len(count) == 3:
+            raise KeyboardInterrupt
+        return real(self, time)
+
+    monkeypatch.setattr(Picture, "draw", failing)
+    old = tmp_path / "f0000.png"
+    old.write_bytes(b"precious")
+    arguments = ["-o", str(tmp_path / "f%04d.png"), "--size", "32x32", "-q"]
+    assert run("animate", "plain_weave", *arguments) == 1
+    assert old.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [old]
