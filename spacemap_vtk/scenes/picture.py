@@ -98,7 +98,7 @@ class Picture:
         light = plotter.screenshot(None, return_img=True).astype(np.float32)
         if shaded:
             cloth = self.scene.weave.fabric.cloth
-            diameter = max(cloth.warp_diameter, cloth.weft_diameter)
+            diameter = float(max(np.max(cloth.warp_diameter), np.max(cloth.weft_diameter)))
             camera = plotter.camera
             pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
             depth = -plotter.get_image_depth(fill_value=np.nan)

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, peirce
+from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.weave import fabric_figures
 from spacemap_vtk.filters.arrays import array_of
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
@@ -101,9 +101,7 @@ def fabric(scene: Scene) -> dict[str, Any]:
     figures |= {
         "drawdown": draft.rows(woven.drawdown),
         "repeat": list(draft.repeat(woven.drawdown)),
-        "feasible_height": list(
-            peirce.feasible_height(cloth.warp_spacing, cloth.weft_spacing, cloth.diameter_sum)
-        ),
+        "feasible_height": list(cloth.feasible_heights),
         "patches": grid.GetNumberOfCells(),
         "control_points": grid.GetNumberOfPoints(),
         "warnings": list(scene.weave.warnings),
