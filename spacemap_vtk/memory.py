@@ -36,7 +36,7 @@ def require(
         Estimate of the bytes needed.
     what : str
         What needs them, for the message.
-    key, value, cure
+    key, value, cure : object, optional
         As for `spacemap_vtk.errors.SpacemapError`.
 
     Raises

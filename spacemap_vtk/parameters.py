@@ -29,7 +29,7 @@ from typing import Any, ClassVar, Generic, TypeVar, overload
 import numpy as np
 
 from spacemap_vtk.errors import InputError, UnknownNameError
-from spacemap_vtk.units import format_quantity, parse_quantity
+from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
 T = TypeVar("T")
 
@@ -39,8 +39,8 @@ class Parameter(Generic[T]):
 
     Parameters
     ----------
-    default : T
-        Value before any is set. ``None`` makes the parameter optional.
+    default : object
+        Value before any is set; None makes the parameter optional.
     help : str
         One sentence for every surface that shows the parameter.
     unit : str, optional
@@ -111,7 +111,23 @@ class Parameter(Generic[T]):
             ) from None
 
     def convert(self, value: Any) -> T:
-        """Return a given value in canonical form; raise InputError if that cannot be done."""
+        """Return a given value in canonical form.
+
+        Parameters
+        ----------
+        value : object
+            Whatever a user gave, but None.
+
+        Returns
+        -------
+        T
+            The value to store.
+
+        Raises
+        ------
+        InputError
+            If that cannot be done; `check` adds name, value and what is allowed.
+        """
         raise NotImplementedError
 
     @property
@@ -125,11 +141,28 @@ class Parameter(Generic[T]):
         return self.annotation
 
     def show(self, value: T) -> str:
-        """Return a value as a user would write it."""
+        """Return a value as a user would write it.
+
+        Parameters
+        ----------
+        value : T
+            A stored value.
+
+        Returns
+        -------
+        str
+            With a handy unit; what None stands for, in words.
+        """
         return self.automatic if value is None else str(value)
 
     def describe(self) -> str:
-        """Return help, range and default in one paragraph."""
+        """Return help, range and default.
+
+        Returns
+        -------
+        str
+            One paragraph.
+        """
         return f"{self.help} Allowed: {self.allowed}. Default: {self.show(self.default)}."
 
 
@@ -138,12 +171,16 @@ class Real(Parameter[Any]):
 
     Parameters
     ----------
-    default, help, **rest
-        As for `Parameter`.
+    default : object
+        Value before any is set; None makes the parameter optional.
+    help : str
+        One sentence for every surface that shows the parameter.
     minimum, maximum : float, optional
         Ends of the range, allowed themselves.
     above, below : float, optional
         Ends of the range, not allowed themselves.
+    **rest : str
+        As for `Parameter`.
     """
 
     kind = "real"
@@ -205,13 +242,10 @@ class Real(Parameter[Any]):
     def allowed(self) -> str:
         """Type, unit and range in words."""
         kind = "a whole number" if self.kind == "integer" else "a number"
-        unit = f' in {self.unit}, or with its unit as in "{self._example}"' if self.unit else ""
-        return f"{kind} {self.range}".rstrip() + unit
-
-    @property
-    def _example(self) -> str:
-        value = self.default if getattr(self, "default", None) is not None else 1.0
-        return format_quantity(float(value), self.unit)
+        words = f"{kind} {self.range}".rstrip()
+        if not self.unit:
+            return words
+        return f"{words}, in {self.unit} or with its unit ({', '.join(UNITS[self.unit])})"
 
     def show(self, value: Any) -> str:
         """Return the value with a handy unit."""
@@ -259,10 +293,14 @@ class Choice(Parameter[str]):
 
     Parameters
     ----------
-    default, help, **rest
-        As for `Parameter`.
+    default : str
+        Value before any is set.
+    help : str
+        One sentence for every surface that shows the parameter.
     choices : sequence of str
         The words, the commonest first.
+    **rest : str
+        As for `Parameter`.
     """
 
     kind = "choice"
@@ -289,12 +327,16 @@ class Vector(Parameter[tuple[Any, ...]]):
 
     Parameters
     ----------
-    default, help, **rest
-        As for `Parameter`.
+    default : object
+        Value before any is set; None makes the parameter optional.
+    help : str
+        One sentence for every surface that shows the parameter.
     component : Real
         What each component must be.
     labels : str
         One letter for each component.
+    **rest : str
+        As for `Parameter`.
     """
 
     kind = "vector"

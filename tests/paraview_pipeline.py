@@ -20,7 +20,7 @@ from spacemap_vtk import (
     WeaveSource,
 )
 
-window = vtkStringOutputWindow()
+window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
 vtkOutputWindow.SetInstance(window)
 
 weave = WeaveSource(ends=7, picks=7)
@@ -68,6 +68,7 @@ else:
     raise AssertionError("an impossible cloth was accepted")
 
 assert window.GetOutput() == "", window.GetOutput()
+vtkOutputWindow.SetInstance(usual)  # pvpython's own stdout goes through it
 assert "pyvista" not in sys.modules
 print(
     f"VTK {vtkVersion.GetVTKVersion()}, Python {sys.version.split()[0]}: "

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -12,7 +13,12 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Quiet, Set, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder
+from spacemap_vtk.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.picture import Image
 
 STILL_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
 FILM_FORMATS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
@@ -41,7 +47,7 @@ def render(
     """
     check_output(output, STILL_FORMATS)
     opened_scene = opened(scene, set_, time=time, size=size)
-    from PIL import Image
+    from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import Picture
 
@@ -51,7 +57,7 @@ def render(
         image = picture.draw(at)
         picture.close()
     with whole_file(output) as file:
-        Image.fromarray(image).save(file)
+        PILImage.fromarray(image).save(file)
     tell_warnings(opened_scene, quiet)
 
 
@@ -66,7 +72,8 @@ def animate(
 ) -> None:
     """Make a film of a scene, or numbered frames.
 
-    The section [animation] says which times it shows, and how many frames a second.
+    The section [animation] says which times it shows, and how many frames a second. Without
+    --size, a GIF is drawn at half the scene's size.
 
     Parameters
     ----------
@@ -87,12 +94,14 @@ def animate(
     from spacemap_vtk.scenes.picture import Picture
 
     opened_scene.check()
+    if size is None and output.suffix.lower() == ".gif":
+        opened_scene.view.size = tuple(max(16, side // 2) for side in opened_scene.view.size)
     times = opened_scene.animation.frame_times()
     rate = opened_scene.animation.frames_per_second
     with progress(opened_scene, "Drawing frames", len(times), quiet) as tell:
         picture = Picture(opened_scene, times)
 
-        def images():  # type: ignore[no-untyped-def]
+        def images() -> Iterator[Image]:
             for done, time in enumerate(times, 1):
                 yield picture.draw(time)
                 tell(done)
@@ -114,7 +123,7 @@ def storyboard(
     output: Output,
     times: Annotated[
         str | None,
-        Parameter(help="Times in s, separated by commas; by default six over the animation."),
+        Parameter(help="Times in s, separated by commas; by default over the first mode's period."),
     ] = None,
     size: Size = None,
     set_: Set = (),
@@ -135,16 +144,16 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    moments = _times(times) if times else _evenly(opened_scene.animation, 6)
-    from PIL import Image
+    moments = _times(times) if times else _one_swing(opened_scene)
+    from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import storyboard as drawn
 
-    chosen = (1920, 640) if size is None else tuple(opened_scene.view.size)
+    chosen = (2240, 640) if size is None else tuple(opened_scene.view.size)
     with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:
         image = drawn(opened_scene, moments, chosen, tell)
     with whole_file(output) as file:
-        Image.fromarray(image).save(file)
+        PILImage.fromarray(image).save(file)
     tell_warnings(opened_scene, quiet)
 
 
@@ -204,5 +213,9 @@ def _times(text: str) -> list[float]:
     return times
 
 
-def _evenly(animation, count: int) -> list[float]:  # type: ignore[no-untyped-def]
-    return [float(t) for t in np.linspace(animation.start, animation.stop, count)]
+def _one_swing(scene: Scene) -> list[float]:
+    """Return seven times over a period of the first mode that has one."""
+    frequencies = [mode["frequency_hz"] for mode in report.modes(scene)["modes"]]
+    swinging = [f for f in frequencies if f > 0.0]
+    period = 1 / swinging[0] if swinging else scene.animation.stop
+    return [float(f"{time:.3g}") for time in np.linspace(0.0, period, 7)]

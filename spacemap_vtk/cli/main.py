@@ -13,6 +13,7 @@ from spacemap_vtk.errors import InputError
 app = App(
     name="spacemap",
     version=__version__,
+    suppress_keyboard_interrupt=False,
     help="""Deform woven fabric by space mapping: pictures, films, data and figures.
 
     SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with

@@ -29,7 +29,7 @@ _BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
 class Location:
     """Where points lie in a tetrahedral mesh.
 
-    Attributes
+    Parameters
     ----------
     tetrahedron : (N,) int32
         Tetrahedron that each point belongs to.

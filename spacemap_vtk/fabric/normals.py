@@ -13,6 +13,8 @@ from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 # in proportion to the distance from a collapsed edge, so this is also about the share of the
 # area element that counts as none.
 _INSIDE = 1e-3
+# Rounding of an area element, next to the square of the patch's size.
+_NOTHING = 1e-12
 
 
 def robust_normals(
@@ -46,15 +48,20 @@ def robust_normals(
 
     here, along = _area_element(local, degree, u, v)
     inside, _ = _area_element(local, degree, _inwards(u), _inwards(v))
-    middle, _ = _area_element(local, degree, np.full_like(u, 0.5), np.full_like(v, 0.5))
     # across the longest direction: what has no area may still be a line
     axis = np.eye(3)[np.abs(along).argmin(axis=1)]
     across = np.cross(along, axis)
     result = np.broadcast_to(np.array([0.0, 0.0, 1.0]), here.shape).copy()
-    for choice, least in ((across, 0.0), (middle, 1e-12), (inside, 1e-12)):
-        usable = _length(choice) > least
-        result[usable] = choice[usable]
-    usable = _length(here) > np.maximum(1e-12, _INSIDE * _length(inside))
+    usable = _length(across) > 0
+    result[usable] = across[usable]
+    usable = _length(inside) > _NOTHING
+    if not usable.all():
+        half = np.full_like(u, 0.5)
+        middle, _ = _area_element(local, degree, half, half)
+        better = _length(middle) > _NOTHING
+        result[better] = middle[better]
+    result[usable] = inside[usable]
+    usable = _length(here) > np.maximum(_NOTHING, _INSIDE * _length(inside))
     result[usable] = here[usable]
     broken = ~np.isfinite(local).all(axis=(1, 2))
     result[broken] = np.nan
@@ -79,11 +86,16 @@ def _area_element(
     """Return ``du x dv`` and the longer of ``du`` and ``dv``."""
     p, q = degree
     grid = nets.reshape(len(nets), q + 1, p + 1, 3)
-    du = np.einsum(
-        "nj,ni,njik->nk", bernstein(q, v), bernstein_derivative(p, u), grid, optimize=False
-    )
-    dv = np.einsum(
-        "nj,ni,njik->nk", bernstein_derivative(q, v), bernstein(p, u), grid, optimize=False
-    )
+    du = _contract(_contract(grid, bernstein(q, v)), bernstein_derivative(p, u))
+    dv = _contract(_contract(grid, bernstein_derivative(q, v)), bernstein(p, u))
     longer = np.where((_length(du) >= _length(dv))[:, None], du, dv)
     return np.cross(du, dv), longer
+
+
+def _contract(nets: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sum over axis 1, weighted; for so few terms faster than einsum."""
+    shape = (-1,) + (1,) * (nets.ndim - 2)
+    result = nets[:, 0] * basis[:, 0].reshape(shape)
+    for i in range(1, basis.shape[1]):
+        result += nets[:, i] * basis[:, i].reshape(shape)
+    return result

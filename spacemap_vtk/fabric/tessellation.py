@@ -137,6 +137,7 @@ class Tessellation:
         stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
         positions = self._recycler.empty((self.point_count, 3), kind)
         normals = self._recycler.empty((self.point_count, 3), kind)
+        suspects: list[tuple[Chunk, NDArray[np.intp]]] = []
 
         def worker() -> Callable[[Chunk], None]:
             scratch = Scratch(self._chunks, stacked.shape, points.dtype, kind)
@@ -151,15 +152,17 @@ class Tessellation:
                         np.add(
                             values[axis, :, :third], origin[axis][:, None], out=surface[..., axis]
                         )
-                    suspects = scratch.normals(
+                    found = scratch.normals(
                         chunk, net, values, self._part(normals, chunk), self._corners, scale
                     )
-                    if len(suspects):
-                        self._repair(normals, points, chunk, suspects)
+                if len(found):
+                    suspects.append((chunk, found))
 
             return do
 
         for_each(self._chunks, worker, self._threads)
+        if suspects:
+            self._repair(normals, points, suspects)
         return positions, normals
 
     def interpolate(self, values: ArrayLike) -> Floats:
@@ -174,7 +177,7 @@ class Tessellation:
         Returns
         -------
         (P (n + 1)**2,) or (P (n + 1)**2, k) float
-            float32 for float32, float64 for all else.
+            Of float32 for float32, of float64 for all else.
 
         Raises
         ------
@@ -260,16 +263,24 @@ class Tessellation:
         self,
         normals: Floats,
         points: NDArray[Any],
-        chunk: Chunk,
-        suspects: NDArray[np.intp],
+        suspects: list[tuple[Chunk, NDArray[np.intp]]],
     ) -> None:
-        block, sample, column = suspects.T
-        nets = points[chunk.rows][chunk.gather[block, :, column]]
-        t = np.arange(self.subdivisions + 1) / self.subdivisions
-        v, u = np.divmod(sample, self.subdivisions + 1)
-        self._part(normals, chunk)[block, sample, column] = robust_normals(
-            nets, self.degree, t[u], t[v]
-        )
+        """Evaluate some normals again, with care: all at once, for each call costs 0.3 ms."""
+        nets, places, samples = [], [], []
+        for chunk, found in suspects:
+            block, sample, column = found.T
+            nets.append(chunk.net(block, column))
+            rows = (self.subdivisions + 1) ** 2
+            places.append(
+                (chunk.first + block * chunk.width) * rows + sample * chunk.width + column
+            )
+            samples.append(sample)
+        v, u = np.divmod(np.concatenate(samples), self.subdivisions + 1)
+        n = self.subdivisions
+        with np.errstate(all="ignore"):  # infinite control points
+            normals[np.concatenate(places)] = robust_normals(
+                points[np.concatenate(nets)], self.degree, u / n, v / n
+            )
 
 
 def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
@@ -284,7 +295,7 @@ def _magnitude(points: NDArray[Any], chunks: list[Chunk]) -> float:
     """Return about the size of the patches, from a few of them; 1 if they have none."""
     sizes = []
     for chunk in chunks[:: max(1, len(chunks) // 16)]:
-        net = points[chunk.rows][chunk.gather[0, :, 0]].astype(np.float64)
+        net = points[chunk.net(0, 0)].astype(np.float64)
         sizes.append(float(np.ptp(net, axis=0).max()))
     finite = [size for size in sizes if 0 < size < np.inf]
     return max(finite, default=1.0)

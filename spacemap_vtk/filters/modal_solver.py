@@ -85,8 +85,9 @@ class ModalSolver(Stage):
         free = np.repeat(~held, 3)
         dof = int(free.sum())
         count = min(self.modes, dof)
+        layers = layers_through_thickness(vertices, tetrahedra)
         require(
-            estimate_bytes(dof, count),
+            estimate_bytes(dof, count, layers),
             f"solving {count} modes of {dof} degrees of freedom",
             key="modes",
             value=self.modes,
@@ -105,7 +106,6 @@ class ModalSolver(Stage):
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
 
-        layers = layers_through_thickness(vertices, tetrahedra)
         if layers < 1.5:
             self.warn(
                 "one layer of linear tetrahedra through the thickness bends several times too "

@@ -63,7 +63,9 @@ class PatchTessellator(Stage):
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(grid.GetPointData()):
-            values = prepared.tessellation.interpolate(vtk_to_numpy(array))
+            # In float32 as the positions are: twice the bytes would say no more.
+            values = vtk_to_numpy(array).astype(np.float32, copy=False)
+            values = prepared.tessellation.interpolate(values)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))

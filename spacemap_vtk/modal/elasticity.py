@@ -131,7 +131,7 @@ def nodal_mass(points: ArrayLike, tetrahedra: ArrayLike, density: float) -> Floa
     """
     _check_density(density)
     volume = np.repeat(volumes(points, tetrahedra), 4)
-    return density / 4 * np.bincount(np.ravel(tetrahedra), volume, len(np.asarray(points)))
+    return np.bincount(np.ravel(tetrahedra), volume, len(np.asarray(points))) / 4 * density
 
 
 def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:

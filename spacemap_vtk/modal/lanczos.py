@@ -7,8 +7,8 @@ eight copies by construction, is as fast, and knows how far it is.
 What the numbers rest on:
 
 - The shift is negative, so K + σM is positive definite even where nothing is fixed, and SuperLU may
-  keep the symmetric order and the diagonal as pivots. At -1e-5 of the first elastic eigenvalue and
-  closer, rigid modes drown the elastic ones; at -1e4 of it only time is lost.
+  keep the symmetric order and the diagonal as pivots. Too close to zero (-1e-5 of the first elastic
+  eigenvalue) rigid modes drown the elastic ones; too far, even -1e3 of it, costs time alone.
 - Basis vectors are M-orthogonalised against all others, twice; there is no restart.
 """
 
@@ -65,8 +65,13 @@ def lowest_modes(
     SizeError
         If the factors do not fit into memory.
     SolverError
-        If the iteration does not converge.
+        If K has no positive diagonal or the iteration does not converge.
     """
+    if not (stiffness.diagonal() > 0).all():
+        raise SolverError(
+            "the stiffness matrix is not positive semidefinite",
+            cure="Check the material and the supports of the cage",
+        )
     sigma = shift(stiffness, mass)
     solve = factorise(stiffness + sigma * mass)
     progress(0.3)
@@ -97,7 +102,8 @@ def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
     A wave crosses a cell of size h in h/c ≈ sqrt(5 m/k) of its diagonal entries, and the mesh in
     T = Σ h/c along the quickest path to its far end, whatever its grading and materials. A bar then
     has λ₁ = (π/2T)². Bending is lower: measured σ/λ₁ are 0.004 (free cube), 2 (slab 50 x 50 x 3)
-    and 5e3 (needle 1 x 500 x 1); residual and number of steps are good from 1e-3 to 1e4.
+    and 5e3 (needle 1 x 500 x 1); residual and number of steps are
+    good from 1e-3 to 1e3, and as far as it goes on a needle.
     """
     ratio = stiffness.diagonal() / mass.diagonal()
     delay = np.sqrt(5 / ratio)

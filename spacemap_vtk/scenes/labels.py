@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from spacemap_vtk.units import format_quantity
+
 _INK, _PAPER = (40, 46, 54), (255, 255, 255)
 
 
@@ -37,5 +39,11 @@ def label_storyboard(image: NDArray[np.uint8], times: Sequence[float]) -> NDArra
         pen.text((1.5 * size, middle), f"({letter})", _INK, font, anchor="mm")
     for column, time in enumerate(times):
         middle = 3 * size + (column + 0.5) * width / len(times)
-        pen.text((middle, height + size), f"{time:.3g} s", _INK, font, anchor="mm")
+        pen.text(
+            (middle, height + size),
+            format_quantity(float(f"{time:.4g}"), "s"),
+            _INK,
+            font,
+            anchor="mm",
+        )
     return np.asarray(sheet)

@@ -9,6 +9,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
@@ -21,7 +22,7 @@ Image = NDArray[np.uint8]
 
 #: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
 CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "three-quarter": ((0.55, 0.35, 1.0), (0.0, 1.0, 0.0)),
+    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
     "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
     "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
@@ -68,9 +69,10 @@ class Picture:
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
+        self._followers: list[vtkAlgorithm] = []
         self._panels = [
             (
-                _plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
+                self._plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
                 scene.view.shadows and panel != "cage",
             )
             for panel, w in zip(panels, widths, strict=True)
@@ -90,6 +92,9 @@ class Picture:
             Red, green and blue.
         """
         self.scene.update(time)
+        for follower in self._followers:
+            # A change of time is no change of the pipeline: each branch must ask for it itself.
+            follower.UpdateTimeStep(time)
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
     def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:
@@ -104,6 +109,25 @@ class Picture:
             depth = -plotter.get_image_depth(fill_value=np.nan)
             light *= contact_shade(depth, diameter, diameter / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
+
+    def _plotter(
+        self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
+    ) -> pv.Plotter:
+        view = scene.view
+        plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+        plotter.set_background(view.background, top=view.background_top)
+        _aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+        _light(plotter)
+        if panel in ("fabric", "both"):
+            plotter.add_actor(_fabric(scene), reset_camera=False)
+        if panel in ("cage", "both"):
+            edges = _cage_edges(scene)
+            self._followers.append(edges)
+            plotter.add_actor(_lines(edges, view.cage_color), reset_camera=False)
+            if scene.modal.fixed:
+                plotter.add_actor(_supports(scene, view.support_color), reset_camera=False)
+        plotter.enable_anti_aliasing("msaa", multi_samples=4)
+        return plotter
 
     def close(self) -> None:
         """Free the windows."""
@@ -171,22 +195,6 @@ def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
 
 
-def _plotter(
-    scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
-) -> pv.Plotter:
-    view = scene.view
-    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
-    plotter.set_background(view.background, top=view.background_top)
-    _aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
-    _light(plotter)
-    if panel in ("fabric", "both"):
-        plotter.add_actor(_fabric(scene), reset_camera=False)
-    if panel in ("cage", "both"):
-        plotter.add_actor(_cage(scene), reset_camera=False)
-    plotter.enable_anti_aliasing("msaa", multi_samples=4)
-    return plotter
-
-
 def _fabric(scene: Scene) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(scene.surface.GetOutputPort())
@@ -203,22 +211,36 @@ def _fabric(scene: Scene) -> vtkActor:
     return actor
 
 
-def _cage(scene: Scene) -> vtkActor:
+def _cage_edges(scene: Scene) -> vtkAlgorithm:
     moved = vtkWarpVector()
     moved.SetInputConnection(scene.response.GetOutputPort())
     moved.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
     edges = vtkExtractEdges()
     edges.SetInputConnection(moved.GetOutputPort())
+    return edges
+
+
+def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(edges.GetOutputPort())
     mapper.ScalarVisibilityOff()
     actor = vtkActor()
     actor.SetMapper(mapper)
     line = actor.GetProperty()
-    line.SetColor(*(c / 255 for c in scene.view.cage_color))
+    line.SetColor(*(c / 255 for c in color))
     line.SetLighting(False)
     line.SetLineWidth(1.6 * _SAMPLES)
     return actor
+
+
+def _supports(scene: Scene, color: Sequence[int]) -> pv.Actor:
+    grid = scene.modal.GetOutputDataObject(0)
+    held = vtk_to_numpy(grid.GetPointData().GetArray("fixed")) != 0
+    mapper = pv.DataSetMapper(pv.PolyData(_points(grid)[held].astype(np.float32)))
+    look = pv.Property(
+        color=[c / 255 for c in color], point_size=9.0 * _SAMPLES, render_points_as_spheres=True
+    )
+    return pv.Actor(mapper=mapper, prop=look)
 
 
 def _light(plotter: pv.Plotter) -> None:

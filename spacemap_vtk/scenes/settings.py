@@ -37,6 +37,7 @@ class View(Parameterised):
     background = Color("#ffffff", "Colour of the background, at the bottom.")
     background_top = Color("#dfe6ee", "Colour of the background, at the top.")
     cage_color = Color("#39424e", "Colour of the cage's edges.")
+    support_color = Color("#d9642c", "Colour of the cage's fixed vertices.")
     shadows = Flag(True, "Soft shadow where yarns meet.")
 
 

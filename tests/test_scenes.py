@@ -1,0 +1,115 @@
+"""Every scene that comes with the program runs, and a number of it is known from elsewhere."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.scenes.scene import Scene
+
+ROOT = Path(__file__).parents[1]
+
+
+def displacement(scene: Scene) -> np.ndarray:
+    return vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("displacement"))
+
+
+def the_papers_experiment(scene: Scene) -> None:
+    scene.update(0.0)
+    grid = scene.deformed_cage
+    assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (72, 125)
+    assert scene.polygons.GetNumberOfCells() == scene.patches.GetNumberOfCells() * 36
+    assert np.abs(displacement(scene)).max() == 0.0
+    eigenvalues = vtk_to_numpy(grid.GetFieldData().GetArray("eigenvalues"))
+    assert len(eigenvalues) == 180
+    # Half a period of the first mode later the sheet has swung to nearly twice its static sag;
+    # gravity's work on the way equals the strain energy but for the damping (alpha / 2 omega).
+    half = math.pi / math.sqrt(eigenvalues[0])
+    scene.update(half)
+    swung = displacement(scene)[:, 2].max()
+    scene.response.configure(initial="equilibrium")
+    scene.update()
+    static = displacement(scene)[:, 2].max()
+    decay = math.exp(-scene.response.alpha / 2 * half)
+    assert swung / static == pytest.approx(1 + decay, rel=0.03)
+
+
+def is_still_and_feasible(scene: Scene) -> None:
+    scene.update()
+    assert not scene.moves
+    assert scene.polygons.GetNumberOfCells() > 0
+
+
+CHECKS: dict[str, Callable[[Scene], None]] = {"plain_weave": the_papers_experiment}
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_scene(name: str) -> None:
+    scene = Scene.read(name)
+    assert scene.title
+    scene.check()
+    CHECKS.get(name, is_still_and_feasible)(scene)
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_a_scenes_picture_is_not_empty(name: str) -> None:
+    scene = Scene.read(name)
+    picture = Picture(scene, [scene.view.time], (200, 150))
+    image = picture.draw(scene.view.time).astype(int)
+    picture.close()
+    # The yarns' colours differ from the background's pale blue, in a good part of the picture.
+    coloured = np.ptp(image, axis=2) > 40
+    assert 0.05 < coloured.mean() < 0.9
+
+
+def test_the_film_shows_cage_and_fabric_moving() -> None:
+    scene = Scene.read("plain_weave")
+    times = [0.0, 0.02]
+    picture = Picture(scene, times, (240, 120))
+    first, second = (picture.draw(time).astype(int) for time in times)
+    picture.close()
+    for half in (slice(0, 120), slice(120, 240)):
+        assert np.abs(second[:, half] - first[:, half]).max() > 60
+
+
+@pytest.mark.parametrize("script", sorted((ROOT / "pipelines").glob("*.py")), ids=lambda p: p.stem)
+def test_pipeline_script(script: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(script)],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert done.stdout
+
+
+def test_the_readmes_python_runs() -> None:
+    code = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len(code) == 1
+    assert len(code[0].strip().splitlines()) <= 10
+    names: dict[str, object] = {}
+    exec(code[0], names)
+    surface = names["surface"]
+    assert surface.GetOutputDataObject(0).GetNumberOfCells() == 1120 * 16  # type: ignore[attr-defined]
+
+
+def test_the_readme_names_every_command() -> None:
+    from spacemap_vtk.cli.main import app
+
+    text = (ROOT / "README.md").read_text()
+    for command in app:
+        if not command.startswith("-"):
+            assert f"spacemap {command}" in text
