@@ -149,8 +149,8 @@ def rational_arc(angle: float) -> tuple[float, float]:
             allowed="from 0 to less than half a turn (pi)",
             cure="Split the arc",
         )
-    handle, weight = rational_handles(np.float64(angle))
-    return float(handle), float(weight)
+    handle, weight = rational_handles(np.array([angle]))
+    return float(handle[0]), float(weight[0])
 
 
 def rational_handles(

@@ -225,9 +225,9 @@ def estimate_bytes(
     rings, exact = (RING, RING), False
     if cloth is not None:
         parts_per_gap, exact = cloth.parts_per_gap, cloth.exact
-        rings = tuple(
-            18 if getattr(cloth, f"{family}_section") == "racetrack" else RING
-            for family in ("warp", "weft")
+        rings = (
+            18 if cloth.warp_section == "racetrack" else RING,
+            18 if cloth.weft_section == "racetrack" else RING,
         )
     result, most = 0, 0
     for yarns, crossings, ring in ((ends, picks, rings[0]), (picks, ends, rings[1])):
