@@ -122,11 +122,11 @@ def test_storyboard_draws_two_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "what", "cells"),
     [
-        ("a.vtu", [], 1120),
+        ("a.vtu", [], 1176),
         ("a.vtu", ["--what", "cage"], 125),
-        ("a.vtp", [], 1120 * 36),
-        ("a.stl", [], 1120 * 72),
-        ("a.ply", [], 1120 * 36),
+        ("a.vtp", [], 1176 * 36),
+        ("a.stl", [], 1176 * 72),
+        ("a.ply", [], 1176 * 36),
     ],
 )
 def test_export_can_be_read_back(tmp_path: Path, name: str, what: list[str], cells: int) -> None:

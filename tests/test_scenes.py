@@ -103,7 +103,7 @@ def test_the_readmes_python_runs() -> None:
     names: dict[str, object] = {}
     exec(code[0], names)
     surface = names["surface"]
-    assert surface.GetOutputDataObject(0).GetNumberOfCells() == 1120 * 16  # type: ignore[attr-defined]
+    assert surface.GetOutputDataObject(0).GetNumberOfCells() == 1176 * 16  # type: ignore[attr-defined]
 
 
 def test_the_readme_names_every_command() -> None:
