@@ -133,7 +133,8 @@ def test_export_can_be_read_back(tmp_path: Path, name: str, what: list[str], cel
     file = tmp_path / name
     assert run("export", "plain_weave", "-o", str(file), "--time", "0.02", "-q", *what) == 0
     mesh = pv.read(file)
-    assert mesh.n_cells == cells
+    # STL is single precision: at the corners of the caps some triangles collapse, and are dropped
+    assert cells * (0.99 if name == "a.stl" else 1.0) <= mesh.n_cells <= cells
     if name == "a.vtu":
         assert np.abs(mesh["displacement"]).max() > 1e-5
         assert set(mesh.celltypes) == ({10} if what else {77})

@@ -98,9 +98,7 @@ def info(
         table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
     console = Console()
     console.print(table)
-    cloth = Table(show_header=False)
-    cloth.add_column()
-    cloth.add_column(justify="right")
+    cloth = Table.grid(padding=(0, 2))
     least = figures["least_clearance"]
     for label, value in (
         ("thickness", _cell(figures["thickness"], "m")),

@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructu
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
+from spacemap_vtk.fabric.as_wif import as_wif
 from spacemap_vtk.fabric.cloth import AXES, SECTIONS
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.draft_file import read_draft
@@ -252,6 +253,21 @@ class WeaveSource(Stage):
         measures, _ = settled_measures(self.source, wishes)
         measures["warp_crimp_height"] = wishes.warp_crimp_height
         return feasible_intervals(measures, asked_crimp(wishes))
+
+    @property
+    def wif(self) -> WifDraft:
+        """The draft of the fabric: the file's own, as far as no parameter changes it.
+
+        Raises
+        ------
+        SpacemapError
+            As for `fabric`.
+        InputError
+            If a WIF cannot hold the distances between the yarns.
+        """
+        named = self.draft is None and isinstance(self.pattern, str)
+        title = self.pattern.capitalize() if named else ""
+        return as_wif(self.fabric, self.source, self.wishes, title)
 
     @property
     def wishes(self) -> Wishes:
