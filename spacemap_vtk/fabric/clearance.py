@@ -29,6 +29,8 @@ Floats = NDArray[np.float64]
 _MOST = 20_000
 #: Halvings of the step between samples: what is left of it, squared, is below a rounding.
 _HALVINGS = 26
+#: Steps by which the direction between deformed sections is first looked for.
+_TURNS = 16
 _MOVES = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -52,6 +54,8 @@ class _Tubes(NamedTuple):
     """(yarns,) About the radius."""
     flat: NDArray[np.bool_]
     """(yarns,) Whether the section is flattened."""
+    perpendicular: bool
+    """Whether sections are round, but for their flat, and perpendicular to the axis."""
     at: Callable[[NDArray[np.int64], Floats], tuple[Floats, Floats, Floats, Floats]]
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
 
@@ -111,6 +115,7 @@ def least_clearance(drawdown: ArrayLike, cloth: Cloth, samples: int = 4) -> Clea
             np.concatenate([family.parts for family in families]),
             np.concatenate([family.radius for family in families]),
             np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
+            True,
             at,
         ),
         samples,
@@ -133,9 +138,9 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4
     -------
     Clearance
         Exact for rational cloth as built; for other cloth off by up to ``weave.radial_error`` of
-        the radii. After a deformation sections count as the ellipses (racetracks) into which they
-        were stretched, and the clearance along the line between two axes is reported: less than
-        the true one by what sections deviate from it on the way to touching.
+        the radii. After a deformation sections are the ellipses (and racetracks) into which the
+        half diameters of their rings make them; where a section is no longer convex, the clearance
+        is that of its hull.
 
     Raises
     ------
@@ -183,6 +188,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4
             np.concatenate([tubes.parts for tubes in weave.tubes]),
             np.concatenate(radius),
             np.repeat([t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]),
+            points is None,
             at,
         ),
         samples,
@@ -198,8 +204,9 @@ def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
     ring = points[here].reshape(count, size, 3)
     left, right = ring[:, size // 2 + 3], ring[:, 3]
     # a racetrack has two points on top, at both ends of its flat; a circle one
-    top, bottom = 0.5 * (ring[:, 0] + ring[:, size - 3 if size > 12 else 0]), 0.5 * (
-        ring[:, 6] + ring[:, size // 2 if size > 12 else 6]
+    top, bottom = (
+        0.5 * (ring[:, 0] + ring[:, size - 3 if size > 12 else 0]),
+        0.5 * (ring[:, 6] + ring[:, size // 2 if size > 12 else 6]),
     )
     half = 0.5 * (right - left)
     net = np.empty((count, 13))
@@ -236,23 +243,22 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
 
     located = locate(place, side, yarn)
     pairs = _nearest(located[0], tubes.radius[yarn], yarn)
-    gap, _ = _gap(*(part[pairs[0]] for part in located), *(part[pairs[1]] for part in located))
-    pairs, gap = _local_minima(pairs, gap, yarn)
-    worst = np.argsort(gap, kind="stable")[:_MOST]
-    a, b = pairs[0, worst], pairs[1, worst]
-    # refined: Ta, Tb and the sides, by the best of nine moves, at ever smaller steps
+    turns = 0 if tubes.perpendicular else _TURNS
+    gap, _, facing = _gap(*_sides(located, pairs), None, turns)
+    pairs, gap, facing = _local_minima(pairs, gap, facing, yarn)
+    worst = np.argsort(gap, kind="stable")[: _MOST if tubes.perpendicular else _MOST // 4]
+    facing, (a, b) = facing[worst], pairs[:, worst]
+    # refined: both places and both sides, by the best of nine moves, at ever smaller steps
     own = np.stack([yarn[a], yarn[b]])
     moved = np.stack([place[a], place[b]])
     sides = np.stack([side[a], side[b]])
     low, high = ends[0, own], ends[1, own]
 
-    def evaluate(moved: Floats, sides: Floats) -> tuple[Floats, Floats]:
-        return _gap(
-            *locate(moved[0], sides[0], own[0]),
-            *locate(moved[1], sides[1], own[1]),
-        )
+    def evaluate(moved: Floats, sides: Floats, few: int) -> tuple[Floats, Floats, Floats]:
+        first, second = (locate(moved[k], sides[k], own[k]) for k in (0, 1))
+        return _gap(first, second, facing if few else None, few)
 
-    best, middle = evaluate(moved, sides)
+    best, middle, _ = evaluate(moved, sides, turns)
     flattened = bool(tubes.flat[own].any())
     width = 1.0 / samples
     for _ in range(_HALVINGS):
@@ -262,20 +268,30 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
                 trial = start + width * move[:, None]
                 if along:
                     trial = np.clip(trial, low, high)
-                    gap, spot = evaluate(trial, sides)
+                    gap, spot, turned = evaluate(trial, sides, turns // 4)
                 else:
                     trial = np.where(tubes.flat[own], np.clip(trial, -1.0, 1.0), 0.0)
-                    gap, spot = evaluate(moved, trial)
+                    gap, spot, turned = evaluate(moved, trial, turns // 4)
                 better = gap < best
                 best, middle = np.where(better, gap, best), np.where(better[:, None], spot, middle)
+                facing = np.where(better[:, None], turned, facing)
                 if along:
                     moved = np.where(better, trial, moved)
                 else:
                     sides = np.where(better, trial, sides)
         width *= 0.6
+    if turns:
+        # the direction may not have followed every move: what it missed was not clearance
+        best, middle, _ = evaluate(moved, sides, 4 * turns)
     found = int(np.argmin(best))
     first, second = sorted((int(own[0, found]), int(own[1, found])))
     return Clearance(float(best[found]), (first, second), middle[found])
+
+
+def _sides(
+    located: tuple[Floats, ...], pairs: NDArray[np.int64]
+) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    return tuple(x[pairs[0]] for x in located), tuple(x[pairs[1]] for x in located)
 
 
 def _nearest(points: Floats, radius: Floats, yarn: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -297,8 +313,8 @@ def _nearest(points: Floats, radius: Floats, yarn: NDArray[np.int64]) -> NDArray
 
 
 def _local_minima(
-    pairs: NDArray[np.int64], gap: Floats, yarn: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], Floats]:
+    pairs: NDArray[np.int64], gap: Floats, facing: Floats, yarn: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Keep the pairs that are no further apart than those beside them along the first yarn."""
     infinite = np.array([np.inf])
     before, after = np.concatenate([infinite, gap[:-1]]), np.concatenate([gap[1:], infinite])
@@ -308,26 +324,74 @@ def _local_minima(
     before[1:][~same] = np.inf
     after[:-1][~same] = np.inf
     keep = (gap <= before) & (gap <= after)
-    return pairs[:, keep], gap[keep]
+    return pairs[:, keep], gap[keep], facing[keep]
 
 
 def _gap(
-    a: Floats, normal_a: Floats, lateral_a: Floats, b: Floats, normal_b: Floats, lateral_b: Floats
-) -> tuple[Floats, Floats]:
-    """Return the clearance between sections along the line of their centres, and its middle."""
+    first: tuple[Floats, ...],
+    second: tuple[Floats, ...],
+    start: Floats | None = None,
+    turns: int = 0,
+) -> tuple[Floats, Floats, Floats]:
+    """Return the clearance of sections in the direction in which it is largest.
+
+    Two convex sections are as far apart as planes between them can be, so what is looked for is
+    the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
+    Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
+    it, by steps along the gradient, which is the vector between the points that face each other.
+
+    Parameters
+    ----------
+    first, second : (point, normal, lateral) of (n, 3) float64
+        Centre of each section and its two half diameters.
+    start : (n, 3) float64, optional
+        Where to begin; by default from axis to axis.
+    turns : int
+        Number of steps.
+
+    Returns
+    -------
+    gap : (n,) float64
+        Below 0 where they overlap.
+    middle : (n, 3) float64
+        Between them.
+    direction : (n, 3) float64
+        From the first to the second.
+    """
+    (a, *radii_a), (b, *radii_b) = first, second
     across = b - a
-    distance = np.sqrt(np.einsum("nk,nk->n", across, across))
-    direction = np.divide(
-        across, distance[:, None], out=normal_a / _norm(normal_a), where=distance[:, None] > 0.0
-    )
-    reach_a, reach_b = (
-        np.hypot(
-            np.einsum("nk,nk->n", direction, normal), np.einsum("nk,nk->n", direction, lateral)
-        )
-        for normal, lateral in ((normal_a, lateral_a), (normal_b, lateral_b))
-    )
-    gap = distance - reach_a - reach_b
-    return gap, a + direction * (reach_a + 0.5 * gap)[:, None]
+    distance = np.maximum(_norm(across), 1e-300)
+    direction = across / distance if start is None else start
+    gap, reach, pull = _separation(across, radii_a, radii_b, direction)
+    step = np.ones_like(distance)
+    for _ in range(turns):
+        pull -= direction * np.sum(direction * pull, axis=1, keepdims=True)
+        trial = direction + step * pull / distance
+        trial /= np.maximum(_norm(trial), 1e-300)
+        found = _separation(across, radii_a, radii_b, trial)
+        better = (found[0] > gap)[:, None]
+        direction = np.where(better, trial, direction)
+        gap, reach = np.maximum(gap, found[0]), np.where(better[:, 0], found[1], reach)
+        pull = np.where(better, found[2], pull)
+        step = np.where(better, 1.5 * step, 0.3 * step)
+    return gap, a + direction * (reach + 0.5 * gap)[:, None], direction
+
+
+def _separation(
+    across: Floats, radii_a: list[Floats], radii_b: list[Floats], direction: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return gap, reach of the first section along the direction, and the gap's gradient."""
+    gap = np.einsum("nk,nk->n", direction, across)
+    pull = across.copy()
+    reaches = []
+    for normal, lateral in (radii_a, radii_b):
+        n = np.einsum("nk,nk->n", direction, normal)
+        m = np.einsum("nk,nk->n", direction, lateral)
+        reach = np.hypot(n, m)
+        share = 1.0 / np.maximum(reach, 1e-300)
+        pull -= (share * n)[:, None] * normal + (share * m)[:, None] * lateral
+        reaches.append(reach)
+    return gap - reaches[0] - reaches[1], reaches[0], pull
 
 
 def _norm(vectors: Floats) -> Floats:

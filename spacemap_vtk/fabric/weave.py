@@ -51,7 +51,7 @@ __all__ = [
 #: Control points in a ring of a round yarn: four cubic quarter arcs that share their ends.
 RING = 12
 #: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
-_PART_BYTES, _GAP_BYTES = 250, 250
+_PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
 
 
 class Tubes(NamedTuple):
@@ -222,21 +222,23 @@ def estimate_bytes(
     >>> estimate_bytes(1000, 1000, parts_per_gap=3) < 12e9
     True
     """
-    rings, exact = (RING, RING), False
+    rings, exact, past, work = (RING, RING), False, 4, _PART_BYTES
     if cloth is not None:
         parts_per_gap, exact = cloth.parts_per_gap, cloth.exact
+        if cloth.axis == "spline":
+            past, work = 2 * parts_per_gap, _SPLINE_PART_BYTES
         rings = (
             18 if cloth.warp_section == "racetrack" else RING,
             18 if cloth.weft_section == "racetrack" else RING,
         )
-    result, most = 0, 0
+    result = _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
     for yarns, crossings, ring in ((ends, picks, rings[0]), (picks, ends, rings[1])):
-        parts = yarns * (parts_per_gap * (crossings - 1) + 4)
+        parts = yarns * (parts_per_gap * (crossings - 1) + past)
         points = (3 * parts + yarns) * ring + 2 * yarns * ring
         result += points * (4 if exact else 3) * 8
         result += (parts * ring // 3 + 2 * yarns * ring // 6) * (16 * 8 + 4 + 1)
-        most = max(most, _PART_BYTES * parts)
-    return result + 2 * most + _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
+        result += work * parts
+    return result
 
 
 class _Plan(NamedTuple):
