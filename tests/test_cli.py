@@ -13,6 +13,7 @@ import pyvista as pv
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.scenes.scene import SECTIONS
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["--size", "160x120"]
@@ -187,15 +188,31 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["render", "animate", "storyboard", "export", "modes", "info", "validate", "scenes"],
+    ["render", "animate", "storyboard", "export", "modes", "info", "validate", "scenes", "keys"],
 )
 def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(command, "--help") == 0
     out = capsys.readouterr().out
     assert "Usage" in out
     assert len(out) > 200
+    summary = out.strip().splitlines()[2].strip()
     assert run("--help") == 0
-    assert command in capsys.readouterr().out
+    listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert command in listed
+    assert summary[:40] in listed
+
+
+def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("keys") == 0
+    out = capsys.readouterr().out
+    for section, cls in SECTIONS.items():
+        assert f"[{section}]" in out
+        for name in cls.parameters:
+            assert f"\n{name} " in out
+    assert run("keys", "cage") == 0
+    out = capsys.readouterr().out
+    assert "divisions" in out
+    assert "[weave]" not in out
 
 
 # --- what is refused ---------------------------------------------------------------------------
@@ -256,7 +273,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "plain_weave"], ["--output"]),
         (["render", "plain_weave", "-o", "a.png", "--size", "big"], ["--size", "1920x1080"]),
         (["render", "plain_weave", "-o", "a.png", "--size", "0x10"], ["--size", "at least 16"]),
-        (["render", "plain_weave", "-o", "a.png", "--size", "99999x9"], ["--size", "16384"]),
+        (["render", "plain_weave", "-o", "a.png", "--size", "99999x9"], ["--size", "8192"]),
         (["render", "plain_weave", "-o", "a.png", "--time", "-1"], ["--time", "at least 0 s"]),
         (["render", "plain_weave", "-o", "a.png", "--time", "nan"], ["--time", "finite"]),
         (["render", "plain_weave", "-o", "a.png", "--set", "ends=3"], ["section.key=value"]),
@@ -273,6 +290,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
         (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
         (["scenes", "nothing"], ["nothing", "plain_weave"]),
+        (["keys", "wave"], ["wave", 'Did you mean "weave"?']),
         (["rendr", "plain_weave"], ["render"]),
     ],
 )

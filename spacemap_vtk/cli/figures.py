@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -13,8 +14,9 @@ from rich.table import Table
 from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import suggestion
 from spacemap_vtk.scenes import library, report
-from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
 from spacemap_vtk.units import format_quantity
 
 
@@ -157,6 +159,26 @@ def scenes(
         return
     for scene, title in titles.items():
         print(f"{scene:<24}{title}")
+
+
+def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:
+    """Explain the sections and keys of a scene file, each with what is allowed and its default."""
+    if section is not None and section not in SECTIONS:
+        raise InputError(
+            "no such section",
+            key="keys",
+            value=section,
+            allowed=", ".join(SECTIONS),
+            cure=suggestion(section, SECTIONS),
+        )
+    for name in SECTIONS if section is None else [section]:
+        summary = (SECTIONS[name].__doc__ or "").strip().splitlines()[0]
+        print(f"[{name}]  {summary}\n")
+        for key, parameter in SECTIONS[name].parameters.items():
+            print(f"{key} = {parameter.show(parameter.default)}")
+            print(textwrap.indent(textwrap.fill(parameter.help, 76), "    "))
+            print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
+        print()
 
 
 def _interval(low: float, high: float) -> str:

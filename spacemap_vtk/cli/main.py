@@ -22,18 +22,20 @@ app = App(
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
 )
-for _name, _function in {
-    "render": "spacemap_vtk.cli.draw:render",
-    "animate": "spacemap_vtk.cli.draw:animate",
-    "storyboard": "spacemap_vtk.cli.draw:storyboard",
-    "export": "spacemap_vtk.cli.draw:export",
-    "modes": "spacemap_vtk.cli.figures:modes",
-    "info": "spacemap_vtk.cli.figures:info",
-    "validate": "spacemap_vtk.cli.figures:validate",
-    "scenes": "spacemap_vtk.cli.figures:scenes",
-}.items():
-    # By name: a command's modules are imported when it is called.
-    app.command(_function, name=_name)
+_COMMANDS = {
+    "render": ("draw:render", "Draw a scene or a draft at one time."),
+    "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
+    "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
+    "export": ("draw:export", "Write a scene's data for other programs."),
+    "modes": ("figures:modes", "Print the vibration modes of a scene's cage."),
+    "info": ("figures:info", "Print a fabric's figures."),
+    "validate": ("figures:validate", "Check a scene without drawing it."),
+    "scenes": ("figures:scenes", "List the scenes that come with the program."),
+    "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
+}
+for _name, (_function, _help) in _COMMANDS.items():
+    # By name: a command's modules are imported when it is called, not for another one's help.
+    app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

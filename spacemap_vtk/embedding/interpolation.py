@@ -7,7 +7,6 @@ each tetrahedron reads as much, and must put its points back into order.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -107,12 +106,51 @@ class Interpolation:
             )
         result = self._recycler.empty((self.point_count, *table.shape[1:]), np.float64)
 
-        def worker() -> Callable[[tuple[slice, Any]], None]:
-            def do(block: tuple[slice, Any]) -> None:
-                rows, matrix = block
-                result[rows] = matrix @ table
+        def do(block: tuple[slice, Any]) -> None:
+            rows, matrix = block
+            result[rows] = matrix @ table
 
-            return do
-
-        for_each(self._blocks, worker, self._threads)
+        for_each(self._blocks, lambda: do, self._threads)
         return result
+
+    def displace(
+        self, points: NDArray[Any], displacement: ArrayLike
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Move the points with the mesh.
+
+        Parameters
+        ----------
+        points : (N, 3) float32 or float64
+            The points that were located, in m.
+        displacement : (V, 3) array_like
+            Displacement of the vertices in m.
+
+        Returns
+        -------
+        moved : (N, 3) of the points' type
+            Points plus displacement, in m.
+        displacement : (N, 3) of the points' type
+            In m.
+
+        Raises
+        ------
+        InputError
+            The points are not as many as were located, or the displacement is not (V, 3).
+        """
+        table = np.ascontiguousarray(displacement, dtype=np.float64)
+        if points.shape != (self.point_count, 3) or table.shape != (self.vertex_count, 3):
+            raise InputError(
+                f"points of shape {points.shape} and displacements of shape {table.shape}",
+                allowed=f"({self.point_count}, 3) and ({self.vertex_count}, 3)",
+            )
+        moved = self._recycler.empty(points.shape, points.dtype)
+        shift = self._recycler.empty(points.shape, points.dtype)
+
+        def do(block: tuple[slice, Any]) -> None:
+            # the sum is made while the block is in the cache
+            rows, matrix = block
+            shift[rows] = matrix @ table
+            np.add(points[rows], shift[rows], out=moved[rows])
+
+        for_each(self._blocks, lambda: do, self._threads)
+        return moved, shift

@@ -88,7 +88,7 @@ class Tessellation:
         self.patch_count = len(patches)
         self._threads = threads
         self._least_points = int(patches.max()) + 1 if patches.size else 0
-        self._recycler = Recycler()
+        self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
         self._basis = _stacked_basis(p, q, subdivisions)
         self._corners = (p, len(order) - 1 - p, len(order) - 1)
         self._chunks = cut_into_chunks(

@@ -49,13 +49,13 @@ class BarycentricWarp(Stage):
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
-        points = points_of(inputs[0])
         interpolation = self._interpolation(inputs[0], inputs[1])
-        displacement = interpolation.apply(
-            array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
-        ).astype(points.dtype, copy=False)
+        moved, displacement = interpolation.displace(
+            points_of(inputs[0]),
+            array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,"),
+        )
         output.ShallowCopy(inputs[0])
-        output.SetPoints(to_points(points + displacement))
+        output.SetPoints(to_points(moved))
         add_array(output.GetPointData(), "displacement", displacement)
 
     def _interpolation(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> Interpolation:

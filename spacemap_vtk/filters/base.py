@@ -220,6 +220,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
             if isinstance(error, SpacemapError):
                 error.section = self.section
+                if isinstance(error.value, float) and error.key in self.parameters:
+                    error.value = self.parameters[error.key].show(error.value)  # with its unit
             self._error = error
             # Without this mark the next update would hand out the empty output as a good one.
             out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)

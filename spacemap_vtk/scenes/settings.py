@@ -29,7 +29,7 @@ class View(Parameterised):
     size = Vector(
         (1280, 960),
         "Width and height of the picture in pixels.",
-        component=Integer(1, "", minimum=16, maximum=16384),
+        component=Integer(1, "", minimum=16, maximum=8192),
         labels="wh",
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
