@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from test_weave import grid_of
-from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import mutable
 from weaves import surface, woven
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import bezier, draft
-from spacemap_vtk.fabric.axis import axes
+from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import rational_arc
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.fabric.weave import Weave, axis_points, build
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 
 ROUND = Cloth(
     warp_diameter=0.25,
@@ -230,3 +231,52 @@ def test_largest_deviation_is_reported() -> None:
         worst = abs(away / (cloth.warp_diameter / 2) - 1).max()
         assert worst < made.radial_error + 1e-4
         assert made.radial_error < 2 * worst + 1e-4
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
+    """Positions and normals by the formula of one patch, and the surface exactly round."""
+    made = build(OVER, replace(CLOTHS[kind], exact=True))
+    n = 3
+    tessellation = Tessellation(made.patches, (3, 3), n)
+    positions, normals = tessellation.evaluate(made.points, dtype, made.weights)
+    points, du, dv = surface(made, np.linspace(0, 1, n + 1))
+    corner = tessellation.quads.reshape(-1, n, n, 4)  # [patch, v, u]
+    size = abs(made.points).max()
+    tolerance = 1e-6 if dtype == np.float32 else 1e-14
+    inner = points[:, :n, :n].swapaxes(1, 2)
+    assert abs(positions[corner[..., 0]] - inner).max() < tolerance * size
+    expected = np.cross(du, dv)
+    expected /= np.maximum(np.linalg.norm(expected, axis=-1, keepdims=True), 1e-300)
+    sides = slice(0, made.tube_patches)
+    away = normals[corner[sides, ..., 0]] - expected[sides, :n, :n].swapaxes(1, 2)
+    assert abs(away).max() < 1000 * tolerance
+    assert np.isfinite(normals).all()
+    # arrays are carried over by the same functions: positions come out as positions
+    carried = tessellation.interpolate(made.points, made.weights)
+    assert abs(carried - positions).max() < tolerance * size
+    with pytest.raises(GeometryError, match="weights"):
+        tessellation.evaluate(made.points, dtype, np.zeros(len(made.points)))
+
+
+def test_the_filter_takes_vtks_rational_weights() -> None:
+    made = build([[1]], replace(ROUND, exact=True))
+    grid = grid_of(made)
+    weights = numpy_to_vtk(made.weights)
+    weights.SetName("RationalWeights")
+    grid.GetPointData().SetRationalWeights(weights)
+    mine = numpy_to_vtk(((np.arange(len(made.patches)) < made.tube_patches) & (made.yarn == 0)) * 1)
+    mine.SetName("mine")
+    grid.GetCellData().AddArray(mine)
+    tessellator = PatchTessellator(subdivisions=5)
+    tessellator.SetInputDataObject(grid)
+    tessellator.update()
+    result = tessellator.GetOutputDataObject(0)
+    assert result.GetPointData().GetArray("RationalWeights") is None
+    points = vtk_to_numpy(result.GetPoints().GetData()).astype(float)
+    cells = vtk_to_numpy(result.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+    mine = vtk_to_numpy(result.GetCellData().GetArray("mine")) > 0
+    warp = points[np.unique(cells[mine])]
+    away = np.hypot(warp[:, 0], warp[:, 2] - ROUND.height / 2) / 0.125
+    assert abs(away - 1).max() < 1e-6

@@ -11,7 +11,7 @@ from test_caps import OVER, ROUND, lengths, volumes
 from weaves import PLACES
 
 from spacemap_vtk.fabric import draft
-from spacemap_vtk.fabric.axis import axes
+from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.clearance import clearance_of, least_clearance
 from spacemap_vtk.fabric.weave import axis_points, build, fabric_figures
 

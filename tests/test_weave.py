@@ -26,7 +26,7 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import axis, cloth, draft, figures, section, weave
+from spacemap_vtk.fabric import arcs, axes, axis, cloth, draft, figures, section, weave
 from spacemap_vtk.fabric.peirce import feasible_height
 from spacemap_vtk.fabric.weave import RING, Cloth, Weave, axis_points, build
 
@@ -120,7 +120,7 @@ def scaled(cloth: Cloth, unit: float) -> Cloth:
     return replace(cloth, **{n: v * unit for n, v in values.items() if v is not None})
 
 
-@pytest.mark.parametrize("module", [axis, cloth, figures, section, weave])
+@pytest.mark.parametrize("module", [arcs, axes, axis, cloth, figures, section, weave])
 def test_examples(module: ModuleType) -> None:
     assert doctest.testmod(module).failed == 0
 
@@ -320,7 +320,7 @@ def test_arcs_of_different_radii() -> None:
     height = rng.uniform(-0.2, 0.2, (yarns, gaps + 1))
     height[:, 3:6] = height[:, 2:3]
     bounds = np.cumsum(rng.uniform(1.0, 1.5, gaps + 1))
-    path = axis.lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
+    path = arcs.lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
     part = np.arange(len(path.length))
     start = part + path.owner
     for fraction in (0.0, 1.0):

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.fabric.axis import checked, crossing_heights
+from spacemap_vtk.fabric.axes import checked
+from spacemap_vtk.fabric.axis import crossing_heights
 from spacemap_vtk.fabric.cloth import Cloth, Yarns
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.spline import spline_axes

@@ -2,7 +2,7 @@
 
 Ends (warp yarns) run along y and are spread along x, picks (weft yarns) run along x and are
 spread along y, z is the cloth normal, and the cloth is centred on the origin. The axes are those of
-`spacemap_vtk.fabric.axis`.
+`spacemap_vtk.fabric.axes`.
 
 Invariants that everything below relies on:
 
@@ -29,7 +29,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.fabric.axis import LONGEST_ARC, Axes, axes, axis_points
+from spacemap_vtk.fabric.arcs import LONGEST_ARC
+from spacemap_vtk.fabric.axes import axes, axis_points
+from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.peirce import Crimp
