@@ -117,7 +117,7 @@ def main() -> None:
         print("  ".join(f"{row[key]:>14{form}}" for key, _, form in COLUMNS))
     if len(rows) > 1:
         print(
-            f"cost grows with crossings to the power of {result['growth_of_seconds']:.2f} (own time)"
+            f"cost grows as crossings to the power of {result['growth_of_seconds']:.2f} (own time)"
             f" and {result['growth_of_bytes']:.2f} (peak memory); 1 is linear"
         )
 
