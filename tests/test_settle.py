@@ -133,7 +133,7 @@ def test_crimp_of_either_family() -> None:
     assert np.degrees(warp.crimp.theta) == pytest.approx(30.570, abs=5e-4)
     again = WeaveSource(**yarns, weft_crimp=float(weft.crimp.crimp)).fabric.cloth
     assert again.height == pytest.approx(cloth.height, rel=1e-9)
-    with pytest.raises(GeometryError, match=r"warp_crimp = 2\.0: .*allowed: 0 to 0\.\d+"):
+    with pytest.raises(GeometryError, match=r"warp_crimp = .*: .*allowed: 0 to 0\.\d+"):
         WeaveSource(**yarns, warp_crimp=2).update()
 
 
