@@ -7,7 +7,6 @@ from vtkmodules.vtkCommonCore import vtkDoubleArray
 from vtkmodules.vtkCommonDataModel import vtkBezierQuadrilateral
 
 from spacemap_vtk.fabric.bezier import quadrilateral_order
-from spacemap_vtk.fabric.rational import evaluate_rational
 from spacemap_vtk.fabric.tessellation import Tessellation
 
 
@@ -33,9 +32,8 @@ def quarter_tube(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_rational_quarter_is_a_circle_with_radial_normals() -> None:
     for scale in (1e-6, 1.0, 1e3):
         points, weights = quarter_tube(2.0 * scale, 5.0 * scale)
-        positions, normals = evaluate_rational(
-            Tessellation([np.arange(16)], (3, 3), 8), points, weights
-        )
+        tessellation = Tessellation([np.arange(16)], (3, 3), 8)
+        positions, normals = tessellation.evaluate(points, weights=weights)
         radial = positions[:, 1:] / scale
         np.testing.assert_allclose(np.hypot(*radial.T), 2.0, rtol=2e-7)
         np.testing.assert_allclose(np.abs((normals[:, 1:] * radial).sum(axis=1)), 2.0, rtol=1e-6)
@@ -44,7 +42,7 @@ def test_a_rational_quarter_is_a_circle_with_radial_normals() -> None:
 def test_vtk_evaluates_the_same_points() -> None:
     rng = np.random.default_rng(5)
     points, weights = rng.random((16, 3)), 0.5 + rng.random(16)
-    positions, _ = evaluate_rational(Tessellation([np.arange(16)], (3, 3), 4), points, weights)
+    positions, _ = Tessellation([np.arange(16)], (3, 3), 4).evaluate(points, weights=weights)
     cell = vtkBezierQuadrilateral()
     cell.GetPointIds().SetNumberOfIds(16)
     cell.GetPoints().SetNumberOfPoints(16)
@@ -81,5 +79,5 @@ def test_a_disc_has_one_normal_at_its_corners_too() -> None:
     grid[1:3, 1:3, :2] = np.array([[[0.3, 0.3], [-0.3, 0.3]], [[0.3, -0.3], [-0.3, -0.3]]])
     points = np.empty((16, 3))
     points[quadrilateral_order(3, 3)] = grid.reshape(16, 3)
-    _, normals = evaluate_rational(Tessellation([np.arange(16)], (3, 3), 6), points, np.ones(16))
+    _, normals = Tessellation([np.arange(16)], (3, 3), 6).evaluate(points, weights=np.ones(16))
     np.testing.assert_allclose(np.abs(normals[:, 2]), 1.0, atol=1e-6)

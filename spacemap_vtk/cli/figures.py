@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, opened, tell_warnings
+from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import suggestion
@@ -53,17 +53,27 @@ def modes(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = 
     tell_warnings(chosen, quiet)
 
 
-def info(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = False) -> None:
-    """Print a fabric's figures: Peirce's angle, length, crimp and height, thickness, cover, counts.
+def info(
+    scene: str,
+    /,
+    *,
+    time: Time = None,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Print a fabric's figures: Peirce's angle, length, crimp and height, cover, mass, clearance.
+
+    With --time also the least clearance between the yarns of the deformed fabric.
 
     Parameters
     ----------
     scene : str
         Scene file, draft, or name of a scene.
     """
-    chosen = opened(scene, set_)
+    chosen = opened(scene, set_, time=time)
     with progress(chosen, "Weaving", 1, quiet):
-        figures = report.fabric(chosen)
+        figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:
         _print_json(figures)
         return
@@ -73,26 +83,44 @@ def info(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = F
     warp, weft = figures["warp"], figures["weft"]
     for label, key, unit in (
         ("yarns", "yarns", None),
-        ("diameter", "diameter", "m"),
-        ("spacing", "spacing", "m"),
+        ("diameter d", "diameter", "m"),
+        ("section", "section", None),
+        ("width", "width", "m"),
+        ("yarn count in tex", "tex", ""),
+        ("spacing p", "spacing", "m"),
         ("weave angle θ", "theta_deg", "deg"),
         ("yarn length l per crossing", "length", "m"),
         ("crimp c", "crimp", "%"),
+        ("mean crimp, floats included", "mean_crimp", "%"),
         ("crimp height h", "height", "m"),
         ("cover factor", "cover", "%"),
         ("longest float", "longest_float", None),
+        ("yarn length in all", "yarn_length", "m"),
     ):
         table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
     console = Console()
     console.print(table)
-    console.print(
-        f"thickness {format_quantity(figures['thickness'], 'm')}, "
-        f"cover {figures['cover']:.1%}, "
-        f"repeat {figures['repeat'][0]} x {figures['repeat'][1]}, "
-        f"{figures['patches']} patches, {figures['control_points']} control points, "
-        f"h1 feasible from {format_quantity(figures['feasible_height'][0], 'm')} "
-        f"to {format_quantity(figures['feasible_height'][1], 'm')}"
-    )
+    cloth = Table.grid(padding=(0, 2))
+    least = figures["least_clearance"]
+    for label, value in (
+        ("thickness", _cell(figures["thickness"], "m")),
+        ("cover", f"{figures['cover']:.1%}"),
+        ("fibre volume fraction", f"{figures['fibre_volume_fraction']:.1%}"),
+        ("areal mass", f"{1e3 * figures['areal_mass']:.4g} g/m²"),
+        ("smallest repeat", "{} x {}".format(*figures["repeat"])),
+        ("h1 feasible", _interval(*figures["feasible_height"])),
+        ("least clearance", _clearance(least) if least else "not looked for, too many crossings"),
+        *(
+            [("... when deformed", _clearance(figures["deformed_clearance"]))]
+            if "deformed_clearance" in figures
+            else []
+        ),
+        ("patches", f"{figures['patches']}"),
+        ("control points", f"{figures['control_points']}"),
+        ("memory", f"{figures['memory_bytes'] / 2**20:.3g} MiB"),
+    ):
+        cloth.add_row(label, value)
+    console.print(cloth)
     tell_warnings(chosen, quiet)
 
 
@@ -151,6 +179,17 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
             print(textwrap.indent(textwrap.fill(parameter.help, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{_cell(low, 'm')} to {_cell(high, 'm')}"
+
+
+def _clearance(found: dict[str, Any]) -> str:
+    # what rounding leaves of touching is no overlap
+    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
+    place = ", ".join(_cell(x, "m") for x in found["place"])
+    return f"{_cell(distance, 'm')} (yarns {found['yarns'][0]} and {found['yarns'][1]} at {place})"
 
 
 def _cell(value: float, unit: str | None) -> str:

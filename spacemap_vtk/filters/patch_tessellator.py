@@ -16,7 +16,6 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric.rational import evaluate_rational
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.arrays import cells_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
@@ -59,22 +58,18 @@ class PatchTessellator(Stage):
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
         prepared = self._prepared(grid)
-        weights = grid.GetPointData().GetRationalWeights()
-        if weights is None:
-            positions, normals = prepared.tessellation.evaluate(points_of(grid))
-        else:
-            positions, normals = evaluate_rational(
-                prepared.tessellation, points_of(grid), vtk_to_numpy(weights)
-            )
+        rational = grid.GetPointData().GetRationalWeights()
+        weights = None if rational is None else vtk_to_numpy(rational)
+        positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(grid.GetPointData()):
-            if array is weights:
-                continue  # they are part of the patches' shape, and the surface has none
+            if array is rational:
+                continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
             values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values)
+            values = prepared.tessellation.interpolate(values, weights)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))

@@ -68,7 +68,7 @@ class Picture:
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         extent = _motion_extent(scene, times)
         cloth = scene.weave.fabric.cloth
-        self._yarn = max(cloth.warp_diameter, cloth.weft_diameter)
+        self._yarn = float(max(np.max(cloth.warp_diameter), np.max(cloth.weft_diameter)))
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)

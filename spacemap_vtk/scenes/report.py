@@ -6,11 +6,16 @@ import math
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, peirce
-from spacemap_vtk.fabric.weave import fabric_figures
-from spacemap_vtk.filters.arrays import array_of
+from spacemap_vtk.fabric import draft, weave
+from spacemap_vtk.fabric.clearance import Clearance, clearance_of, least_clearance
+from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.yarn import section_factor
+from spacemap_vtk.filters.arrays import array_of, points_of
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
+
+#: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
+MOST_CROSSINGS = 20_000
 
 
 def modes(scene: Scene) -> dict[str, Any]:
@@ -64,48 +69,84 @@ def modes(scene: Scene) -> dict[str, Any]:
     }
 
 
-def fabric(scene: Scene) -> dict[str, Any]:
+def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures.
 
     Parameters
     ----------
     scene : Scene
         Any scene.
+    time : float, optional
+        In s; the least clearance is told of the deformed fabric at that time, too.
 
     Returns
     -------
     dict
-        What `spacemap_vtk.fabric.weave.fabric_figures` tells, and ``drawdown`` (a string of 0 and
-        1 for each pick, first pick and first end first), ``repeat`` (ends, picks),
-        ``feasible_height`` of h1 (m), ``patches``, ``control_points``, ``warnings``; under
-        ``warp`` and ``weft`` also ``yarns``, ``diameter``, ``spacing`` (m) and ``longest_float``.
+        What `spacemap_vtk.fabric.figures.fabric_figures` tells, and
+
+        - ``fibre_volume_fraction``: of fibres, without the air in the yarns;
+        - ``drawdown``: a string of 0 and 1 for each pick, first pick and first end first;
+        - ``repeat``: ends and picks of the smallest repeat;
+        - ``feasible``: interval (m, or a crimp) of each input, all the others as they are, null
+          where there is no bound; ``feasible_height``: that of h1 alone;
+        - ``least_clearance``: between two yarns, below 0 where they overlap: ``distance`` (m),
+          ``yarns`` (ends first, from 0) and ``place`` (m); None for more than `MOST_CROSSINGS`;
+          ``deformed_clearance``: the same at `time`;
+        - ``patches``, ``control_points``, ``memory_bytes``, ``warnings``;
+        - under ``warp`` and ``weft`` also ``yarns``, ``diameter``, ``width``, ``spacing`` (m, means
+          over the yarns), ``section``, ``tex`` (g in 1000 m of yarn) and ``longest_float``.
 
     Raises
     ------
     InputError
-        If the fabric is impossible or the draft cannot be read.
+        If the fabric is impossible or the draft cannot be read, or `time` is given for a scene
+        that does not move.
     """
+    if time is not None and not scene.moves:
+        raise InputError("this scene does not move", key="time", cure="Add a section [response].")
     scene.update_stage(scene.weave)
     woven, grid = scene.weave.fabric, scene.weave.GetOutputDataObject(0)
     cloth = woven.cloth
-    figures = fabric_figures(woven.drawdown, cloth)
+    figures = fabric_figures(woven.drawdown, cloth, woven.yarn_density)
     floats = draft.floats(woven.drawdown)
     for number, family in enumerate(("warp", "weft")):
         measures = cloth.families[number]
+        yarns = cloth.yarns(family, woven.drawdown.shape[1 - number])
+        area = section_factor(yarns.aspect, yarns.section) * float((yarns.diameter**2).mean())
         figures[family] |= {
-            "yarns": woven.drawdown.shape[1 - number],
+            "yarns": len(yarns.diameter),
             "diameter": measures.diameter,
+            "width": measures.width,
             "spacing": measures.spacing,
-            "longest_float": int(floats[number]),
+            "section": yarns.section,
+            "tex": 1e6 * woven.yarn_density * area,
+            "longest_float": floats[number],
         }
     figures |= {
+        "fibre_volume_fraction": scene.weave.packing * figures["volume_fraction"],
         "drawdown": draft.rows(woven.drawdown),
         "repeat": list(draft.repeat(woven.drawdown)),
-        "feasible_height": list(
-            peirce.feasible_height(cloth.warp_spacing, cloth.weft_spacing, cloth.diameter_sum)
-        ),
+        "feasible": {name: list(ends) for name, ends in scene.weave.feasible.items()},
+        "feasible_height": list(cloth.feasible_heights),
+        "least_clearance": None,
         "patches": grid.GetNumberOfCells(),
         "control_points": grid.GetNumberOfPoints(),
-        "warnings": list(scene.weave.warnings),
+        "memory_bytes": 1024 * grid.GetActualMemorySize(),
     }
+    if woven.drawdown.size <= MOST_CROSSINGS:
+        figures["least_clearance"] = _clearance(least_clearance(woven.drawdown, cloth))
+        if time is not None:
+            scene.update_stage(scene.warp, time)
+            moved = points_of(scene.patches)
+            made = weave.build(woven.drawdown, cloth)
+            figures["deformed_clearance"] = _clearance(clearance_of(made, moved))
+    figures["warnings"] = scene.warnings
     return figures
+
+
+def _clearance(found: Clearance) -> dict[str, Any]:
+    return {
+        "distance": found.distance,
+        "yarns": list(found.yarns),
+        "place": found.place.tolist(),
+    }

@@ -11,6 +11,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
+from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
@@ -229,6 +230,12 @@ class Scene:
                 cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
             )
         return self.response.GetOutputDataObject(0)
+
+    @property
+    def draft(self) -> WifDraft:
+        """The draft of the weave; needs no update."""
+        with self._naming_file(), _naming_section("weave"):
+            return self.weave.wif
 
     @property
     def polygons(self) -> vtkPolyData:
