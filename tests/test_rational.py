@@ -32,8 +32,8 @@ def quarter_tube(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_rational_quarter_is_a_circle_with_radial_normals() -> None:
     for scale in (1e-6, 1.0, 1e3):
         points, weights = quarter_tube(2.0 * scale, 5.0 * scale)
-        tessellation = Tessellation([np.arange(16)], (3, 3), 8)
-        positions, normals = tessellation.evaluate(points, weights=weights)
+        surface = Tessellation([np.arange(16)], (3, 3), 8)
+        positions, normals = surface.evaluate(points, weights=weights)
         radial = positions[:, 1:] / scale
         np.testing.assert_allclose(np.hypot(*radial.T), 2.0, rtol=2e-7)
         np.testing.assert_allclose(np.abs((normals[:, 1:] * radial).sum(axis=1)), 2.0, rtol=1e-6)
@@ -79,5 +79,6 @@ def test_a_disc_has_one_normal_at_its_corners_too() -> None:
     grid[1:3, 1:3, :2] = np.array([[[0.3, 0.3], [-0.3, 0.3]], [[0.3, -0.3], [-0.3, -0.3]]])
     points = np.empty((16, 3))
     points[quadrilateral_order(3, 3)] = grid.reshape(16, 3)
-    _, normals = Tessellation([np.arange(16)], (3, 3), 6).evaluate(points, weights=np.ones(16))
+    surface = Tessellation([np.arange(16)], (3, 3), 6)
+    _, normals = surface.evaluate(points, weights=np.ones(16))
     np.testing.assert_allclose(np.abs(normals[:, 2]), 1.0, atol=1e-6)

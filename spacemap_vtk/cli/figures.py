@@ -109,12 +109,16 @@ def info(
         ("areal mass", f"{1e3 * figures['areal_mass']:.4g} g/m²"),
         ("smallest repeat", "{} x {}".format(*figures["repeat"])),
         ("h1 feasible", _interval(*figures["feasible_height"])),
-        ("least clearance", _clearance(least) if least else "not looked for, too many crossings"),
+        (
+            "least clearance",
+            _clearance(least, figures["ends"]) if least else "not looked for: too large",
+        ),
         *(
-            [("... when deformed", _clearance(figures["deformed_clearance"]))]
+            [("... when deformed", _clearance(figures["deformed_clearance"], figures["ends"]))]
             if "deformed_clearance" in figures
             else []
         ),
+        ("surface off true tubes", f"{figures['radial_error']:.2g} of the radius"),
         ("patches", f"{figures['patches']}"),
         ("control points", f"{figures['control_points']}"),
         ("memory", f"{figures['memory_bytes'] / 2**20:.3g} MiB"),
@@ -185,11 +189,12 @@ def _interval(low: float, high: float) -> str:
     return f"{_cell(low, 'm')} to {_cell(high, 'm')}"
 
 
-def _clearance(found: dict[str, Any]) -> str:
+def _clearance(found: dict[str, Any], ends: int) -> str:
     # what rounding leaves of touching is no overlap
     distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
     place = ", ".join(_cell(x, "m") for x in found["place"])
-    return f"{_cell(distance, 'm')} (yarns {found['yarns'][0]} and {found['yarns'][1]} at {place})"
+    names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
+    return f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
 
 
 def _cell(value: float, unit: str | None) -> str:

@@ -110,7 +110,18 @@ class Series(Parameter[Any]):
         return ", ".join(self.component.show(item) for item in several or (value,))
 
     def several(self, value: Any) -> tuple[Any, ...] | None:
-        """Return the items of a checked list, or None for a single value."""
+        """Tell a list from a single value.
+
+        Parameters
+        ----------
+        value : object
+            A checked value.
+
+        Returns
+        -------
+        tuple or None
+            The items of a list; None for a single value.
+        """
         # a colour is a tuple itself
         is_list = isinstance(value, tuple) and not (
             isinstance(self.component, Color) and isinstance(value[0], int)

@@ -328,6 +328,7 @@ class WeaveSource(Stage):
                 ("height", height),
             ):
                 add_array(output.GetFieldData(), f"{family}_{name}", np.array([float(value)]))
+        add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
 
 
 def _require(ends: int, picks: int, size: int) -> None:

@@ -89,6 +89,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         - ``repeat``: ends and picks of the smallest repeat;
         - ``feasible``: interval (m, or a crimp) of each input, all the others as they are, null
           where there is no bound; ``feasible_height``: that of h1 alone;
+        - ``radial_error``: bound of the surfaces' distance from true tubes, over their radius;
         - ``least_clearance``: between two yarns, below 0 where they overlap: ``distance`` (m),
           ``yarns`` (ends first, from 0) and ``place`` (m); None for more than `MOST_CROSSINGS`;
           ``deformed_clearance``: the same at `time`;
@@ -128,6 +129,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         "repeat": list(draft.repeat(woven.drawdown)),
         "feasible": {name: list(ends) for name, ends in scene.weave.feasible.items()},
         "feasible_height": list(cloth.feasible_heights),
+        "radial_error": float(array_of(grid.GetFieldData(), "radial_error", "info")[0]),
         "least_clearance": None,
         "patches": grid.GetNumberOfCells(),
         "control_points": grid.GetNumberOfPoints(),
