@@ -10,13 +10,15 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, points_of, tetrahedra_of
+from spacemap_vtk.filters.arrays import add_array, elements_of, points_of
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.memory import require
-from spacemap_vtk.modal.eigen import estimate_bytes, solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, nodal_mass, stiffness_and_mass
+from spacemap_vtk.modal.eigen import estimate_bytes, lowest
+from spacemap_vtk.modal.materials import isotropic
+from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.supports import SIDES, layers_through_thickness, on_sides
-from spacemap_vtk.parameters import Integer, Parameter, Real
+from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
@@ -42,12 +44,12 @@ class Sides(Parameter[tuple[str, ...]]):
 
 
 class ModalSolver(Stage):
-    """Solve K s = λ M s for the lowest vibration modes of a cage of linear tetrahedra.
+    """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
 
     Notes
     -----
     Equations (9) to (15) of Furukawa, Kitagawa and Shimizu; the volume in (9) needs its absolute
-    value. The mass is consistent. The modes are mass-normalised.
+    value. The modes are mass-normalised.
 
     Examples
     --------
@@ -74,16 +76,23 @@ class ModalSolver(Stage):
         maximum=100_000,
     )
     fixed = Sides("+y", "Sides of the cage's bounding box whose vertices cannot move.")
+    mass = Choice(
+        "consistent",
+        "Mass matrix: consistent with the elements' shape functions, or lumped on the vertices.",
+        ["consistent", "lumped"],
+    )
+
+    #: Kept for those that come upon it by content: another support or material reuses parts.
+    _model: Model | None = None
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Assemble, solve and attach the modes as point arrays."""
         vertices = points_of(inputs[0]).astype(np.float64, copy=False)
-        tetrahedra = tetrahedra_of(inputs[0])
-        held = on_sides(vertices, self.fixed)
-        free = np.repeat(~held, 3)
-        dof = int(free.sum())
+        tetrahedra = elements_of(inputs[0])
+        held = np.repeat(on_sides(vertices, self.fixed)[:, None], 3, axis=1)
+        dof = int((~held).sum())
         count = min(self.modes, dof)
         layers = layers_through_thickness(vertices, tetrahedra)
         require(
@@ -94,13 +103,16 @@ class ModalSolver(Stage):
             cure="Use a coarser cage or fewer modes.",
         )
         elasticity = isotropic(self.youngs_modulus, self.poissons_ratio)
-        stiffness, mass = stiffness_and_mass(vertices, tetrahedra, elasticity, self.density)
-        eigenvalues, shapes = solve_modes(stiffness, mass, free, count, self.report)
+        self._model = model = Model(
+            vertices, tetrahedra, elasticity, self.density, held, self.mass == "lumped"
+        )
+        eigenvalues, shapes = lowest(model.structure.pencil, count, self.report)
+        eigenvalues *= model.modulus / model.density
+        shapes /= math.sqrt(model.density)
 
         output.ShallowCopy(inputs[0])
         data = output.GetPointData()
-        add_array(data, "fixed", held.astype(np.uint8))
-        add_array(data, "nodal_mass", nodal_mass(vertices, tetrahedra, self.density))
+        attach(output, model)
         for k, shape in enumerate(shapes):
             add_array(data, MODE_NAME.format(k), shape)
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)

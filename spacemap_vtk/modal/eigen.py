@@ -14,10 +14,10 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
+from spacemap_vtk.modal.pencil import Pencil, Piece
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], object]
@@ -75,22 +75,39 @@ def solve_modes(
         If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), or K
         is not positive semidefinite.
     """
+    _check_count(count)
+    return lowest(Pencil(stiffness, mass, free), count, progress)
+
+
+def lowest(
+    pencil: Pencil, count: int, progress: Progress | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest vibration modes of a pencil, as `solve_modes` does.
+
+    Parameters
+    ----------
+    pencil : Pencil
+        K and M on what is free; its factors are used, and kept by it.
+    count : int
+        Number of modes n; all there are, if more are asked for.
+    progress : callable, optional
+        As for `solve_modes`.
+
+    Returns
+    -------
+    eigenvalues : ndarray of float64, shape (n,)
+        As for `solve_modes`.
+    shapes : ndarray of float64, shape (n, V, 3)
+        As for `solve_modes`.
+    """
+    _check_count(count)
     report: Progress = progress or _ignore
-    where = _checked(stiffness, mass, free, count)
-    stiffness, mass = stiffness[where][:, where], mass[where][:, where]
-    massless = mass.diagonal() <= 0
-    if massless.any():
-        raise InputError(
-            f"{massless.sum()} free components have no mass, the first is index "
-            f"{where[massless.argmax()]}",
-            cure="Remove the points that belong to no tetrahedron",
-        )
     report(0.0)
-    modes = _of_pieces(stiffness, mass, count, report)[1]
-    eigenvalues = _verified(stiffness, mass, modes)
+    modes = _of_pieces(pencil, count, report)
+    eigenvalues = _verified(pencil.stiffness, pencil.mass, modes)
     order = np.argsort(eigenvalues, kind="stable")
-    shapes = np.zeros((len(order), np.size(free)))
-    shapes[:, where] = (modes * _signs(modes)).T[order]
+    shapes = np.zeros((len(order), pencil.size))
+    shapes[:, pencil.where] = (modes * _signs(modes)).T[order]
     report(1.0)
     return eigenvalues[order], shapes.reshape(len(order), -1, 3)
 
@@ -135,46 +152,24 @@ def _ignore(_: float) -> None:
     pass
 
 
-def _checked(
-    stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike, count: int
-) -> NDArray[np.int64]:
-    """Return the indices of the free components, or say what is wrong."""
-    mask = np.asarray(free)
-    size = len(mask) if mask.ndim == 1 else -1
-    if mask.dtype != bool or size % 3 or not stiffness.shape == mass.shape == (size, size):
-        raise InputError(
-            f"stiffness {stiffness.shape}, mass {mass.shape} and free ({mask.dtype}, "
-            f"{mask.shape}) do not fit each other",
-            allowed="shapes (3V, 3V), (3V, 3V) and, bool, (3V,)",
-        )
+def _check_count(count: int) -> None:
     if count < 1:
         raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
-    if not mask.any():
-        raise InputError(
-            "every vertex of the cage is fixed, nothing can vibrate",
-            cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
-        )
-    return np.flatnonzero(mask)
 
 
-def _of_pieces(
-    stiffness: sp.csr_matrix, mass: sp.csr_matrix, count: int, report: Progress
-) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest modes of all pieces together: eigenvalues (n,), modes (N, n)."""
-    total = stiffness.shape[0]
-    pieces, piece_of = csgraph.connected_components(abs(stiffness) + abs(mass), directed=False)
-    if pieces == 1:
-        return _of_piece(stiffness, mass, min(count, total), report)
+def _of_pieces(pencil: Pencil, count: int, report: Progress) -> FloatArray:
+    """Return the lowest modes of all pieces together, (N, n)."""
+    total = len(pencil.where)
     solved, done = [], 0
-    for piece in range(pieces):
-        rows = np.flatnonzero(piece_of == piece)
+    for piece in pencil.pieces:
 
-        def part(share: float, done: int = done, size: int = len(rows)) -> None:
+        def part(share: float, done: int = done, size: int = len(piece.rows)) -> None:
             report((done + share * size) / total)
 
-        k, m = stiffness[rows][:, rows], mass[rows][:, rows]
-        solved.append((rows, *_of_piece(k, m, min(count, len(rows)), part)))
-        done += len(rows)
+        solved.append((piece.rows, *_of_piece(piece, min(count, len(piece.rows)), part)))
+        done += len(piece.rows)
+    if len(solved) == 1:
+        return solved[0][2]
     eigenvalues = np.concatenate([values for _, values, _ in solved])
     lowest = np.argsort(eigenvalues, kind="stable")[:count]
     modes = np.zeros((total, len(lowest)))
@@ -183,17 +178,19 @@ def _of_pieces(
         mine = np.flatnonzero((lowest >= first) & (lowest < first + len(values)))
         modes[np.ix_(rows, mine)] = vectors[:, lowest[mine] - first]
         first += len(values)
-    return eigenvalues[lowest], modes
+    return modes
 
 
-def _of_piece(
-    stiffness: sp.csr_matrix, mass: sp.csr_matrix, count: int, report: Progress
-) -> tuple[FloatArray, FloatArray]:
-    if not _is_dense(stiffness.shape[0], count):
-        return lowest_modes(stiffness, mass, count, report)
+def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
+    if not _is_dense(len(piece.rows), count):
+        solve = piece.factors.solve
+        report(0.3)
+        return lowest_modes(
+            solve, piece.stiffness, piece.mass, count, lambda share: report(0.3 + 0.65 * share)
+        )
     try:
         eigenvalues, modes = la.eigh(
-            stiffness.toarray(), mass.toarray(), subset_by_index=[0, count - 1]
+            piece.stiffness.toarray(), piece.mass.toarray(), subset_by_index=[0, count - 1]
         )
     except la.LinAlgError as error:
         raise SolverError(
