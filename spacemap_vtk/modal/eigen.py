@@ -7,6 +7,7 @@ then gives as many equal eigenvalues.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable
 
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
+from spacemap_vtk.modal.multifrontal import negative_eigenvalues
 from spacemap_vtk.modal.pencil import Pencil, Piece
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +26,12 @@ Progress = Callable[[float], object]
 
 #: Up to here the dense solver is no slower.
 DENSE = 600
+
+#: Modes solved for beyond those that are asked for, so that a gap follows the last of these.
+SPARE = 5
+
+#: Solutions from different starts that are tried when a mode is missing.
+_ATTEMPTS = 3
 
 #: Largest ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
 RESIDUAL = 1e-6
@@ -72,8 +80,8 @@ def solve_modes(
     SizeError
         If a factorisation does not fit into memory.
     SolverError
-        If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), or K
-        is not positive semidefinite.
+        If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), a
+        mode is missing, or K is not positive semidefinite.
     """
     _check_count(count)
     return lowest(Pencil(stiffness, mass, free), count, progress)
@@ -128,20 +136,24 @@ def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
     Returns
     -------
     int
-        Bytes, matrices and results included. Measured with 30 modes: 2.6 GB for a cube of 98,208
-        dof (estimate 3.0), 0.8 GB for a slab of 99,630 in four layers (estimate 1.4).
+        Bytes, matrices and results included. Measured with 30 modes, above the matrices: 0.8 GB
+        for a cube of 89,280 dof (estimate 1.4), 0.5 GB for a slab of 99,630 in four layers
+        (estimate 1.3).
     """
     count = min(count, dof)
     if _is_dense(dof, count):
         return 8 * (4 * dof**2 + 4 * dof * count)
-    # Entries of both factors in minimum-degree order: those of a cube grow as the power 4/3, those
-    # of a sheet as A log A with a dense block for each of the A columns of vertices across it.
-    entries = 45 * dof ** (4 / 3)
+    # Entries of the factors: those of a cube grow as the power 4/3, those of a sheet as A log A
+    # with a dense block for each of the A columns of vertices across it.
+    entries = 13.1 * dof ** (4 / 3)
     if layers is not None:
         column = 3 * (layers + 1)
-        entries = min(entries, 3.5 * dof * column * math.log2(max(2.0, dof / column)))
+        entries = min(entries, 2.3 * dof * column * math.log2(max(2.0, dof / column)))
+    if importlib.util.find_spec("pymetis") is None:
+        entries *= 2.4
     vectors = 8 * dof * (7 * count + 20 * BLOCK)
-    return int(12 * (entries + 240 * dof) + vectors)
+    # 8 bytes an entry, and as much for what waits on the fronts' borders.
+    return int(16 * entries + 12 * 240 * dof + vectors)
 
 
 def _is_dense(dof: int, count: int) -> bool:
@@ -183,11 +195,8 @@ def _of_pieces(pencil: Pencil, count: int, report: Progress) -> FloatArray:
 
 def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
     if not _is_dense(len(piece.rows), count):
-        solve = piece.factors.solve
-        report(0.3)
-        return lowest_modes(
-            solve, piece.stiffness, piece.mass, count, lambda share: report(0.3 + 0.65 * share)
-        )
+        values, vectors = _counted(piece, count, report)
+        return values[:count], vectors[:, :count]
     try:
         eigenvalues, modes = la.eigh(
             piece.stiffness.toarray(), piece.mass.toarray(), subset_by_index=[0, count - 1]
@@ -199,6 +208,40 @@ def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, F
         ) from error
     report(1.0)
     return eigenvalues, modes
+
+
+def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
+    """Return a few more than the lowest modes, none of them missed.
+
+    A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
+    negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
+    that is wanted, and so a few more are solved for.
+    """
+    for attempt in range(_ATTEMPTS):
+        values, vectors = lowest_modes(
+            piece.factorised(lambda share: report(0.3 * share)).solve,
+            piece.stiffness,
+            piece.mass,
+            min(count + SPARE, len(piece.rows)),
+            lambda share: report(0.3 + 0.3 * share),
+            seed=attempt,
+        )
+        tail = values[count - 1 :]
+        # Against λ + σ, or rounding would tell rigid modes apart.
+        below = count + int(np.argmax(np.diff(tail) / (tail[1:] + piece.shift)))
+        between = (values[below - 1] + values[below]) / 2
+        found = negative_eigenvalues(
+            piece.stiffness - between * piece.mass,
+            piece.analysis,
+            lambda share: report(0.6 + 0.4 * share),
+        )
+        if found == below:
+            return values, vectors
+    raise SolverError(
+        f"{found} modes lie below {math.sqrt(between) / (2 * math.pi):.6g} Hz, and {below} of "
+        "them were found",
+        cure="Look for badly shaped tetrahedra in the cage, or ask for more modes",
+    )
 
 
 def _verified(stiffness: sp.csr_matrix, mass: sp.csr_matrix, modes: FloatArray) -> FloatArray:

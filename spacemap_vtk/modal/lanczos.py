@@ -41,6 +41,7 @@ def lowest_modes(
     mass: sp.csr_matrix,
     count: int,
     progress: Callable[[float], object],
+    seed: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lowest modes of a connected mesh, iterating on a sparse factorisation.
 
@@ -54,6 +55,8 @@ def lowest_modes(
         Number of modes, well below N.
     progress : callable
         Called with a fraction between 0 and 1 after each block; may raise.
+    seed : int
+        Of the random vectors to start from.
 
     Returns
     -------
@@ -67,7 +70,7 @@ def lowest_modes(
     SolverError
         If the iteration does not converge.
     """
-    vectors = _block_lanczos(solve, mass, count, progress)
+    vectors = _block_lanczos(solve, mass, count, progress, seed)
     # One more inverse iteration: a Lanczos vector is a sum of many and carries the rounding of
     # all, which K would magnify in its high modes; (K + σM)⁻¹ M damps exactly these.
     vectors = solve(mass @ vectors)
@@ -109,7 +112,11 @@ def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
 
 
 def _block_lanczos(
-    solve: Solve, mass: sp.csr_matrix, count: int, progress: Callable[[float], object]
+    solve: Solve,
+    mass: sp.csr_matrix,
+    count: int,
+    progress: Callable[[float], object],
+    seed: int,
 ) -> FloatArray:
     """Return Ritz vectors (N, count) of (K + σM)⁻¹ M for its largest eigenvalues."""
     size = mass.shape[0]
@@ -118,7 +125,7 @@ def _block_lanczos(
     limit = min(size, 10 * count + 40 * BLOCK)
     basis = np.empty((size, limit), order="F")
     projected = np.zeros((limit, limit))
-    start = np.random.default_rng(0).standard_normal((size, BLOCK))
+    start = np.random.default_rng(seed).standard_normal((size, BLOCK))
     block = _orthonormal(start, basis[:, :0], mass)[0]
     used, check = 0, count + BLOCK
     while used + BLOCK <= limit:

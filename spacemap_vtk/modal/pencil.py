@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.sparse import csgraph
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal import lanczos
 from spacemap_vtk.modal.factors import Factors, factorise
+from spacemap_vtk.modal.multifrontal import Analysis
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +53,7 @@ class Piece:
         self.stiffness = stiffness
         self.mass = mass
         self.vertices = vertices
+        self._factors: Factors | None = None
 
     @cached_property
     def shift(self) -> float:
@@ -63,9 +66,39 @@ class Piece:
         return lanczos.shift(self.stiffness, self.mass)
 
     @cached_property
+    def analysis(self) -> Analysis:
+        """Symbolic factorisation of the pattern of K and M, made once."""
+        return Analysis(abs(self.stiffness) + abs(self.mass), self.vertices)
+
+    @property
     def factors(self) -> Factors:
         """Factors of K + σM, made once."""
-        return factorise(self.stiffness + self.shift * self.mass, self.vertices)
+        return self.factorised(None)
+
+    def factorised(self, progress: Callable[[float], object] | None) -> Factors:
+        """Return the factors, and report while they are made.
+
+        Parameters
+        ----------
+        progress : callable or None
+            Called with a fraction from 0 to 1; may raise.
+
+        Returns
+        -------
+        Factors
+            Of K + σM.
+
+        Raises
+        ------
+        SizeError
+            If they do not fit into memory.
+        SolverError
+            If K has no positive diagonal, or K + σM is not positive definite.
+        """
+        if self._factors is None:
+            matrix = self.stiffness + self.shift * self.mass
+            self._factors = factorise(matrix, lambda: self.analysis, progress)
+        return self._factors
 
 
 class Pencil:
