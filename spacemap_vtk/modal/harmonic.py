@@ -108,11 +108,12 @@ def _first(z: ComplexArray, t: FloatArray) -> ComplexArray:
 def _series(spring: FloatArray, h: FloatArray, p: complex, t: FloatArray) -> ComplexArray:
     """Sum X = Σ T[k], (k + 1) k T[k+1] = t² (pt)ᵏ⁻¹ / (k - 1)! - 2h t k T[k] - λt² T[k-1]."""
     damping, stiff = 2 * h * t, spring * t * t
-    load = (t * t).astype(np.complex128)
-    previous, term = np.zeros_like(load), load / 2
+    load: ComplexArray = (t * t).astype(np.complex128)
+    previous: ComplexArray = np.zeros_like(load)
+    term: ComplexArray = load / 2
     total = term.copy()
     for k in range(2, TERMS + 2):
-        load = load * (p * t) / (k - 1)
+        load *= p * t / (k - 1)
         previous, term = (
             term,
             (load - k * damping * term - stiff * previous) / (k * (k + 1)),

@@ -108,7 +108,7 @@ class Motion:
             for drive in self.drives
             if isinstance(drive.function, Pieces) and drive.function.period is not None
         ]
-        self._sines = [
+        self.sines = [
             (self._phasor(drive, drive.function), drive.function)
             for drive in self.drives
             if isinstance(drive.function, Sine)
@@ -131,7 +131,7 @@ class Motion:
         state = self._linear.at(time)
         for repeated in self._repeated:
             state = state + repeated.at(time)
-        for phasor, sine in self._sines:
+        for phasor, sine in self.sines:
             if sine.steady:
                 forced = phasor * steady(self.stiffness, self.half, sine.omega)
                 forced = forced * np.exp(1j * sine.omega * time)

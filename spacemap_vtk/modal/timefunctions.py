@@ -52,15 +52,17 @@ class Pieces(NamedTuple):
             In s. A time that rounding alone keeps from the start of a piece counts as its start:
             3 periods of 0.1 s are 0.30000000000000004 s to some and 0.3 s to others.
         """
-        if self.period is None:
-            return 0, time
-        rest = math.fmod(time, self.period)
-        count = round((time - rest) / self.period)
-        slack = 4e-16 * time
+        count, rest, slack = 0, time, 4e-16 * time
+        if self.period is not None:
+            rest = math.fmod(time, self.period)
+            count = round((time - rest) / self.period)
+            if self.period - rest <= slack:
+                return count + 1, 0.0
         k = int(np.searchsorted(self.times, rest))
-        if k < len(self.times):
-            return count, float(self.times[k]) if self.times[k] - rest <= slack else rest
-        return (count + 1, 0.0) if self.period - rest <= slack else (count, rest)
+        for start in self.times[max(0, k - 1) : k + 1]:
+            if abs(start - rest) <= slack:
+                return count, float(start)
+        return count, rest
 
     def value(self, time: float) -> float:
         """Return the factor at a time, after the jump if there is one.
