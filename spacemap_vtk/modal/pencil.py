@@ -150,8 +150,8 @@ class Pencil:
         pieces = []
         for piece in range(count):
             rows = np.flatnonzero(piece_of == piece)
-            matrices = [matrix[rows][:, rows] for matrix in (self.stiffness, self.mass)]
-            pieces.append(Piece(rows, *matrices, vertices[rows]))
+            k, m = self.stiffness[rows][:, rows], self.mass[rows][:, rows]
+            pieces.append(Piece(rows, k, m, vertices[rows]))
         return pieces
 
     @cached_property
