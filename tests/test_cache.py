@@ -188,3 +188,15 @@ def test_cancelling_works_on_a_cached_solution(place):
     made.AddObserver("ProgressEvent", lambda caller, event: caller.SetAbortExecute(1))
     with pytest.raises(SpacemapError, match="stopped"):
         made.update()
+
+
+def test_the_command_line_switches_it_off(place, monkeypatch, capsys):
+    from spacemap_vtk.cli.main import main
+
+    for options, entries in ((["--no-cache"], 0), ([], 1)):
+        monkeypatch.setenv("SPACEMAP_CACHE", str(place))
+        with pytest.raises(SystemExit) as stopped:
+            main(["modes", "plain_weave", "--json", *options])
+        assert stopped.value.code == 0
+        assert len(list(place.glob("modes-*"))) == entries
+    capsys.readouterr()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -18,6 +19,8 @@ app = App(
 
     SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with
     the program (see "spacemap scenes"). Lengths are SI, or carry their unit: "0.3 mm".
+
+    Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
 
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
@@ -49,8 +52,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with 0, 1 or 2.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "--no-cache" in words:
+        # For every command alike, so that none has to pass it on.
+        from spacemap_vtk.cache import VARIABLE
+
+        words.remove("--no-cache")
+        os.environ[VARIABLE] = "off"
     try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, InputError) as error:
         _say(error)
         sys.exit(2)

@@ -86,7 +86,8 @@ def parse(text: str) -> list[Support]:
     InputError
         If something is no support.
     """
-    found, at = [], 0
+    found: list[Support] = []
+    at = 0
     while True:
         at += len(text[at:]) - len(text[at:].lstrip(" \t\n,;"))
         if at == len(text):
