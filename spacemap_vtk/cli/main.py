@@ -31,6 +31,7 @@ for _name, _function in {
     "storyboard": "spacemap_vtk.cli.draw:storyboard",
     "export": "spacemap_vtk.cli.draw:export",
     "modes": "spacemap_vtk.cli.figures:modes",
+    "plot": "spacemap_vtk.cli.figures:plot",
     "info": "spacemap_vtk.cli.figures:info",
     "validate": "spacemap_vtk.cli.figures:validate",
     "scenes": "spacemap_vtk.cli.figures:scenes",

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import array_of, tetrahedra_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.modal import loads as forces
+from spacemap_vtk.modal.elements import shape_functions
 from spacemap_vtk.modal.kinematics import rotation_operator
 from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.stress import strain_operator
@@ -233,6 +235,33 @@ class CageModes:
                 )
             }
         return self._bases[names]
+
+    def weights(self, place: FloatArray) -> FloatArray:
+        """Return how much each vertex counts in the motion of a point.
+
+        Parameters
+        ----------
+        place : ndarray of float64, shape (3,)
+            Position at rest [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (V,)
+            Values of the shape functions there; they sum to 1.
+
+        Raises
+        ------
+        GeometryError
+            If the point lies outside the cage.
+        """
+        cells = self.model.cells
+        where = locate([place], self.model.points, cells[:, :4], "error", threads=1)
+        functions = where.weights[:1]
+        if cells.shape[1] == 10:
+            functions = shape_functions(functions)
+        result = np.zeros(len(self.model.points))
+        result[cells[where.tetrahedron[0]]] = functions[0]
+        return result
 
     def loaded_axes(self, patterns: Sequence[Pattern]) -> NDArray[np.bool_]:
         """Return along which axes the loads have a resultant.

@@ -192,6 +192,27 @@ class ModalResponse(Stage):
             for name, value in zip(names, energies, strict=True):
                 add_array(field, name, np.array([value]))
 
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how a point moves over time; call `update` before.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement, see `CageModes.weights`.
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, t, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        assert self._kept_motion is not None, "not updated yet"
+        prepared = self._kept_motion[1]
+        # The point is a mesh of one vertex.
+        point = prepared.at_point(weights)
+        return np.stack([point.fields(prepared.motion.at(t), t)[:, 0] for t in times], axis=1)
+
     def frequency_response(self, weights: FloatArray, frequencies: FloatArray) -> NDArray[Any]:
         """Return how a point answers to the loads as sines, all in phase; call `update` before.
 
@@ -215,8 +236,7 @@ class ModalResponse(Stage):
         assert self._kept_motion is not None, "not updated yet"
         prepared = self._kept_motion[1]
         motion = prepared.motion
-        shapes = prepared.basis.shapes.reshape(len(motion.stiffness), -1, 3)
-        point = np.einsum("nvc,v->nc", shapes, weights)
+        point = prepared.at_point(weights).basis.shapes
         result = np.zeros((len(frequencies), 3), dtype=np.complex128)
         for row, omega in enumerate(2 * np.pi * np.asarray(frequencies)):
             receptance = steady(motion.stiffness, motion.half, omega)
@@ -338,6 +358,12 @@ class _Prepared:
         if self._account is None:
             self._account = Account(self.motion)
         return self._account
+
+    def at_point(self, weights: FloatArray) -> _Prepared:
+        """Return the same for one point, with shapes of three components."""
+        shapes = self.basis.shapes.reshape(len(self.motion.stiffness), -1, 3)
+        point = np.einsum("nvc,v->nc", shapes, weights)
+        return _Prepared(self.motion, Basis(self.basis.eigenvalues, point), self.patterns, [])
 
     def fields(self, state: State, time: float) -> FloatArray:
         """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
