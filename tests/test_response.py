@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of
+from spacemap_vtk.scenes.scene import Scene
 
 RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [
@@ -365,3 +367,47 @@ def test_loads_as_text_are_those_as_tables() -> None:
     assert first.loads == second.loads
     with pytest.raises(InputError, match="cannot be changed"):
         first.loads[0].pressure = 3.0
+
+
+def test_a_scene_file_says_what_acts(tmp_path: Path) -> None:
+    file = tmp_path / "pressed.toml"
+    text = """
+        [weave]
+        ends = 3
+        picks = 3
+        [response]
+        gravity = [0, 0, 0]
+        damping_pairs = [["10 Hz", 0.02], ["200 Hz", 0.03]]
+        [[response.loads]]
+        pressure = "20 Pa"
+        on = "+z"
+        time = "ramp"
+        rise = "0.1 s"
+        [[response.loads]]
+        base_acceleration = [0, 0, "0.5 g"]
+        time = "harmonic"
+        frequency = "12 Hz"
+        phase = "90 deg"
+        """
+    file.write_text(text)
+    scene = Scene.read(file)
+    scene.update(0.05)
+    assert [load.action for load in scene.response.loads] == ["pressure", "base_acceleration"]
+    assert scene.response.loads[1].base_acceleration[2] == pytest.approx(0.5 * 9.80665)
+    scene.set('response.loads=[{force=[0, 0, "1 mN"], at=[0, 0, 0]}]')
+    assert scene.response.loads[0].force == (0.0, 0.0, 1e-3)
+    file.write_text(text.replace('rise = "0.1 s"', 'length = "0.1 s"'))
+    with pytest.raises(
+        InputError, match=r'pressed\.toml: response\.loads\[0\]\.length: time = "ra'
+    ):
+        Scene.read(file)
+
+
+def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
+    chain = Chain(alpha=3.0, loads=EVERY_LOAD)
+    early = {name: chain.at(0.033, name) for name in ("displacement", "external_work")}
+    chain.at(3.0)
+    for name, value in early.items():
+        np.testing.assert_allclose(chain.at(0.033, name), value, rtol=1e-12)
+    assert chain.modal.executions == 1
+    np.testing.assert_array_equal(chain.at(-1.0), chain.at(0.0))

@@ -22,6 +22,8 @@ from spacemap_vtk.modal.timefunctions import Pieces
 RESONANT = 1e-4
 #: Points of Gauss's rule on a panel of half a turn, where H is integrated.
 POINTS = 16
+#: Numbers of spans times modes that are worked on at once.
+CHUNK = 200_000
 
 
 class Energy(NamedTuple):
@@ -51,10 +53,10 @@ class Account:
 
     def __init__(self, motion: Motion) -> None:
         self._motion = motion
-        first = np.stack(motion.at(0.0)[:2])
+        first = motion.state(0.0)
         #: Of each start of a piece: time, state and the work done until then.
         self._marks, self._states = [0.0], [first]
-        self._works = [_stored(motion, first)]
+        self._works = [float(_stored(motion, first))]
         self._lossless = not motion.half.any()
 
     def at(self, time: float, state: State | None = None) -> Energy:
@@ -76,7 +78,11 @@ class Account:
         self._reach(time)
         k = int(np.searchsorted(self._marks, time, side="right")) - 1
         state = self._motion.at(time) if state is None else state
-        work = self._works[k] + self._work(k, time, np.stack(state[:2]))
+        work = self._works[k]
+        if time > self._marks[k]:
+            begin, end = np.array([self._marks[k]]), np.array([time])
+            now = np.stack(state[:2])[None]
+            work += float(self._work(begin, end, self._states[k][None], now)[0])
         kinetic = 0.5 * float(state.rate @ state.rate)
         strain = 0.5 * float(self._motion.stiffness @ state.position**2)
         # The balance is exact, so what is not there any more was lost.
@@ -85,117 +91,146 @@ class Account:
 
     def _reach(self, time: float) -> None:
         """Add up the work until the last start of a piece up to a time."""
-        last = self._marks[-1]
-        starts = [
+        motion, last = self._motion, self._marks[-1]
+        found = [
             start
-            for drive in self._motion.drives
+            for drive in motion.drives
             if isinstance(drive.function, Pieces)
             for start in _starts(drive.function, last, time)
         ]
-        starts.sort()
-        for start, following in pairwise([*starts, math.inf]):
-            # Of starts that differ by rounding the last: all that jumps there has jumped then.
-            if following - start <= 1e-15 * start or start - self._marks[-1] <= 1e-15 * start:
-                continue
-            now = np.stack(self._motion.at(start)[:2])
-            before = now - self._motion.jump(start)
-            work = self._works[-1] + self._work(len(self._marks) - 1, start, before)
-            self._works.append(work + _stored(self._motion, now) - _stored(self._motion, before))
-            self._marks.append(start)
-            self._states.append(now)
+        found.sort()
+        # Of starts that differ by rounding the last: all that jumps there has jumped then.
+        starts = [
+            start
+            for start, following in pairwise([*found, math.inf])
+            if following - start > 1e-15 * start and start - last > 1e-15 * start
+        ]
+        size = max(1, CHUNK // len(motion.stiffness))
+        for first in range(0, len(starts), size):
+            ends = np.array(starts[first : first + size])
+            after = np.stack([motion.state(float(end)) for end in ends])
+            before = after
+            if any(drive.moves_base for drive in motion.drives):
+                before = after - np.stack([motion.jump(float(end)) for end in ends])
+            begins = np.array([self._marks[-1], *ends[:-1]])
+            states = np.concatenate([self._states[-1][None], after[:-1]])
+            gained = self._work(begins, ends, states, before)
+            # A base that jumps does work at once.
+            gained = gained + _stored(motion, after) - _stored(motion, before)
+            self._works += list(self._works[-1] + gained.cumsum())
+            self._marks += ends.tolist()
+            self._states += list(after)
 
-    def _work(self, k: int, end: float, last: FloatArray) -> float:
-        """Return the work of the loads from the start of piece k until a time within it."""
-        motion, begin, first = self._motion, self._marks[k], self._states[k]
-        span = end - begin
-        if span <= 0.0:
-            return 0.0
-        zero = np.zeros(len(motion.stiffness))
-        load, slope = zero, zero
+    def _work(
+        self, begins: FloatArray, ends: FloatArray, firsts: FloatArray, lasts: FloatArray
+    ) -> FloatArray:
+        """Return the work of the loads over spans in which no piece starts, (p,).
+
+        The states at their ends, (p, 2, n), are those before a jump that happens there.
+        """
+        motion = self._motion
+        shape = len(begins), len(motion.stiffness)
+        load, slope = np.zeros(shape), np.zeros(shape)
         for drive in motion.drives:
-            if isinstance(drive.function, Pieces) and not drive.moves_base:
-                load = load + drive.gain * drive.function.value(begin)
-                slope = slope + drive.gain * drive.function.slope(begin)
-        total = (load + slope * span) @ last[0] - load @ first[0]
-        sines = [(phasor * np.exp(1j * s.omega * begin), s.omega) for phasor, s in motion.sines]
-        piece = _Piece(motion, span, first, load, slope, sines)
+            function = drive.function
+            if isinstance(function, Pieces) and not drive.moves_base:
+                load += np.outer([function.value(t) for t in begins], drive.gain)
+                slope += np.outer([function.slope(t) for t in begins], drive.gain)
+        spans = (ends - begins)[:, None]
+        sines = [
+            (phasor * np.exp(1j * sine.omega * begins)[:, None], sine.omega)
+            for phasor, sine in motion.sines
+        ]
+        work = (load + slope * spans) * lasts[:, 0] - load * firsts[:, 0]
+        spells = _Spells(motion, spans, firsts, lasts, load, slope, sines)
         if slope.any():
-            total -= slope @ piece.integral()
+            work -= slope * spells.integral()
         for phasor, omega in sines:
-            at_end = (phasor * np.exp(1j * omega * span)).imag
-            whole = (phasor * (1j * omega) * piece.transform(omega, last)).imag
-            total += at_end @ last[0] - phasor.imag @ first[0] - whole.sum()
-        return float(total)
+            at_end = (phasor * np.exp(1j * omega * spans)).imag
+            whole = (phasor * (1j * omega) * spells.transform(omega)).imag
+            work += at_end * lasts[:, 0] - phasor.imag * firsts[:, 0] - whole
+        return np.asarray(work.sum(axis=1))
 
 
-class _Piece(NamedTuple):
-    """A motion from a state under a linear load and sines."""
+class _Spells(NamedTuple):
+    """Motions from given states to given states, each under a linear load and sines."""
 
     motion: Motion
-    span: float
-    state: FloatArray
+    spans: FloatArray
+    """(p, 1)."""
+    firsts: FloatArray
+    lasts: FloatArray
+    """(p, 2, n)."""
     load: FloatArray
     slope: FloatArray
+    """(p, n)."""
     sines: list[tuple[ComplexArray, float]]
+    """Phasors (p, n), and Ω."""
 
     def integral(self) -> FloatArray:
         """Return ∫ q."""
-        kernel = kernels(self.motion.stiffness, self.motion.half, self.span)
-        q, rate = self.state
+        stiffness, half = self.motion.stiffness, self.motion.half
+        kernel = kernels(stiffness, half, self.spans)
+        q, rate = self.firsts[:, 0], self.firsts[:, 1]
         # The integral of the free response C = 1 - λ S₂ is t - λ S₃.
-        total = q * (self.span - self.motion.stiffness * kernel.ramp) + rate * kernel.step
+        total = q * (self.spans - stiffness * kernel.ramp) + rate * kernel.step
         total = total + self.load * kernel.ramp + self.slope * kernel.parabola
         for phasor, omega in self.sines:
-            forced = from_rest(self.motion.stiffness, self.motion.half, omega, self.span)
+            forced = from_rest(stiffness, half, omega, self.spans)
             total = total + (phasor * (forced.value - kernel.step) / (1j * omega)).imag
         return total
 
-    def transform(self, omega: float, last: FloatArray) -> ComplexArray:
+    def transform(self, omega: float) -> ComplexArray:
         """Return ∫ e^{ps} q ds, p = iΩ."""
-        motion, span, p = self.motion, self.span, 1j * omega
+        motion, spans, p = self.motion, self.spans, 1j * omega
         twice = 2 * motion.half
         factor = p * p - twice * p + motion.stiffness
-        turn = np.exp(p * span)
-        right = self.load * ((turn - 1) / p) + self.slope * ((span * turn - (turn - 1) / p) / p)
+        turn = np.exp(p * spans)
+        right = self.load * ((turn - 1) / p) + self.slope * ((spans * turn - (turn - 1) / p) / p)
         for phasor, other in self.sines:
             # Im(c e^{iωs}) = (c e^{iωs} - c* e^{-iωs}) / 2i
-            plus, minus = _turned(omega + other, span), _turned(omega - other, span)
+            plus, minus = _turned(omega + other, spans), _turned(omega - other, spans)
             right = right + (phasor * plus - phasor.conj() * minus) / 2j
-        (q0, v0), (q1, v1) = self.state, last
+        (q0, v0), (q1, v1) = self.firsts.swapaxes(0, 1), self.lasts.swapaxes(0, 1)
         ends = turn * (v1 - p * q1 + twice * q1) - (v0 - p * q0 + twice * q0)
         near = abs(factor) < RESONANT * (motion.stiffness + omega**2)
         result: ComplexArray = (right - ends) / np.where(near, 1.0, factor)
         if near.any():
-            result[near] = self._integrated(omega, near)
+            for row in range(len(spans)):
+                result[row, near] = self._integrated(omega, near, row)
         return result
 
-    def _integrated(self, omega: float, modes: np.ndarray) -> ComplexArray:
+    def _integrated(self, omega: float, modes: np.ndarray, row: int) -> ComplexArray:
         """Return ∫ e^{ps} q ds of modes that are driven at their own frequency, hardly damped."""
         stiffness, half = self.motion.stiffness[modes], self.motion.half[modes]
+        span = float(self.spans[row, 0])
         fastest = max(omega, *(other for _, other in self.sines))
-        panels = 1 + math.ceil(2 * fastest * self.span / math.pi)
+        panels = 1 + math.ceil(2 * fastest * span / math.pi)
         nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-        width = self.span / panels
+        width = span / panels
         times = (width * (np.arange(panels)[:, None] + (nodes + 1) / 2)).reshape(-1, 1)
         kernel = kernels(stiffness, half, times)
-        q, rate = self.state[:, modes]
+        q, rate = self.firsts[row][:, modes]
         motion = q * kernel.free + rate * kernel.impulse
-        motion = motion + self.load[modes] * kernel.step + self.slope[modes] * kernel.ramp
+        motion = motion + self.load[row, modes] * kernel.step
+        motion = motion + self.slope[row, modes] * kernel.ramp
         for phasor, other in self.sines:
             forced = from_rest(stiffness, half, other, times)
-            motion = motion + (phasor[modes] * forced.value).imag
+            motion = motion + (phasor[row, modes] * forced.value).imag
         weighted = np.tile(weights * width / 2, panels)[:, None] * np.exp(1j * omega * times)
         return np.asarray((weighted * motion).sum(axis=0))
 
 
-def _turned(omega: float, span: float) -> complex:
+def _turned(omega: float, spans: FloatArray) -> ComplexArray:
     """Return ∫ e^{iωs} ds."""
-    return span * np.exp(0.5j * omega * span) * np.sinc(omega * span / (2 * math.pi))
+    turned: ComplexArray = np.exp(0.5j * omega * spans) * np.sinc(omega * spans / (2 * math.pi))
+    return spans * turned
 
 
-def _stored(motion: Motion, state: FloatArray) -> float:
-    q, rate = state
-    return 0.5 * float(rate @ rate + motion.stiffness @ q**2)
+def _stored(motion: Motion, states: FloatArray) -> FloatArray:
+    """Return kinetic and strain energy of states (…, 2, n)."""
+    q, rate = states[..., 0, :], states[..., 1, :]
+    return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))
 
 
 def _starts(function: Pieces, after: float, until: float) -> list[float]:

@@ -128,6 +128,23 @@ class Motion:
             q, q̇ and q̈.
         """
         time = max(time, 0.0)
+        q, rate = self.state(time)
+        acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q
+        return State(q, rate, acceleration)
+
+    def state(self, time: float) -> FloatArray:
+        """Return positions and rates at a time, after a jump that happens just then.
+
+        Parameters
+        ----------
+        time : float
+            In s, at least 0.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, n)
+            q and q̇.
+        """
         state = self._linear.at(time)
         for repeated in self._repeated:
             state = state + repeated.at(time)
@@ -141,9 +158,7 @@ class Motion:
                 state = state + np.stack(
                     [(phasor * rested.value).imag, (phasor * rested.rate).imag]
                 )
-        q, rate = state
-        acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q
-        return State(q, rate, acceleration)
+        return state
 
     def load(self, time: float) -> FloatArray:
         """Return the load on each mode at a time.

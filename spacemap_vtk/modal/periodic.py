@@ -112,6 +112,8 @@ class Linear:
             q and q̇.
         """
         k = int(np.searchsorted(self._times, time, side="right")) - 1
+        if time == self._times[k]:
+            return self._starts[k]
         kernel = kernels(self._stiffness, self._half, time - self._times[k])
         return propagate(kernel, self._stiffness, self._starts[k], *self._load(k))
 

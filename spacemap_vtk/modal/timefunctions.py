@@ -103,7 +103,7 @@ class Pieces(NamedTuple):
 
 
 class Sine(NamedTuple):
-    """sin(Ωt + φ), from t = 0 on."""
+    """The factor sin(Ωt + φ), from t = 0 on."""
 
     omega: float
     """Ω [rad/s], above 0."""
