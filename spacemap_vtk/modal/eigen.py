@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.modal import threads
 from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
 from spacemap_vtk.modal.multifrontal import negative_eigenvalues
 from spacemap_vtk.modal.pencil import Pencil, Piece
@@ -27,11 +28,13 @@ Progress = Callable[[float], object]
 #: Up to here the dense solver is no slower.
 DENSE = 600
 
-#: Modes solved for beyond those that are asked for, so that a gap follows the last of these.
-SPARE = 5
+#: Modes solved for beyond those that are asked for, so that a gap follows the last of these: with
+#: one asked for of a free body, five more are rigid.
+SPARE = 7
 
-#: Solutions from different starts that are tried when a mode is missing.
-_ATTEMPTS = 3
+#: Where in the gap modes are counted. When one is missing another solution is tried, from another
+#: start, and counted at another place: pivots may have been poor at the last one.
+_SHARES = (0.5, 0.3, 0.6)
 
 #: Largest ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
 RESIDUAL = 1e-6
@@ -111,8 +114,9 @@ def lowest(
     _check_count(count)
     report: Progress = progress or _ignore
     report(0.0)
-    modes = _of_pieces(pencil, count, report)
-    eigenvalues = _verified(pencil.stiffness, pencil.mass, modes)
+    with threads.for_size(len(pencil.where)):
+        modes = _of_pieces(pencil, count, report)
+        eigenvalues = _verified(pencil.stiffness, pencil.mass, modes)
     order = np.argsort(eigenvalues, kind="stable")
     shapes = np.zeros((len(order), pencil.size))
     shapes[:, pencil.where] = (modes * _signs(modes)).T[order]
@@ -217,23 +221,23 @@ def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, Fl
     negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
     that is wanted, and so a few more are solved for.
     """
-    for attempt in range(_ATTEMPTS):
+    for attempt, share in enumerate(_SHARES):
         values, vectors = lowest_modes(
-            piece.factorised(lambda share: report(0.3 * share)).solve,
+            piece.factorised(lambda part: report(0.3 * part)).solve,
             piece.stiffness,
             piece.mass,
             min(count + SPARE, len(piece.rows)),
-            lambda share: report(0.3 + 0.3 * share),
+            lambda part: report(0.3 + 0.3 * part),
             seed=attempt,
         )
         tail = values[count - 1 :]
         # Against λ + σ, or rounding would tell rigid modes apart.
         below = count + int(np.argmax(np.diff(tail) / (tail[1:] + piece.shift)))
-        between = (values[below - 1] + values[below]) / 2
+        between = (1 - share) * values[below - 1] + share * values[below]
         found = negative_eigenvalues(
             piece.stiffness - between * piece.mass,
             piece.analysis,
-            lambda share: report(0.6 + 0.4 * share),
+            lambda part: report(0.6 + 0.4 * part),
         )
         if found == below:
             return values, vectors

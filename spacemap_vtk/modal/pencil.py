@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.modal import lanczos
+from spacemap_vtk.modal import lanczos, threads
 from spacemap_vtk.modal.factors import Factors, factorise
 from spacemap_vtk.modal.multifrontal import Analysis
 
@@ -184,11 +184,12 @@ class Pencil:
             If they do not settle.
         """
         result = np.empty_like(forces)
-        rigid = self.rigid
-        for piece in self.pieces:
-            mine = rigid[piece.rows]
-            mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
-            result[piece.rows] = _solved(piece, forces[piece.rows], mine)
+        with threads.for_size(len(forces)):
+            rigid = self.rigid
+            for piece in self.pieces:
+                mine = rigid[piece.rows]
+                mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
+                result[piece.rows] = _solved(piece, forces[piece.rows], mine)
         return result
 
     def _motions(self, piece: Piece) -> FloatArray:
