@@ -411,3 +411,9 @@ def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
         np.testing.assert_allclose(chain.at(0.033, name), value, rtol=1e-12)
     assert chain.modal.executions == 1
     np.testing.assert_array_equal(chain.at(-1.0), chain.at(0.0))
+
+
+def test_a_load_on_supports_is_reported() -> None:
+    chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
+    chain.response.update(0.1)
+    assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings

@@ -285,6 +285,12 @@ class ModalResponse(Stage):
             for p in patterns
         ]
         warnings = self._truncation(modes, patterns)
+        free = modes.model.free
+        warnings += [
+            "a load falls on fixed vertices only, and moves nothing"
+            for force in map(modes.force, patterns)
+            if force.any() and not force[free].any()
+        ]
         start: dict[str, FloatArray] = {}
         for name, uniform, array in (
             ("position", self.initial_displacement, self.initial_displacement_array),
