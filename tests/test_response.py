@@ -417,3 +417,35 @@ def test_a_load_on_supports_is_reported() -> None:
     chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
     chain.response.update(0.1)
     assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings
+
+
+@pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])
+def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
+    loads = [
+        {"pressure": "0.2 Pa", "on": "+z"},
+        {"traction": [0.1, 0.0, 0.3], "on": "-y", "time": "harmonic", "frequency": 20},
+    ]
+    chain = Chain(modes=5, fixed=fixed, loads=loads[:1], alpha=2.0, initial="equilibrium")
+    chain.cage.order = 2
+    model = chain.model
+    assert model.cells.shape[1] == 10
+    # Springs hold weight and pressure, vertex by vertex; five modes and two residual vectors do it.
+    weight = np.outer(model.nodal_mass, [0, 0, -9.80665])
+    pushed = (model.stiffness @ chain.at(0.1).ravel()).reshape(-1, 3) - weight
+    pushed[~model.free.reshape(-1, 3)] = 0.0
+    top = model.points[:, 2] > model.points[:, 2].max() - 1e-9
+    most = abs(pushed).max()
+    assert abs(pushed[~top]).max() <= 1e-8 * most
+    assert abs(pushed[:, :2]).max() <= 1e-8 * most
+    assert (pushed[top, 2] < 1e-8 * most).all()
+    # Of the pressure's force, the part on the middles of edges in the support is missing.
+    area = np.prod(np.ptp(model.points[top], axis=0)[:2])
+    assert 0.9 * 0.2 * area < -pushed.sum() < 0.2 * area
+    chain.response.configure(loads=loads, initial="rest")
+    for time in (0.01, 0.2):
+        names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+        *parts, work = (float(chain.at(time, name)[0]) for name in names)
+        assert sum(parts) == pytest.approx(work, rel=1e-10)
+        u = chain.at(time).ravel()
+        assert parts[1] == pytest.approx(0.5 * u @ (model.stiffness @ u), rel=1e-8)
+    assert len(chain.at(0.2, "von_mises")) == len(model.cells)

@@ -24,6 +24,7 @@ from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.stress import strain_operator
 from spacemap_vtk.modal.timefunctions import TimeFunction
 from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
+from spacemap_vtk.units import format_quantity
 
 FloatArray = NDArray[np.float64]
 
@@ -251,11 +252,21 @@ class CageModes:
 
         Raises
         ------
-        GeometryError
+        InputError
             If the point lies outside the cage.
         """
-        cells = self.model.cells
-        where = locate([place], self.model.points, cells[:, :4], "error", threads=1)
+        cells, points = self.model.cells, self.model.points
+        where = locate([place], points, cells[:, :4], threads=1)
+        if where.outside:
+            low, high = (
+                [float(f"{x:.6g}") for x in end] for end in (points.min(axis=0), points.max(axis=0))
+            )
+            raise InputError(
+                f"the point lies outside the cage, by {format_quantity(where.largest_distance, 'm')}",
+                key="point",
+                value=[float(x) for x in place],
+                allowed=f"a point inside; the cage's box goes from {low} to {high} m",
+            )
         functions = where.weights[:1]
         if cells.shape[1] == 10:
             functions = shape_functions(functions)
