@@ -261,8 +261,9 @@ class CageModes:
             low, high = (
                 [float(f"{x:.6g}") for x in end] for end in (points.min(axis=0), points.max(axis=0))
             )
+            distance = format_quantity(where.largest_distance, "m")
             raise InputError(
-                f"the point lies outside the cage, by {format_quantity(where.largest_distance, 'm')}",
+                f"the point lies outside the cage, by {distance}",
                 key="point",
                 value=[float(x) for x in place],
                 allowed=f"a point inside; the cage's box goes from {low} to {high} m",
