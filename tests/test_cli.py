@@ -188,7 +188,18 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["render", "animate", "storyboard", "export", "modes", "info", "validate", "scenes", "keys"],
+    [
+        "render",
+        "animate",
+        "storyboard",
+        "export",
+        "modes",
+        "plot",
+        "info",
+        "validate",
+        "scenes",
+        "keys",
+    ],
 )
 def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(command, "--help") == 0

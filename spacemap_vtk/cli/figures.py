@@ -1,9 +1,7 @@
-"""Commands that tell: modes, info, validate, scenes."""
+"""Commands that tell: info, validate, scenes, keys."""
 
 from __future__ import annotations
 
-import json
-import math
 import textwrap
 from typing import Annotated, Any
 
@@ -11,46 +9,13 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, tell_warnings
+from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import suggestion
 from spacemap_vtk.scenes import library, report
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 from spacemap_vtk.units import format_quantity
-
-
-def modes(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = False) -> None:
-    """Print the vibration modes of a scene's cage: frequency and damping of each.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file or name of a scene.
-    """
-    chosen = opened(scene, set_)
-    with progress(chosen, "Solving", 1, quiet):
-        figures = report.modes(chosen)
-    if json_:
-        _print_json(figures)
-        return
-    table = Table(
-        title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
-        f"tetrahedra, {figures['dof']} degrees of freedom"
-    )
-    for heading in ("mode", "frequency [Hz]", "eigenvalue [1/s²]", "damping ratio", "regime"):
-        table.add_column(heading, justify="right")
-    for number, mode in enumerate(figures["modes"]):
-        ratio = mode["damping_ratio"]
-        table.add_row(
-            str(number),
-            f"{mode['frequency_hz']:.5g}",
-            f"{mode['eigenvalue']:.6g}",
-            "–" if ratio is None else f"{ratio:.4g}",
-            mode["regime"],
-        )
-    Console().print(table)
-    tell_warnings(chosen, quiet)
 
 
 def info(
@@ -75,7 +40,7 @@ def info(
     with progress(chosen, "Weaving", 1, quiet):
         figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:
-        _print_json(figures)
+        print_json(figures)
         return
     table = Table(title=chosen.title, show_header=True)
     for heading in ("", "warp", "weft"):
@@ -159,7 +124,7 @@ def scenes(
         return
     titles = {name: Scene.read(library.folder() / f"{name}.toml").title for name in library.names()}
     if json_:
-        _print_json(titles)
+        print_json(titles)
         return
     for scene, title in titles.items():
         print(f"{scene:<24}{title}")
@@ -205,16 +170,3 @@ def _cell(value: float, unit: str | None) -> str:
     if unit == "deg":
         return f"{value:.4g}°"
     return format_quantity(float(f"{value:.5g}"), unit)
-
-
-def _print_json(figures: Any) -> None:
-    print(json.dumps(_finite(figures), indent=2, ensure_ascii=False))
-
-
-def _finite(value: Any) -> Any:
-    """Return JSON's null for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

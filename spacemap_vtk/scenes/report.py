@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft, weave
 from spacemap_vtk.fabric.clearance import Clearance, clearance_of, least_clearance
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.filters.arrays import array_of, points_of
+from spacemap_vtk.filters.cage_modes import CageModes
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
 
@@ -29,9 +32,11 @@ def modes(scene: Scene) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vertices``, ``tetrahedra``, ``dof`` (int), ``modes``: a list of ``eigenvalue`` (1/s²),
-        ``frequency_hz``, ``damping_ratio`` (infinite or NaN for a rigid mode) and ``regime``;
-        ``warnings``.
+        ``vertices``, ``tetrahedra``, ``dof`` (int), ``mass`` (kg), ``movable_mass`` (kg along x, y
+        and z, the sum of the effective masses of all modes there are), ``alpha`` (1/s), ``beta``
+        (s); ``modes``: a list of ``eigenvalue`` (1/s²), ``frequency_hz``, ``damping_ratio``
+        (infinite or NaN for a rigid mode), ``regime``, ``effective_mass`` (kg along x, y and z),
+        ``effective_mass_share`` and ``cumulative_mass_share`` (of the movable mass); ``warnings``.
 
     Raises
     ------
@@ -42,29 +47,37 @@ def modes(scene: Scene) -> dict[str, Any]:
         raise InputError(
             f"{scene.file}: this scene has no cage, so no modes", cure="Add a section [modal]."
         )
+    scene.check()  # before the modes are solved: how they are damped
     scene.update_stage(scene.modal)
     grid = scene.modal.GetOutputDataObject(0)
     eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", "modes")
-    damping = scene.response.alpha, scene.response.beta
-    free = array_of(grid.GetPointData(), "fixed", "modes") == 0
+    damping = scene.response.damping
+    rates = damping.alphas(eigenvalues), damping.beta
+    cage = CageModes(grid)
+    masses, movable = cage.effective_masses, cage.movable_mass
+    # A cage held along an axis everywhere has nothing to move along it.
+    shares = np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
+    columns = {
+        "eigenvalue": eigenvalues,
+        "frequency_hz": np.sqrt(eigenvalues) / (2 * math.pi),
+        "damping_ratio": damping_ratio(eigenvalues, *rates),
+        "regime": regime(eigenvalues, *rates),
+        "effective_mass": masses,
+        "effective_mass_share": shares,
+        "cumulative_mass_share": shares.cumsum(axis=0),
+    }
+    rows = zip(
+        *(c.tolist() if isinstance(c, np.ndarray) else c for c in columns.values()), strict=True
+    )
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
-        "dof": 3 * int(free.sum()),
-        "modes": [
-            {
-                "eigenvalue": float(value),
-                "frequency_hz": math.sqrt(value) / (2 * math.pi),
-                "damping_ratio": float(ratio),
-                "regime": kind,
-            }
-            for value, ratio, kind in zip(
-                eigenvalues,
-                damping_ratio(eigenvalues, *damping),
-                regime(eigenvalues, *damping),
-                strict=True,
-            )
-        ],
+        "dof": int(cage.model.free.sum()),
+        "mass": float(cage.nodal_mass.sum()),
+        "movable_mass": movable.tolist(),
+        "alpha": damping.alpha,
+        "beta": damping.beta,
+        "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
 

@@ -206,12 +206,14 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, or the animation
-            has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the damping
+            contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
             with _naming_section("weave"):
                 self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+            with _naming_section("response"):
+                _ = self.response.damping
             with _naming_section("animation"):
                 self.animation.frame_times()
 
