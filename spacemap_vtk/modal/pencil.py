@@ -209,6 +209,8 @@ class Pencil:
         noise = np.abs(basis).T @ (abs(piece.stiffness) @ np.abs(basis))
         energy, turn = la.eigh(basis.T @ (piece.stiffness @ basis))
         motions = basis @ turn[:, energy <= _NO_ENERGY * np.linalg.norm(noise)]
+        if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
+            return motions
         factor = np.linalg.cholesky(motions.T @ (piece.mass @ motions))
         return la.solve_triangular(factor, motions.T, lower=True).T
 

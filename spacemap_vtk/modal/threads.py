@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 #: Below so many degrees of freedom the dense blocks are small.
-_SMALL = 20_000
+_SMALL = 50_000
 
 
 def for_size(dof: int) -> AbstractContextManager[Any]:
