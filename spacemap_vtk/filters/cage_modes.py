@@ -15,7 +15,7 @@ from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import array_of, tetrahedra_of
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.modal_model import model_of
+from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.modal import loads as forces
 from spacemap_vtk.modal.elements import shape_functions
@@ -219,7 +219,7 @@ class CageModes:
             new = [name for name in names if name not in self._statics]
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
-                self._statics.update(zip(new, self.model.solve(load).T, strict=True))
+                self._statics.update(zip(new, static_displacements(self.model, load).T, strict=True))
             values, shapes = residual_modes(
                 self.shapes,
                 self.eigenvalues,
