@@ -219,7 +219,9 @@ class CageModes:
             new = [name for name in names if name not in self._statics]
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
-                self._statics.update(zip(new, static_displacements(self.model, load).T, strict=True))
+                self._statics.update(
+                    zip(new, static_displacements(self.model, load).T, strict=True)
+                )
             values, shapes = residual_modes(
                 self.shapes,
                 self.eigenvalues,
