@@ -16,8 +16,9 @@ app = App(
     suppress_keyboard_interrupt=False,
     help="""Deform woven fabric by space mapping: pictures, films, data and figures.
 
-    SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with
-    the program (see "spacemap scenes"). Lengths are SI, or carry their unit: "0.3 mm".
+    SCENE is a scene file (.toml), a weaver's draft (.wif), a mesh (.ply, .stl, .vtu, ...), or the
+    name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
+    their unit: "0.3 mm".
 
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,

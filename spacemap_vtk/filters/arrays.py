@@ -157,7 +157,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
     """
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells; {name} are needed")
-    others = [t for t in _cell_types(grid) if t != cell_type]
+    others = [t for t in cell_types(grid) if t != cell_type]
     if others:
         raise GeometryError(
             f"the input has cells of VTK's types {others}",
@@ -216,5 +216,17 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     return cells
 
 
-def _cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+def cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+    """Return the types of cells in a grid.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        Any grid.
+
+    Returns
+    -------
+    list of int
+        VTK's numbers, each once, ascending.
+    """
     return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

@@ -85,6 +85,11 @@ def fabric(scene: Scene) -> dict[str, Any]:
     InputError
         If the fabric is impossible or the draft cannot be read.
     """
+    if scene.source is not scene.weave:
+        raise InputError(
+            f"{scene.file}: this scene shows an object, and an object has no yarns",
+            cure='"spacemap modes" tells of its cage, "spacemap validate" whether it can be read.',
+        )
     scene.update_stage(scene.weave)
     woven, grid = scene.weave.fabric, scene.weave.GetOutputDataObject(0)
     cloth = woven.cloth
