@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
     from spacemap_vtk.filters.modal_response import ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver
+    from spacemap_vtk.filters.motion_reader import MotionReader
     from spacemap_vtk.filters.object_source import ObjectSource
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator
     from spacemap_vtk.filters.tetra_cage import TetraCage
@@ -24,6 +25,7 @@ __all__ = [
     "BarycentricWarp",
     "ModalResponse",
     "ModalSolver",
+    "MotionReader",
     "ObjectSource",
     "PatchTessellator",
     "TetraCage",
@@ -34,6 +36,7 @@ _MODULES = {
     "BarycentricWarp": "barycentric_warp",
     "ModalResponse": "modal_response",
     "ModalSolver": "modal_solver",
+    "MotionReader": "motion_reader",
     "ObjectSource": "object_source",
     "PatchTessellator": "patch_tessellator",
     "TetraCage": "tetra_cage",

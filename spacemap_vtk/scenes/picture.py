@@ -125,7 +125,7 @@ class Picture:
             edges = _cage_edges(scene)
             self._followers.append(edges)
             plotter.add_actor(_lines(edges, view.cage_color), reset_camera=False)
-            if scene.modal.fixed:
+            if scene.mover is scene.response and scene.modal.fixed:
                 plotter.add_actor(_supports(scene, view.support_color), reset_camera=False)
         plotter.enable_anti_aliasing("msaa", multi_samples=4)
         return plotter
@@ -248,7 +248,7 @@ def _colors(data: vtkPolyData) -> tuple[bool, str] | None:
 
 def _cage_edges(scene: Scene) -> vtkAlgorithm:
     moved = vtkWarpVector()
-    moved.SetInputConnection(scene.response.GetOutputPort())
+    moved.SetInputConnection(scene.mover.GetOutputPort())
     moved.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
     edges = vtkExtractEdges()
     edges.SetInputConnection(moved.GetOutputPort())

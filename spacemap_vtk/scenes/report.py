@@ -33,9 +33,10 @@ def modes(scene: Scene) -> dict[str, Any]:
     InputError
         If the scene has no cage.
     """
-    if not scene.moves:
+    if not scene.moves or scene.mover is not scene.response:
+        missing = "no cage" if not scene.moves else "a motion out of a file"
         raise InputError(
-            f"{scene.file}: this scene has no cage, so no modes", cure="Add a section [modal]."
+            f"{scene.file}: this scene has {missing}, so no modes", cure="Add a section [modal]."
         )
     scene.update_stage(scene.modal)
     grid = scene.modal.GetOutputDataObject(0)

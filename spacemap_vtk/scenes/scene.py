@@ -15,6 +15,7 @@ from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
@@ -33,6 +34,7 @@ SECTIONS: dict[str, type[Parameterised]] = {
         TetraCage,
         ModalSolver,
         ModalResponse,
+        MotionReader,
         BarycentricWarp,
         PatchTessellator,
         View,
@@ -40,13 +42,16 @@ SECTIONS: dict[str, type[Parameterised]] = {
     )
 }
 #: The sections that make a scene move; one of them is enough.
-_MOTION = {"cage", "modal", "response", "warp"}
+_MOTION = {"cage", "modal", "response", "motion", "warp"}
+#: What a motion out of a file takes the place of.
+_COMPUTED = ("cage", "modal", "response")
 
 
 class Scene:
     """A pipeline, connected, with its view and animation.
 
-    The object is a fabric, or with a section ``[object]`` any mesh.
+    The object is a fabric, or with a section ``[object]`` any mesh. With a section ``[motion]`` the
+    cage and its motion come from a file, and none of the stages that compute them is connected.
     Without any of the sections ``[cage]``, ``[modal]``, ``[response]`` and ``[warp]`` the fabric
     is still, and none of those stages is connected.
 
@@ -78,6 +83,7 @@ class Scene:
         self.cage = TetraCage()
         self.modal = ModalSolver()
         self.response = ModalResponse()
+        self.motion = MotionReader()
         self.warp = BarycentricWarp()
         self.surface = PatchTessellator()
         self.view = View()
@@ -87,8 +93,11 @@ class Scene:
         self.moves = bool(_MOTION & values.keys())
         #: What is deformed: `weave`, or `object` where the scene has that section.
         self.source: Stage = self.object if "object" in values else self.weave
+        #: What moves the cage: `response`, or `motion` where the scene has that section.
+        self.mover: Stage = self.motion if "motion" in values else self.response
         with self._naming_file():
             _refuse_both(values, "object", ("weave",))
+            _refuse_both(values, "motion", _COMPUTED)
             for name, value in values.items():
                 if name == "title":
                     self._set_title(value)
@@ -136,8 +145,10 @@ class Scene:
     @property
     def stages(self) -> list[Stage]:
         """The stages that are connected, from source to surface."""
-        motion = [self.cage, self.modal, self.response, self.warp] if self.moves else []
-        return [self.source, *motion, self.surface]
+        if not self.moves:
+            return [self.source, self.surface]
+        computed = [self.cage, self.modal] if self.mover is self.response else []
+        return [self.source, *computed, self.mover, self.warp, self.surface]
 
     @property
     def warnings(self) -> list[str]:
@@ -171,8 +182,11 @@ class Scene:
         part = self._part(section)
         with _naming_section(section):
             part.configure(**{key: value})
-        if part is self.object and self.source is not self.object:
+        if part is self.object and self.source is not part:
             self.source = self.object
+            self._connect()
+        if part is self.motion and self.mover is not part:
+            self.mover = self.motion
             self._connect()
         if section in _MOTION and not self.moves:
             self.moves = True
@@ -249,7 +263,7 @@ class Scene:
                 key="cage",
                 cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
             )
-        return self.response.GetOutputDataObject(0)
+        return self.mover.GetOutputDataObject(0)
 
     @property
     def polygons(self) -> vtkPolyData:
@@ -291,11 +305,12 @@ class Scene:
         if not self.moves:
             self.surface.SetInputConnection(self.source.GetOutputPort())
             return
-        self.cage.SetInputConnection(self.source.GetOutputPort())
-        self.modal.SetInputConnection(self.cage.GetOutputPort())
-        self.response.SetInputConnection(self.modal.GetOutputPort())
+        if self.mover is self.response:
+            self.cage.SetInputConnection(self.source.GetOutputPort())
+            self.modal.SetInputConnection(self.cage.GetOutputPort())
+            self.response.SetInputConnection(self.modal.GetOutputPort())
         self.warp.SetInputConnection(0, self.source.GetOutputPort())
-        self.warp.SetInputConnection(1, self.response.GetOutputPort())
+        self.warp.SetInputConnection(1, self.mover.GetOutputPort())
         self.surface.SetInputConnection(self.warp.GetOutputPort())
 
     @contextmanager
