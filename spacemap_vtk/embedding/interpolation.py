@@ -68,7 +68,8 @@ class Interpolation:
         self._threads = threads
         self._recycler = Recycler()
         self._blocks: list[tuple[slice, Any]] = []
-        starts = np.arange(0, 4 * _BLOCK + 1, 4, dtype=np.int32)
+        width = location.weights.shape[1]  # 4, or more where a map takes in more than corners
+        starts = np.arange(0, width * _BLOCK + 1, width, dtype=np.int32)
         for begin in range(0, self.point_count, _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
             # a view of the location's weights, and 32 bits for vertex numbers: what is read counts

@@ -14,6 +14,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from spacemap_vtk.embedding.gradients import cofactors, deformation_gradients, turned_normals
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.filters.arrays import (
     add_array,
     array_of,
@@ -24,7 +25,7 @@ from spacemap_vtk.filters.arrays import (
 )
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.kept import Geometry
-from spacemap_vtk.parameters import Choice
+from spacemap_vtk.parameters import Choice, Flag
 from spacemap_vtk.units import format_quantity
 
 
@@ -58,6 +59,11 @@ class BarycentricWarp(Stage):
         ["extrapolate", "clamp", "error"],
     )
 
+    smooth = Flag(
+        False,
+        "Cubic in each tetrahedron, so that no kinks show at their borders, in place of affine.",
+    )
+
     _kept: _Prepared | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
@@ -70,10 +76,7 @@ class BarycentricWarp(Stage):
         data = output.GetPointData()
         normals = data.GetNormals()
         if normals is not None:
-            gradients = deformation_gradients(prepared.vertices, prepared.tetrahedra, field)
-            turned = turned_normals(
-                vtk_to_numpy(normals), cofactors(gradients), prepared.tetrahedron
-            )
+            turned = prepared.turned(vtk_to_numpy(normals), field)
             data.SetNormals(to_array(turned, normals.GetName()))
         if output.GetCellData().GetNormals() is not None:
             _renew_cell_normals(output)
@@ -81,7 +84,7 @@ class BarycentricWarp(Stage):
 
     def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Prepared:
         kept = self._kept
-        if kept is None or not kept.serves(self.outside, points, cage):
+        if kept is None or not kept.serves((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
             tetrahedra = tetrahedra_of(cage)
             where = locate(
@@ -96,14 +99,21 @@ class BarycentricWarp(Stage):
                         self.outside
                     ]
                 )
+            ride: Interpolation | SmoothInterpolation
+            if self.smooth:
+                places = points_of(points).astype(np.float64, copy=False)
+                clamp = self.outside == "clamp"
+                ride = SmoothInterpolation(places, where, vertices, tetrahedra, clamp)
+            else:
+                ride = Interpolation(where, tetrahedra, len(vertices))
             kept = self._kept = _Prepared(
-                outside=self.outside,
+                settings=(self.outside, self.smooth),
                 points=Geometry(points),
                 cage=Geometry(cage),
                 vertices=vertices,
                 tetrahedra=tetrahedra,
                 tetrahedron=where.tetrahedron,
-                interpolation=Interpolation(where, tetrahedra, len(vertices)),
+                interpolation=ride,
                 note=note,
             )
         if kept.note:
@@ -115,17 +125,26 @@ class BarycentricWarp(Stage):
 class _Prepared:
     """What depends on points and cage alone."""
 
-    outside: str
+    settings: tuple[str, bool]
     points: Geometry
     cage: Geometry
     vertices: NDArray[np.float64]
     tetrahedra: NDArray[np.int64]
     tetrahedron: NDArray[np.int32]
-    interpolation: Interpolation
+    interpolation: Interpolation | SmoothInterpolation
     note: str
 
-    def serves(self, outside: str, points: vtkPointSet, cage: vtkUnstructuredGrid) -> bool:
-        return self.outside == outside and self.points.matches(points) and self.cage.matches(cage)
+    def serves(
+        self, settings: tuple[str, bool], points: vtkPointSet, cage: vtkUnstructuredGrid
+    ) -> bool:
+        return self.settings == settings and self.points.matches(points) and self.cage.matches(cage)
+
+    def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
+        if isinstance(self.interpolation, SmoothInterpolation):
+            gradients = self.interpolation.gradients(displacement)
+            return turned_normals(normals, cofactors(gradients), np.arange(len(normals)))
+        gradients = deformation_gradients(self.vertices, self.tetrahedra, displacement)
+        return turned_normals(normals, cofactors(gradients), self.tetrahedron)
 
 
 def _renew_cell_normals(output: vtkPointSet) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
@@ -52,17 +53,22 @@ def quiet_vtk(path: Path) -> Iterator[None]:
         If VTK reported an error.
     """
     window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
     try:
         yield
     finally:
         vtkOutputWindow.SetInstance(usual)
-    # one message a line where VTK's log prints them, a few lines each where it does not
-    text = "\n".join(line for line in window.GetOutput().splitlines() if _HARMLESS not in line)
-    if "ERR|" in text or "ERROR" in text or "Error" in text:
-        last = " ".join(text.split("):")[-1].split())
+        vtkLogger.SetStderrVerbosity(verbosity)
+    errors = [
+        " ".join(text.split("):")[-1].split())
+        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
+        if text.startswith("ERROR") and _HARMLESS not in text
+    ]
+    if errors:
         raise InputError(
-            f"{path}: damaged or not of the format that its ending says: {last[:200]}",
+            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
             cure="Write the file again, whole.",
         )
 

@@ -1,0 +1,168 @@
+"""A smooth map in place of the piecewise affine one: no kinks at the borders of tetrahedra.
+
+In each tetrahedron the displacement is a cubic Bernstein-Bézier polynomial. Its values and first
+derivatives at a vertex are shared by all tetrahedra there: the values are the cage's, the
+derivatives are the volume-weighted mean of the affine maps around. The control points of the faces
+are set as for quadratic precision (G. Farin, "Triangular Bernstein-Bézier patches", CAGD 3, 1986).
+The map is continuous everywhere and smooth at vertices; across faces the normal derivative still
+jumps, by an order of the cage's edge length less than before. It is linear in the displacement of
+the vertices, and affine motions are reproduced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
+
+from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.locate import Location, locate
+
+
+class SmoothInterpolation:
+    """Smooth interpolation of a displacement to fixed points.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        The points that were located, in m.
+    location : Location
+        Where they lie.
+    vertices : (V, 3) float64
+        At rest, in m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+    clamp : bool
+        Points outside move as the nearest point of the cage does; otherwise they follow the affine
+        map that touches the smooth one there.
+
+    Examples
+    --------
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> cage = np.array([[0, 1, 2, 3]])
+    >>> points = np.array([[0.2, 0.3, 0.4]])
+    >>> ride = SmoothInterpolation(points, locate(points, corners, cage), corners, cage)
+    >>> ride.displace(points, 2 * corners)[1].round(12).tolist()
+    [[0.4, 0.6, 0.8]]
+    """
+
+    def __init__(
+        self,
+        points: NDArray[np.float64],
+        location: Location,
+        vertices: NDArray[np.float64],
+        tetrahedra: NDArray[np.integer[Any]],
+        clamp: bool = False,
+    ) -> None:
+        count = len(vertices)
+        weights = location.weights
+        beyond = np.flatnonzero(location.is_outside)
+        if len(beyond):
+            # A cubic must not be asked for its value outside: it runs away.
+            weights = weights.copy()
+            nearest = locate(points[beyond], vertices, tetrahedra, "clamp")
+            weights[beyond] = nearest.weights
+        corners = vertices[tetrahedra[location.tetrahedron]]
+        values, slopes = _cubic(weights, corners)
+        if len(beyond) and not clamp:
+            foot = np.einsum("ni,nik->nk", weights[beyond], corners[beyond])
+            slopes[beyond] += weights[beyond, :, None] * (points[beyond] - foot)[:, None]
+        self._slopes = vertex_gradients(vertices, tetrahedra)
+        columns = count + 3 * np.asarray(tetrahedra)[:, :, None] + np.arange(3)
+        wide = np.concatenate((tetrahedra, columns.reshape(-1, 12)), axis=1)
+        rows = np.concatenate((values, slopes.reshape(-1, 12)), axis=1)
+        self._rows = Interpolation(replace(location, weights=rows), wide, 4 * count)
+        self._blend = Interpolation(replace(location, weights=weights), tetrahedra, count)
+
+    def displace(
+        self, points: NDArray[Any], displacement: ArrayLike
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Move the points with the mesh.
+
+        Parameters
+        ----------
+        points : (N, 3) float32 or float64
+            The points that were located, in m.
+        displacement : (V, 3) array_like
+            Displacement of the vertices in m.
+
+        Returns
+        -------
+        moved : (N, 3) of the points' type
+            Points plus displacement, in m.
+        displacement : (N, 3) of the points' type
+            In m.
+        """
+        table = np.asarray(displacement, dtype=np.float64)
+        return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
+
+    def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
+        """Return the gradient of the map at each point, blended from those of the vertices.
+
+        Parameters
+        ----------
+        displacement : (V, 3) array_like
+            In m.
+
+        Returns
+        -------
+        (N, 3, 3) float64
+            Row i is the gradient of coordinate i.
+        """
+        table = np.asarray(displacement, dtype=np.float64)
+        slopes = (self._slopes @ table).reshape(-1, 9)  # vertex; direction, coordinate
+        blended = self._blend.apply(slopes).reshape(-1, 3, 3)
+        return np.eye(3) + blended.transpose(0, 2, 1)
+
+
+def _cubic(
+    weights: NDArray[np.float64], corners: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the factors (n, 4) of the corners' values, and (n, 4, 3) of their gradients."""
+    pair = weights[:, :, None] * weights[:, None, :]
+    left = 1.0 - weights[:, :, None] - weights[:, None, :]
+    # of the control point on the edge from i, a third of the way to j
+    edge = 3.0 * weights[:, :, None] * pair + 1.5 * pair * left
+    edge[:, range(4), range(4)] = 0.0
+    # products of three different weights, over the faces that a corner is on
+    shared = (pair * left).sum(axis=2) - pair[:, range(4), range(4)] * (1.0 - 2.0 * weights)
+    values = weights**3 - 0.5 * shared + edge.sum(axis=2)
+    slopes = np.einsum("nij,njk->nik", edge, corners) - edge.sum(axis=2)[:, :, None] * corners
+    return values, slopes / 3.0
+
+
+def vertex_gradients(
+    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
+) -> csr_matrix:
+    """Return the operator that gives the mean gradient at each vertex.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Vertex numbers; flat ones have no gradient and do not count.
+
+    Returns
+    -------
+    (3 V, V) sparse matrix
+        Row 3 v + i: the derivative along axis i at vertex v.
+    """
+    corners = vertices[tetrahedra]
+    edges = corners[:, 1:] - corners[:, :1]
+    volume = np.abs(np.linalg.det(edges))
+    good = volume > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
+    cells, volume = np.asarray(tetrahedra)[good], volume[good]
+    inverse = np.linalg.inv(edges[good])  # (T, 3, 3): column j is the gradient of weight j + 1
+    shapes = np.concatenate((-inverse.sum(axis=2, keepdims=True), inverse), axis=2)  # (T, 3, 4)
+    total = np.bincount(cells.ravel(), np.repeat(volume, 4), minlength=len(vertices))
+    share = volume[:, None] / total[cells]  # (T, 4)
+    shape = (len(cells), 4, 3, 4)  # tetrahedron, vertex that receives, axis, vertex that gives
+    data = np.broadcast_to(share[:, :, None, None] * shapes[:, None], shape)
+    rows = np.broadcast_to((3 * cells[:, :, None] + np.arange(3))[..., None], shape)
+    columns = np.broadcast_to(cells[:, None, None], shape)
+    count = len(vertices)
+    return csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * count, count))
