@@ -26,7 +26,7 @@ class ObjectSource(Stage):
     Notes
     -----
     The output is vtkPolyData where the file holds nothing else, and vtkUnstructuredGrid otherwise.
-    pyvista is imported when a file is read.
+    pyvista is imported for formats that VTK's own readers do not cover.
 
     Examples
     --------

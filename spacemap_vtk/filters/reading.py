@@ -1,7 +1,8 @@
-"""Files read with pyvista, with errors in words in place of VTK's print."""
+"""Meshes out of files, with errors in words in place of VTK's print."""
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +31,17 @@ OBJECT_ENDINGS = (
 
 #: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
 _HARMLESS = "InformationKey"
-_XML = (".vtp", ".vtu", ".vts", ".vtr", ".vti", ".pvtp", ".pvtu")
+_OWN_READERS = {
+    ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
+    ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
+    ".vts": ("vtkIOXML", "vtkXMLStructuredGridReader"),
+    ".vtr": ("vtkIOXML", "vtkXMLRectilinearGridReader"),
+    ".vti": ("vtkIOXML", "vtkXMLImageDataReader"),
+    ".vtk": ("vtkIOLegacy", "vtkGenericDataObjectReader"),
+    ".stl": ("vtkIOGeometry", "vtkSTLReader"),
+    ".obj": ("vtkIOGeometry", "vtkOBJReader"),
+    ".ply": ("vtkIOPLY", "vtkPLYReader"),
+}
 
 
 @contextmanager
@@ -74,7 +85,7 @@ def quiet_vtk(path: Path) -> Iterator[None]:
 
 
 def read_blocks(path: Path) -> Any:
-    """Read a file with pyvista.
+    """Read a file, with VTK for its commonest formats and pyvista for the rest.
 
     Parameters
     ----------
@@ -93,26 +104,33 @@ def read_blocks(path: Path) -> Any:
     MissingLibraryError
         If pyvista, or what it needs for that format, is not installed.
     """
-    try:
-        import pyvista as pv
-    except ImportError:
-        raise MissingLibraryError(
-            f"{path}: reading objects needs pyvista", cure='Run "pip install pyvista".'
-        ) from None
     if not path.is_file():
         raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}", key="file")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")
     if path.suffix.lower() == ".ply":
         check_ply(path)
+    if path.suffix.lower() in _OWN_READERS:
+        # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
+        # harmless message.
+        module, name = _OWN_READERS[path.suffix.lower()]
+        with quiet_vtk(path):
+            reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
+            reader.SetFileName(str(path))
+            reader.Update()
+            made = reader.GetOutputDataObject(0)
+        if made is None:
+            raise InputError(f"{path}: VTK found nothing in it", key="file")
+        return made
+    try:
+        import pyvista as pv
+    except ImportError:
+        raise MissingLibraryError(
+            f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
+        ) from None
     try:
         with quiet_vtk(path):
-            if path.suffix.lower() not in _XML:
-                return pv.read(path)
-            # pyvista would refuse a file for a harmless message
-            reader = pv.get_reader(path).reader
-            reader.Update()
-            return pv.wrap(reader.GetOutputDataObject(0))
+            return pv.read(path)
     except InputError:
         raise
     except ImportError as error:

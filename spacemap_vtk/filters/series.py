@@ -11,7 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPointSet
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from spacemap_vtk.errors import InputError
@@ -78,9 +78,10 @@ class _Files(Series):
         paths = self._paths[step]
         if len(paths) == 1:
             return merged(read_blocks(paths[0]), paths[0])
-        import pyvista as pv
-
-        return merged(pv.MultiBlock([read_blocks(path) for path in paths]), paths[0])
+        blocks = vtkMultiBlockDataSet()
+        for number, path in enumerate(paths):
+            blocks.SetBlock(number, read_blocks(path))
+        return merged(blocks, paths[0])
 
 
 class _Reader(Series):
