@@ -2,7 +2,7 @@
 
 In each tetrahedron the displacement is a cubic Bernstein-Bézier polynomial. Its values and first
 derivatives at a vertex are shared by all tetrahedra there: the values are the cage's, the
-derivatives are the volume-weighted mean of the affine maps around. The control points of the faces
+derivatives are those of a quadratic fitted to the values around. The control points of the faces
 are set as for quadratic precision (G. Farin, "Triangular Bernstein-Bézier patches", CAGD 3, 1986).
 The map is continuous everywhere and smooth at vertices; across faces the normal derivative still
 jumps, by an order of the cage's edge length less than before. It is linear in the displacement of
@@ -20,6 +20,10 @@ from scipy.sparse import csr_matrix
 
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
+
+#: Weight of second derivatives against the data, where these are of order 1.
+_DAMPING = 1e-2
+_FITS = 2**9  # vertices that are fitted together; bounds the scratch memory
 
 
 class SmoothInterpolation:
@@ -137,32 +141,71 @@ def _cubic(
 def vertex_gradients(
     vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
 ) -> csr_matrix:
-    """Return the operator that gives the mean gradient at each vertex.
+    """Return the operator that gives the gradient at each vertex.
+
+    A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
+    tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
 
     Parameters
     ----------
     vertices : (V, 3) float64
         In m.
     tetrahedra : (T, 4) int
-        Vertex numbers; flat ones have no gradient and do not count.
+        Vertex numbers; flat ones connect nothing.
 
     Returns
     -------
     (3 V, V) sparse matrix
-        Row 3 v + i: the derivative along axis i at vertex v.
+        Row 3 v + i: the derivative along axis i at vertex v. Exact for affine functions, and nearly
+        so for quadratic ones where there are enough vertices to tell.
     """
+    count = len(vertices)
     corners = vertices[tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
-    volume = np.abs(np.linalg.det(edges))
-    good = volume > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
-    cells, volume = np.asarray(tetrahedra)[good], volume[good]
-    inverse = np.linalg.inv(edges[good])  # (T, 3, 3): column j is the gradient of weight j + 1
-    shapes = np.concatenate((-inverse.sum(axis=2, keepdims=True), inverse), axis=2)  # (T, 3, 4)
-    total = np.bincount(cells.ravel(), np.repeat(volume, 4), minlength=len(vertices))
-    share = volume[:, None] / total[cells]  # (T, 4)
-    shape = (len(cells), 4, 3, 4)  # tetrahedron, vertex that receives, axis, vertex that gives
-    data = np.broadcast_to(share[:, :, None, None] * shapes[:, None], shape)
-    rows = np.broadcast_to((3 * cells[:, :, None] + np.arange(3))[..., None], shape)
-    columns = np.broadcast_to(cells[:, None, None], shape)
-    count = len(vertices)
-    return csr_matrix((data.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * count, count))
+    good = np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
+    cells = np.asarray(tetrahedra)[good]
+    member = csr_matrix(
+        (np.ones(cells.size), (np.repeat(np.arange(len(cells)), 4), cells.ravel())),
+        shape=(len(cells), count),
+    )
+    near = (member.T @ member).tocsr()
+    around = (near @ near).tocsr()
+    around.sort_indices()
+    sizes = np.diff(around.indptr)
+    rows, columns, data = [], [], []
+    for size in np.unique(sizes[sizes > 1]):
+        of_size = np.flatnonzero(sizes == size)
+        for begin in range(0, len(of_size), _FITS):
+            which = of_size[begin : begin + _FITS]
+            others = around.indices[around.indptr[which][:, None] + np.arange(size)]
+            others = others[others != which[:, None]].reshape(len(which), -1)
+            factors = _fit(vertices[others] - vertices[which][:, None])  # (n, 3, m)
+            own = -factors.sum(axis=2, keepdims=True)
+            shape = (len(which), 3, size)
+            data.append(np.concatenate((factors, own), axis=2).ravel())
+            giving = np.concatenate((others, which[:, None]), axis=1)[:, None]
+            columns.append(np.broadcast_to(giving, shape).ravel())
+            receiving = (3 * which[:, None] + np.arange(3))[:, :, None]
+            rows.append(np.broadcast_to(receiving, shape).ravel())
+    return csr_matrix(
+        (np.concatenate(data), (np.concatenate(rows), np.concatenate(columns))),
+        shape=(3 * count, count),
+    )
+
+
+def _fit(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return factors (n, 3, m) of the differences to m neighbours, which give the gradient."""
+    length = np.linalg.norm(offsets, axis=2)
+    size = length.mean(axis=1)
+    x, y, z = (offsets / size[:, None, None]).transpose(2, 0, 1)
+    weight = (size[:, None] / length) ** 2
+    terms = [x, y, z, x * x / 2, y * y / 2, z * z / 2, x * y, y * z, z * x]
+    matrix = weight[:, :, None] * np.stack(terms, axis=2)
+    # Where the neighbours do not tell, as through a single layer, second derivatives are zero.
+    # First ones are free, so that affine functions stay exact.
+    damping = np.zeros((len(offsets), 6, 9))
+    damping[:, range(6), range(3, 9)] = _DAMPING
+    inverse = np.linalg.pinv(np.concatenate((matrix, damping), axis=1))
+    count = offsets.shape[1]
+    result: NDArray[np.float64] = inverse[:, :3, :count] * (weight / size[:, None])[:, None]
+    return result
