@@ -56,6 +56,7 @@ assert kinks["smooth"] < 0.25 * kinks["affine"]
 if len(sys.argv) > 1:
     prepare_offscreen()
     ideal = rod.copy()
+    ideal.clear_data()
     ideal.points = exact
     ideal = ideal.compute_normals(cell_normals=False, split_vertices=False)
     plotter = pv.Plotter(shape=(1, 3), off_screen=True, window_size=(1500, 900), border=False)

@@ -200,6 +200,30 @@ def test_surfaces_that_cannot_be_filled(cache: Path) -> None:
     assert "open edges" in cage.warnings[0]
 
 
+def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
+    pytest.importorskip("pytetwild")
+    one = pv.Cube().triangulate()
+    crossing = one.merge(one.translate((0.5, 0.3, 0.2)))
+    cage, grid = cage_of(crossing, method="tetwild", edge_length=0.5)
+    assert cage.warnings == ()
+    # the union of both
+    union = 2.0 - 0.5 * 0.7 * 0.8
+    assert check_mesh(grid.points, tetrahedra_of(grid)) == pytest.approx(union, rel=0.05)
+    fin = one.merge(pv.Triangle([[0.5, -0.5, 0.5], [0.5, 0.5, 0.5], [1.0, 0.0, 0.5]]))
+    cage, grid = cage_of(fin, method="tetwild", edge_length=0.5)
+    assert "2 open edges and 1 branching edges" in cage.warnings[0]
+    volume = check_mesh(grid.points, tetrahedra_of(grid))
+    assert volume == pytest.approx(1.0, rel=0.05)
+
+
+def test_an_object_with_points_that_are_not_finite() -> None:
+    ball = pv.Sphere()
+    ball.points[5] = np.nan
+    for method in ("carved", "tetwild"):
+        with pytest.raises(GeometryError, match="point 5 of the object is not finite"):
+            cage_of(ball, method=method)
+
+
 # --- splitting ---------------------------------------------------------------------------------
 
 

@@ -12,6 +12,7 @@ from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import add_array
 
 UNIT = (0.0, 1.0, 0.0, 1.0, 0.0, 1.0)
@@ -37,6 +38,14 @@ def test_affine_motions_inside_and_outside(which: int) -> None:
     np.testing.assert_allclose(moved, points + shift, atol=1e-15)
     gradient = smooth(points, vertices, cells).gradients(vertices @ matrix)
     np.testing.assert_allclose(gradient, np.broadcast_to(np.eye(3) + matrix.T, (4000, 3, 3)))
+
+
+def test_a_displacement_of_another_size_is_refused() -> None:
+    vertices, cells = meshes()[1]
+    ride = smooth(vertices, vertices, cells)
+    for shape in ((59, 3), (60, 2), (60,)):
+        with pytest.raises(InputError, match=r"allowed: \(60, 3\)"):
+            ride.displace(vertices, np.zeros(shape))
 
 
 def test_vertices_go_where_the_cage_says() -> None:

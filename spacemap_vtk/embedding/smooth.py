@@ -20,6 +20,7 @@ from scipy.sparse import csr_matrix
 
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.errors import InputError
 
 #: Weight of second derivatives against the data, where these are of order 1.
 _DAMPING = 1e-2
@@ -99,8 +100,17 @@ class SmoothInterpolation:
             Points plus displacement, in m.
         displacement : (N, 3) of the points' type
             In m.
+
+        Raises
+        ------
+        InputError
+            The displacement is not (V, 3), or the points are not those that were located.
         """
         table = np.asarray(displacement, dtype=np.float64)
+        if table.shape != (self._slopes.shape[1], 3):
+            raise InputError(
+                f"displacements of shape {table.shape}", allowed=f"({self._slopes.shape[1]}, 3)"
+            )
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
