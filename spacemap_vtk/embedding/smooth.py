@@ -11,6 +11,7 @@ the vertices, and affine motions are reproduced.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,9 +22,11 @@ from scipy.sparse import csr_matrix
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.parallel import for_each
 
 #: Weight of second derivatives against the data, where these are of order 1.
 _DAMPING = 1e-2
+_BLOCK = 2**13  # points that are prepared together
 _FITS = 2**9  # vertices that are fitted together; bounds the scratch memory
 
 
@@ -70,15 +73,26 @@ class SmoothInterpolation:
             weights = weights.copy()
             nearest = locate(points[beyond], vertices, tetrahedra, "clamp")
             weights[beyond] = nearest.weights
-        corners = vertices[tetrahedra[location.tetrahedron]]
-        values, slopes = _cubic(weights, corners)
+        rows = np.empty((len(points), 16))
+
+        def fill() -> Callable[[int], None]:
+            def do(begin: int) -> None:
+                block = slice(begin, begin + _BLOCK)
+                corners = vertices[tetrahedra[location.tetrahedron[block]]]
+                rows[block, :4], slopes = _cubic(weights[block], corners)
+                rows[block, 4:] = slopes.reshape(-1, 12)
+
+            return do
+
+        for_each(range(0, len(points), _BLOCK), fill)
         if len(beyond) and not clamp:
-            foot = np.einsum("ni,nik->nk", weights[beyond], corners[beyond])
-            slopes[beyond] += weights[beyond, :, None] * (points[beyond] - foot)[:, None]
+            corners = vertices[tetrahedra[location.tetrahedron[beyond]]]
+            foot = np.einsum("ni,nik->nk", weights[beyond], corners)
+            away = weights[beyond, :, None] * (points[beyond] - foot)[:, None]
+            rows[beyond, 4:] += away.reshape(-1, 12)
         self._slopes = vertex_gradients(vertices, tetrahedra)
         columns = count + 3 * np.asarray(tetrahedra)[:, :, None] + np.arange(3)
         wide = np.concatenate((tetrahedra, columns.reshape(-1, 12)), axis=1)
-        rows = np.concatenate((values, slopes.reshape(-1, 12)), axis=1)
         self._rows = Interpolation(replace(location, weights=rows), wide, 4 * count)
         self._blend = Interpolation(replace(location, weights=weights), tetrahedra, count)
 
@@ -136,16 +150,25 @@ def _cubic(
     weights: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the factors (n, 4) of the corners' values, and (n, 4, 3) of their gradients."""
-    pair = weights[:, :, None] * weights[:, None, :]
-    left = 1.0 - weights[:, :, None] - weights[:, None, :]
-    # of the control point on the edge from i, a third of the way to j
-    edge = 3.0 * weights[:, :, None] * pair + 1.5 * pair * left
-    edge[:, range(4), range(4)] = 0.0
-    # products of three different weights, over the faces that a corner is on
-    shared = (pair * left).sum(axis=2) - pair[:, range(4), range(4)] * (1.0 - 2.0 * weights)
-    values = weights**3 - 0.5 * shared + edge.sum(axis=2)
-    slopes = np.einsum("nij,njk->nik", edge, corners) - edge.sum(axis=2)[:, :, None] * corners
-    return values, slopes / 3.0
+    # one array for each pair of corners: small enough for the cache, and no sums over short axes
+    w = np.ascontiguousarray(weights.T)
+    values, slopes = w**3, np.zeros((3, 4, len(weights)))
+    x = np.ascontiguousarray(corners.transpose(2, 1, 0))  # axis, corner, point
+    for i in range(4):
+        for j in range(i):
+            both = w[i] * w[j]
+            left = 1.0 - w[i] - w[j]
+            # of the control points on the edge, a third of the way from either end
+            from_i, from_j = both * (3.0 * w[i] + 1.5 * left), both * (3.0 * w[j] + 1.5 * left)
+            values[i] += from_i
+            values[j] += from_j
+            # the faces' control points take half of what their three edges have given too much
+            values[i] -= 0.5 * both * left
+            values[j] -= 0.5 * both * left
+            along = x[:, j] - x[:, i]
+            slopes[:, i] += from_i * along
+            slopes[:, j] -= from_j * along
+    return values.T, slopes.transpose(2, 1, 0) / 3.0
 
 
 def vertex_gradients(
