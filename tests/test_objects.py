@@ -13,6 +13,7 @@ from spacemap_vtk import BarycentricWarp, ObjectSource, PatchTessellator, TetraC
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.arrays import add_array
+from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -30,25 +31,33 @@ def read(file: Path, **values: object) -> pv.DataSet:
     return pv.wrap(source.GetOutputDataObject(0))
 
 
-@pytest.mark.parametrize("ending", ["stl", "ply", "obj", "vtp", "vtk", "vtu", "vtm", "glb"])
+@pytest.mark.parametrize("ending", ["stl", "ply", "obj", "vtp", "vtk", "vtu", "vtm", "gltf"])
 def test_formats(tmp_path: Path, ending: str) -> None:
     mesh, file = ball(), tmp_path / f"ball.{ending}"
     if ending == "vtu":
         mesh = mesh.cast_to_unstructured_grid()
     if ending == "vtm":
         pv.MultiBlock([mesh, None, pv.MultiBlock([mesh.translate((3, 0, 0))])]).save(file)
-    elif ending == "glb":
-        pytest.importorskip("trimesh")
-        pv.to_trimesh(mesh).export(file)
+    elif ending == "gltf":
+        prepare_offscreen()
+        plotter = pv.Plotter(off_screen=True, window_size=(40, 30))
+        plotter.add_mesh(mesh)
+        plotter.export_gltf(str(file))
+        plotter.close()
     else:
         mesh.save(file)
     found = read(file)
     assert found.n_points == mesh.n_points * (1 + (ending == "vtm"))
     assert isinstance(found, pv.UnstructuredGrid if ending == "vtu" else pv.PolyData)
-    np.testing.assert_allclose(found.points[: mesh.n_points].max(0), mesh.points.max(0), atol=1e-6)
+    # glTF has y upwards: the exporter turns
+    tops = [np.sort(data.points[: mesh.n_points].max(axis=0)) for data in (found, mesh)]
+    np.testing.assert_allclose(*tops, atol=1e-6)
     if ending in ("vtp", "vtk", "vtu", "vtm"):
         np.testing.assert_array_equal(found["heat"][: mesh.n_points], mesh["heat"])
         np.testing.assert_array_equal(found["part"][: mesh.n_cells], mesh["part"])
+    if ending in ("vtp", "vtk", "vtu", "gltf"):
+        normals = found.point_data.active_normals
+        np.testing.assert_allclose(np.einsum("nk,nk->n", normals, found.points), 1, atol=0.02)
     if ending == "vtm":
         np.testing.assert_array_equal(np.bincount(found["block"]), [mesh.n_cells] * 2)
 

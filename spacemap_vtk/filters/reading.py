@@ -237,6 +237,7 @@ def merged(data: Any, path: Path) -> vtkPointSet:
         append.Update()
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
+    _name_roles(result)
     finite = np.isfinite(vtk_to_numpy(result.GetPoints().GetData())).all(axis=1)
     if not finite.all():
         raise GeometryError(
@@ -245,6 +246,15 @@ def merged(data: Any, path: Path) -> vtkPointSet:
             cure="Remove or repair them; a mesh program's cleaning does that.",
         )
     return result
+
+
+def _name_roles(data: vtkPointSet) -> None:
+    """Mark glTF's normals and texture coordinates, which its reader leaves as plain arrays."""
+    table = data.GetPointData()
+    if table.GetNormals() is None and table.HasArray("NORMAL"):
+        table.SetActiveNormals("NORMAL")
+    if table.GetTCoords() is None and table.HasArray("TEXCOORD_0"):
+        table.SetActiveTCoords("TEXCOORD_0")
 
 
 def _leaves(data: Any) -> Iterator[vtkDataSet]:
