@@ -144,7 +144,12 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    moments = _times(times) if times else _one_swing(opened_scene)
+    if times:
+        moments = _times(times)
+    elif opened_scene.mover is opened_scene.response:
+        moments = _one_swing(opened_scene)
+    else:
+        moments = np.linspace(*opened_scene.motion.time_range([]), 7).tolist()
     from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import storyboard as drawn

@@ -17,8 +17,9 @@ app = App(
     suppress_keyboard_interrupt=False,
     help="""Deform woven fabric by space mapping: pictures, films, data and figures.
 
-    SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with
-    the program (see "spacemap scenes"). Lengths are SI, or carry their unit: "0.3 mm".
+    SCENE is a scene file (.toml), a weaver's draft (.wif), a mesh (.ply, .stl, .vtu, ...), or the
+    name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
+    their unit: "0.3 mm".
 
     Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
 

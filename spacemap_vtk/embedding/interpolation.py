@@ -76,7 +76,7 @@ class Interpolation:
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
             # a view of the location's weights, and 32 bits for vertex numbers: what is read counts
             weights = location.weights[rows]
-            if nodes == 10:
+            if nodes == 10 and weights.shape[1] == 4:
                 weights = quadratic_weights(weights)
             vertices = corners[location.tetrahedron[rows]].reshape(-1)
             count = rows.stop - begin

@@ -158,7 +158,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
     """
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells; {name} are needed")
-    others = [t for t in _cell_types(grid) if t != cell_type]
+    others = [t for t in cell_types(grid) if t != cell_type]
     if others:
         raise GeometryError(
             f"the input has cells of VTK's types {others}",
@@ -211,7 +211,7 @@ def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
     GeometryError
         If there is no cell, one is no tetrahedron, or there are both kinds.
     """
-    if _cell_types(grid) == [VTK_QUADRATIC_TETRA]:
+    if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
         return cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
     return cells_of(grid, VTK_TETRA, "linear tetrahedra")
 
@@ -240,5 +240,17 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     return cells
 
 
-def _cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+def cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+    """Return the types of cells in a grid.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        Any grid.
+
+    Returns
+    -------
+    list of int
+        VTK's numbers, each once, ascending.
+    """
     return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

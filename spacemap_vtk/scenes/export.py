@@ -54,6 +54,8 @@ def write(scene: Scene, what: str, file: Path) -> None:
         bare.SetPoints(data.GetPoints())
         bare.SetPolys(data.GetPolys())
         data = pv.wrap(bare).triangulate()
+    if file.suffix == ".vtu" and isinstance(data, vtkPolyData):
+        data = pv.wrap(data).cast_to_unstructured_grid()
     pv.wrap(data).save(file)
     if not file.is_file():
         raise SpacemapError(f"{file.name}: nothing was written; is the disk full?")

@@ -43,9 +43,10 @@ def modes(scene: Scene) -> dict[str, Any]:
     InputError
         If the scene has no cage.
     """
-    if not scene.moves:
+    if not scene.moves or scene.mover is not scene.response:
+        missing = "no cage" if not scene.moves else "a motion out of a file"
         raise InputError(
-            f"{scene.file}: this scene has no cage, so no modes", cure="Add a section [modal]."
+            f"{scene.file}: this scene has {missing}, so no modes", cure="Add a section [modal]."
         )
     scene.check()  # before the modes are solved: how they are damped
     scene.update_stage(scene.modal)
@@ -116,6 +117,11 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         If the fabric is impossible or the draft cannot be read, or `time` is given for a scene
         that does not move.
     """
+    if scene.source is not scene.weave:
+        raise InputError(
+            f"{scene.file}: this scene shows an object, and an object has no yarns",
+            cure='"spacemap modes" tells of its cage, "spacemap validate" whether it can be read.',
+        )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
     scene.update_stage(scene.weave)
