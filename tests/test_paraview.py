@@ -7,7 +7,9 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from spacemap_vtk.paraview import environment
 
@@ -56,6 +58,33 @@ def test_state_files(tmp_path: Path) -> None:
 def test_scenes_drafts_and_other_readers(tmp_path: Path) -> None:
     out = run(SCRIPTS / "readers.py", ROOT / "scenes", tmp_path)
     assert out == "scenes, drafts and other readers\n"
+
+
+@pytest.mark.parametrize("program", ["pvpython", "pvbatch"])
+@pytest.mark.parametrize(
+    "script", sorted((ROOT / "pipelines" / "paraview").glob("*.py")), ids=lambda p: p.stem
+)
+def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
+    picture = tmp_path / "cloth.png"
+    assert run(script, picture, program=program)
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > 0.05  # the weft's sand
+    assert (
+        np.mean((blue - red > 30) & (red < 50)) > 0.05
+    )  # the warp's blue
+
+
+def test_a_vtk_script_runs_in_paraviews_python_as_it_is() -> None:
+    script = ROOT / "pipelines" / "with_vtk.py"
+    done = subprocess.run(
+        ["pvpython", str(script)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("sag ")
 
 
 def test_the_filters_without_the_plugin() -> None:
