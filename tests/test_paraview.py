@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -69,9 +70,22 @@ def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
     assert run(script, picture, program=program)
     red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
     assert np.mean(red - blue > 40) > 0.05  # the weft's sand
-    assert (
-        np.mean((blue - red > 30) & (red < 50)) > 0.05
-    )  # the warp's blue
+    assert np.mean((blue - red > 30) & (red < 50)) > 0.05  # the warp's blue
+
+
+def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
+    picture = tmp_path / "window.png"
+    done = subprocess.run(
+        [*XVFB, sys.executable, str(SCRIPTS / "photograph.py"), str(picture)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    pixels = np.asarray(Image.open(picture).convert("RGB")).astype(int)
+    view, panel = pixels[200:800, 310:], pixels[520:800, :270]
+    assert np.mean(view[..., 0] - view[..., 2] > 40) > 0.03  # the weft's sand
+    assert np.mean(panel.min(axis=2) > 250) > 0.2  # fields to write in
 
 
 def test_a_vtk_script_runs_in_paraviews_python_as_it_is() -> None:
@@ -102,7 +116,7 @@ def test_the_printed_lines_start_paraview_with_the_plugin() -> None:
         ["sh", "-c", 'eval "$(python -m spacemap_vtk paraview)"; pvpython -c "$CODE"'],
         env={
             **os.environ,
-            "PATH": f"{Path(os.sys.executable).parent}:{os.environ['PATH']}",
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "CODE": "from paraview.simple import *; print(PatchTessellator.__name__)",
         },
         capture_output=True,
