@@ -57,6 +57,8 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             return self._fail(request, out_info)
         if request.Has(_REQUEST_DATA):
             output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+            # What ParaView colours by where nobody has chosen; no matter where there is none.
+            output.GetAttributes(vtkDataObject.CELL).SetActiveScalars("color")
             self._last = output.NewInstance()
             self._last.ShallowCopy(output)
             new = [text for text in self._warnings if text not in self._said]
