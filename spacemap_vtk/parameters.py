@@ -343,8 +343,8 @@ class Vector(Parameter[tuple[Any, ...]]):
         One sentence for every surface that shows the parameter.
     component : Real
         What each component must be.
-    labels : str
-        One letter for each component.
+    labels : sequence of str
+        A letter or name for each component.
     **rest : str
         As for `Parameter`.
     """
@@ -352,7 +352,13 @@ class Vector(Parameter[tuple[Any, ...]]):
     kind = "vector"
 
     def __init__(
-        self, default: Any, help: str, *, component: Real, labels: str = "xyz", **rest: str
+        self,
+        default: Any,
+        help: str,
+        *,
+        component: Real,
+        labels: Sequence[str] = "xyz",
+        **rest: str,
     ) -> None:
         super().__init__(default, help, unit=component.unit, **rest)
         self.component = component

@@ -59,6 +59,22 @@ surface.update(time=3.141592653589793 / eigenvalue**0.5)
 assert 1.9 * sag > lowest() > 2.2 * sag, (lowest(), sag)
 assert [stage.executions for stage in stages] == [1, 1, 1, 3, 3, 3], [s.executions for s in stages]
 
+# Every kind of yarn and weave, on the oldest VTK: 8-end satin of flat yarns by their count.
+satin = WeaveSource(
+    pattern="satin 8/3",
+    ends=8,
+    picks=8,
+    warp_count="167 dtex",
+    warp_section="racetrack",
+    weft_diameter=["0.2 mm", "0.25 mm"],
+    weft_crimp="2 %",
+    exact=True,
+)
+satin.update()
+assert satin.fabric.drawdown.sum() == 56
+assert satin.GetOutputDataObject(0).GetPointData().GetRationalWeights() is not None
+assert 0 < satin.feasible["warp_spacing"][0] < satin.feasible["warp_spacing"][1]
+
 try:
     weave.warp_diameter = "0.6 mm"
     surface.update()

@@ -9,8 +9,7 @@ from xml.etree.ElementTree import Element, fromstring
 import pytest
 
 import spacemap_vtk
-from spacemap_vtk.filters.modal_solver import Sides
-from spacemap_vtk.filters.weave_source import Pattern
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import (
     Choice,
     Color,
@@ -36,6 +35,32 @@ class Count(Real):
         return float(
             super().convert(value.removesuffix(" tex") if isinstance(value, str) else value)
         )
+
+
+class Pattern(Parameter[Any]):
+    """A kind that is a word or a list, and shown in quotes."""
+
+    def convert(self, value: Any) -> Any:
+        """Return the word, or a tuple."""
+        if isinstance(value, str) and value != "plain":
+            raise InputError("no such word")
+        return value if isinstance(value, str) else tuple(value)
+
+    def show(self, value: Any) -> str:
+        """Return the word in quotes."""
+        return f'"{value}"'
+
+
+class Sides(Parameter[Any]):
+    """A kind with an empty value that is not None."""
+
+    def convert(self, value: Any) -> Any:
+        """Return a tuple."""
+        return tuple(value.split() if isinstance(value, str) else value)
+
+    def show(self, value: Any) -> str:
+        """Return the words in quotes."""
+        return f'"{" ".join(value)}"'
 
 
 class Everything(Parameterised):
@@ -106,7 +131,10 @@ def test_the_xmls_default_is_the_declared_default(name: str) -> None:
         ("sizes", [7, 8], (7, 8)),
         ("file", ["/a b.wif"], Path("/a b.wif")),
         ("file", [""], None),
-        ("file", [], None),
+        ("file", [None], None),
+        ("text", [None], ""),
+        ("maybe_color", [None], None),
+        ("sides", [None], ()),
         ("color", [0.0, 1.0, 0.2], (0, 255, 51)),
         ("maybe_color", ["#010203"], (1, 2, 3)),
         ("maybe_color", ["[1, 2, 3]"], (1, 2, 3)),
@@ -166,7 +194,7 @@ def test_a_default_that_cannot_be_written_is_a_mistake_of_ours() -> None:
     class Odd(Parameter[int]):
         def convert(self, value: Any) -> int:
             if value != 1:
-                raise spacemap_vtk.errors.InputError("not one")
+                raise InputError("not one")
             return 1
 
         def show(self, value: int) -> str:

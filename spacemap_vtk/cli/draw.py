@@ -164,13 +164,13 @@ def export(
     output: Output,
     what: Annotated[
         str | None,
-        Parameter(help="patches, cage or surface; by default what the format holds first."),
+        Parameter(help="patches, cage, surface or draft; by default what the format holds first."),
     ] = None,
     time: Time = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene's data: Bézier patches or cage (.vtu), surface (.vtp, .stl, .ply).
+    """Write a scene's patches or cage (.vtu), surface (.vtp, .stl, .ply) or draft (.wif).
 
     Parameters
     ----------
@@ -192,8 +192,9 @@ def export(
             allowed=", ".join(kinds),
         )
     opened_scene = opened(scene, set_, time=time)
-    with progress(opened_scene, "Computing", 1, quiet):
-        opened_scene.update(opened_scene.view.time)
+    if kind != "draft":
+        with progress(opened_scene, "Computing", 1, quiet):
+            opened_scene.update(opened_scene.view.time)
     with whole_file(output) as file:
         write(opened_scene, kind, file)
     tell_warnings(opened_scene, quiet)

@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.filters.arrays import add_array, array_of, points_of, tetrahedra_of, to_points
+from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of, to_points
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.kept import Geometry
 from spacemap_vtk.parameters import Choice
@@ -19,8 +19,9 @@ from spacemap_vtk.units import format_quantity
 class BarycentricWarp(Stage):
     """Move the points of port 0 with the displacement of the tetrahedral mesh on port 1.
 
-    Each point keeps its barycentric weights in the tetrahedron that holds it. They are computed
-    once, and again only when points or mesh change: a new displacement costs one sparse product.
+    Each point keeps its barycentric weights in the tetrahedron that holds it, or the weights of
+    all ten nodes if the mesh is of quadratic tetrahedra. They are computed once, and again only
+    when points or mesh change: a new displacement costs one sparse product.
 
     Notes
     -----
@@ -68,9 +69,13 @@ class BarycentricWarp(Stage):
             or not kept[2].matches(cage)
         ):
             vertices = points_of(cage).astype(np.float64, copy=False)
-            tetrahedra = tetrahedra_of(cage)
+            elements = elements_of(cage)
+            # Quadratic ones are straight-sided: their corners alone say where a point lies.
             where = locate(
-                points_of(points).astype(np.float64, copy=False), vertices, tetrahedra, self.outside
+                points_of(points).astype(np.float64, copy=False),
+                vertices,
+                elements[:, :4],
+                self.outside,
             )
             note = ""
             if where.outside:
@@ -81,7 +86,7 @@ class BarycentricWarp(Stage):
                         self.outside
                     ]
                 )
-            weights = Interpolation(where, tetrahedra, len(vertices))
+            weights = Interpolation(where, elements, len(vertices))
             kept = self._kept = self.outside, Geometry(points), Geometry(cage), weights, note
         if kept[4]:
             self.warn(kept[4])

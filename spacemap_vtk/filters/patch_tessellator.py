@@ -58,14 +58,18 @@ class PatchTessellator(Stage):
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
         prepared = self._prepared(grid)
-        positions, normals = prepared.tessellation.evaluate(points_of(grid))
+        rational = grid.GetPointData().GetRationalWeights()
+        weights = None if rational is None else vtk_to_numpy(rational)
+        positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(grid.GetPointData()):
+            if array is rational:
+                continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
             values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values)
+            values = prepared.tessellation.interpolate(values, weights)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkDataSet, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import (
+    VTK_QUADRATIC_TETRA,
+    VTK_TETRA,
+    vtkDataSet,
+    vtkUnstructuredGrid,
+)
 
 from spacemap_vtk.cage.bounds import padded_bounds
 from spacemap_vtk.cage.lattice import estimate_bytes, lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
@@ -43,6 +49,13 @@ class TetraCage(Stage):
         "Number of hexahedra along x, y and z. At least two through the thickness bend well.",
         component=Integer(1, "", minimum=1, maximum=100_000),
     )
+    order = Integer(
+        1,
+        "1: linear tetrahedra, whose vertices are their corners. 2: quadratic ones, with midpoints "
+        "on their edges: they bend, with one layer as well as linear ones with ten.",
+        minimum=1,
+        maximum=2,
+    )
     padding = Real(
         0.0,
         "Room between the object and the cage on each side, as a share of that side's length.",
@@ -55,7 +68,7 @@ class TetraCage(Stage):
         if inputs[0].GetNumberOfPoints() == 0:
             raise GeometryError("there is nothing to enclose: the input has no points")
         require(
-            estimate_bytes(self.divisions),
+            estimate_bytes(self.divisions) * (1 if self.order == 1 else 5),
             "this cage",
             key="divisions",
             value=list(self.divisions),
@@ -63,5 +76,9 @@ class TetraCage(Stage):
         )
         bounds = padded_bounds(inputs[0].GetBounds(), self.padding)
         vertices, tetrahedra = lattice(bounds, self.divisions)
+        cell_type = VTK_TETRA
+        if self.order == 2:
+            vertices, tetrahedra = with_midpoints(vertices, tetrahedra)
+            cell_type = VTK_QUADRATIC_TETRA
         output.SetPoints(to_points(vertices))
-        output.SetCells(VTK_TETRA, to_cells(tetrahedra))
+        output.SetCells(cell_type, to_cells(tetrahedra))

@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
@@ -90,7 +90,7 @@ def say(stage: Stage, error: BaseException | None) -> None:
         What happened.
     """
     text = str(error) or type(error).__name__
-    if not isinstance(error, spacemap_vtk.errors.SpacemapError):
+    if not isinstance(error, SpacemapError):
         text = f"{type(error).__name__}: {text}"
     vtkOutputWindow.GetInstance().DisplayErrorText(f"{_name(stage)}: {text}\n")
 
@@ -128,8 +128,7 @@ def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
     def set_parameter(self: Hosted, *values: Any) -> None:
         try:
             setattr(self, name, read(*values))
-        except InputError as error:  # crossing VTK, it would be printed with a traceback
-            error.section = None
+        except Exception as error:  # crossing VTK, it would be printed with a traceback
             say(self, error)
 
     return set_parameter

@@ -3,7 +3,8 @@
 A property is the XML that ParaView's server manager reads, and the way back: what ParaView hands to
 the setter, turned into a value for the parameter's own check. ParaView has no value for "automatic"
 (None): where a number is optional, 0 or -1 stands for it, whichever the parameter refuses; in a
-text, the empty one. Kinds that are declared elsewhere are texts, with or without quotes.
+text, the empty one, which ParaView hands over as None. Kinds that are declared elsewhere are texts,
+with or without quotes.
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ def _file(parameter: FilePath) -> Property:
 
 def _plain(parameter: PlainText) -> Property:
     xml = _vector_property("String", [parameter.default or ""])
-    return Property(xml, lambda text="": text if text or not parameter.optional else None)
+    return Property(xml, lambda text=None: text or (None if parameter.optional else ""))
 
 
 def _text(parameter: Parameter[Any]) -> Property:
@@ -159,7 +160,7 @@ def _text(parameter: Parameter[Any]) -> Property:
     xml = _vector_property("String", [shown])
     if parameter.optional:
         xml.set("automatic", "an empty field")
-    return Property(xml, lambda text="": _read_text(parameter, text))
+    return Property(xml, lambda text=None: _read_text(parameter, text or ""))
 
 
 def _written(parameter: Parameter[Any]) -> str:

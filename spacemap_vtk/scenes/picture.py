@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
@@ -66,6 +67,8 @@ class Picture:
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         extent = _motion_extent(scene, times)
+        cloth = scene.weave.fabric.cloth
+        self._yarn = float(max(np.max(cloth.warp_diameter), np.max(cloth.weft_diameter)))
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
@@ -102,12 +105,9 @@ class Picture:
         plotter.render()
         light = plotter.screenshot(None, return_img=True).astype(np.float32)
         if shaded:
-            cloth = self.scene.weave.fabric.cloth
-            diameter = max(cloth.warp_diameter, cloth.weft_diameter)
             camera = plotter.camera
             pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
-            depth = -plotter.get_image_depth(fill_value=np.nan)
-            light *= contact_shade(depth, diameter, diameter / pixel)[:, :, None]
+            light *= contact_shade(_depth(plotter), self._yarn, self._yarn / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
 
     def _plotter(
@@ -195,6 +195,18 @@ def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
 
 
+def _depth(plotter: pv.Plotter) -> NDArray[np.float32]:
+    """Return the distance from the camera of what was drawn last, NaN where nothing was."""
+    width, height = plotter.render_window.GetSize()
+    buffer = vtkFloatArray()
+    plotter.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
+    z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
+    near, far = plotter.camera.clipping_range
+    distance = near * far / (far - z * (far - near))
+    distance[z >= 1.0] = np.nan
+    return distance.astype(np.float32)
+
+
 def _fabric(scene: Scene) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(scene.surface.GetOutputPort())
@@ -266,15 +278,21 @@ def _aim(
     right /= np.linalg.norm(right)
     up = np.cross(direction, right)
     axes = np.stack([right, up, direction])
-    low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
-    middle = (low + high) / 2
-    across, above, toward = (points @ axes.T - middle).T
-    # A point is inside the picture if |across| <= slope * (distance - toward), likewise above.
+    seen = points @ axes.T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     slope = np.tan(np.radians(_VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
-    distance = max(
-        float((np.abs(across) / (slope * aspect) + toward).max()),
-        float((np.abs(above) / slope + toward).max()),
-    )
+    # What is near looks larger, so the middle of the picture is not that of the scene: a few
+    # rounds of placing the camera and centring what it sees.
+    for _ in range(4):
+        across, above, toward = (seen - middle).T
+        # A point is in the picture if |across| <= slope * (distance - toward), above likewise.
+        distance = max(
+            float((np.abs(across) / (slope * aspect) + toward).max()),
+            float((np.abs(above) / slope + toward).max()),
+        )
+        for axis, offset in enumerate((across, above)):
+            ratio = offset / (distance - toward)
+            middle[axis] += (ratio.min() + ratio.max()) / 2 * distance
     focus = middle @ axes
     camera.focal_point = focus
     camera.position = focus + direction * distance / zoom

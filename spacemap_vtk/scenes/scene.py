@@ -11,6 +11,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
+from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
@@ -205,12 +206,14 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, or the animation
-            has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the damping
+            contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
             with _naming_section("weave"):
                 self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+            with _naming_section("response"):
+                _ = self.response.damping
             with _naming_section("animation"):
                 self.animation.frame_times()
 
@@ -229,6 +232,12 @@ class Scene:
                 cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
             )
         return self.response.GetOutputDataObject(0)
+
+    @property
+    def draft(self) -> WifDraft:
+        """The draft of the weave; needs no update."""
+        with self._naming_file(), _naming_section("weave"):
+            return self.weave.wif
 
     @property
     def polygons(self) -> vtkPolyData:

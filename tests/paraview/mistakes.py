@@ -29,13 +29,13 @@ assert said() == ""
 
 for proxy, name, bad, fine, words in (
     # refused by its own check: the stage keeps the old value
-    (weave, "Pattern", "nonsense", "plain", "not a weave"),
+    (weave, "Pattern", "nonsense", "plain", "nonsense"),
     (modal, "PoissonsRatio", 0.7, 0.3, "less than 0.5"),
-    (modal, "Fixed", "+q", "+y", "not a side"),
+    (modal, "Fixed", "+q", "+y", "+q"),
     (response, "Initial", "asleep", "rest", '"equilibrium"'),
     (surface, "Subdivisions", 1000, 4, "64"),
     # refused when it runs: a cloth that cannot be, a file that is not there
-    (weave, "WarpDiameter", 0.7e-3, 0, "Make warp_diameter smaller"),
+    (weave, "WarpDiameter", "0.7 mm", "", "Make warp_diameter smaller"),
     (weave, "Draft", "/no/such/file.wif", "", "/no/such/file.wif"),
 ):
     setattr(proxy, name, bad)

@@ -23,12 +23,12 @@ times = list(scene.TimestepValues)
 assert len(times) == 50, times
 assert abs(times[1] - 0.004) < 1e-12
 rest = scene.GetDataInformation().GetBounds()
-assert scene.GetDataInformation().GetNumberOfCells() == 1120 * 36
+polygons = scene.GetDataInformation().GetNumberOfCells()
 scene.UpdatePipeline(0.02)
 assert scene.GetDataInformation().GetBounds()[5] > rest[5] + 1e-4
 scene.Show = "patches"
 scene.UpdatePipeline(0.02)
-assert scene.GetDataInformation().GetNumberOfCells() == 1120
+assert scene.GetDataInformation().GetNumberOfCells() * 36 == polygons > 10_000
 scene.Show = "cage"
 scene.UpdatePipeline(0.02)
 assert scene.GetDataInformation().GetNumberOfCells() == 3 * 3 * 2 * 5
@@ -37,7 +37,7 @@ assert scene.GetDataInformation().GetNumberOfCells() == 3 * 3 * 2 * 5
 draft = simple.OpenDataFile(str(scenes / "32-shaft_twill.wif"))
 assert type(draft).__name__ == "WIFReader", draft
 # Thinner than the draft says, which warns of yarns that are too thick to interlace.
-draft.WarpDiameter = draft.WeftDiameter = 0.4e-3
+draft.WarpDiameter = draft.WeftDiameter = "0.4 mm"
 draft.UpdatePipeline()
 assert draft.GetDataInformation().GetNumberOfCells() > 10_000
 

@@ -7,7 +7,7 @@ from paraview import simple, smstate
 from pipeline import bounds, connected, executions
 
 folder = Path(sys.argv[1])
-proxies = connected(WarpDiameter=0.2e-3, WarpColor=[1.0, 0.0, 0.0])
+proxies = connected(WarpDiameter="0.2 mm", WarpColor="#ff0000")
 surface = proxies[-1]
 surface.Subdivisions = 3
 proxies[4].Outside = "clamp"
