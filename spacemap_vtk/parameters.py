@@ -49,14 +49,24 @@ class Parameter(Generic[T]):
         Name shown to people; made from the attribute's name where it is not given.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``.
+    group : str, optional
+        Heading under which a window shows it.
     """
 
     kind = "value"
     annotation = "object"
 
     def __init__(
-        self, default: Any, help: str, *, unit: str = "", label: str = "", automatic: str = ""
+        self,
+        default: Any,
+        help: str,
+        *,
+        unit: str = "",
+        label: str = "",
+        automatic: str = "",
+        group: str = "",
     ) -> None:
+        self.group = group
         self.help = help
         self.unit = unit
         self.label = label

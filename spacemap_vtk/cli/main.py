@@ -37,6 +37,7 @@ _COMMANDS = {
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
+    "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
 }
 for _name, (_function, _help) in _COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.

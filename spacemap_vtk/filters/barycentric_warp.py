@@ -52,6 +52,7 @@ class BarycentricWarp(Stage):
 
     section = "warp"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    input_names = ("Input", "Cage")
     output = SAME_AS_INPUT
 
     outside = Choice(

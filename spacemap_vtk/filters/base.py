@@ -48,6 +48,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
 
     #: Required data type of each input port.
     inputs: ClassVar[tuple[str, ...]] = ()
+    #: Name of each input port, where a window asks for inputs by name.
+    input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output: ClassVar[str] = "vtkUnstructuredGrid"
 
