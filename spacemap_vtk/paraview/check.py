@@ -1,4 +1,4 @@
-"""Run by pvpython: does the plugin work in this ParaView?"""
+"""Run by pvpython: say whether the plugin works in this ParaView."""
 
 import sys
 

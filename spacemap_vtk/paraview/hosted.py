@@ -44,7 +44,22 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
         in_info: tuple[vtkInformationVector, ...],
         out_info: vtkInformationVector,
     ) -> int:
-        """Answer a request; what goes wrong is said, and the last good output stays."""
+        """Answer a request; what goes wrong is said, and the last good output stays.
+
+        Parameters
+        ----------
+        request : vtkInformation
+            What is asked for.
+        in_info : tuple of vtkInformationVector
+            Of each input port.
+        out_info : vtkInformationVector
+            Of the output.
+
+        Returns
+        -------
+        int
+            1, or 0 where there is nothing good to hand on.
+        """
         if not self._observed:
             # ParaView has put an executive of its own in the place of the one that Stage watches.
             self._observed = True
@@ -116,7 +131,9 @@ def hosted(
     """
     name = name or stage.__name__
     setters = {command(p): _setter(p) for p in stage.parameters.values()}
-    made = cast(type[Hosted], type(name, (Hosted, stage), {**setters, "__module__": __name__}))
+    made = cast(
+        type[Hosted], type(name, (Hosted, stage), {**setters, "__module__": stage.__module__})
+    )
     label = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     made._pvsm_proxy_xml = proxy_xml(stage, label, f"{__name__}.{name}", file)
     return made
