@@ -41,7 +41,7 @@ def run(script: Path, *arguments: object, program: str = "pvpython") -> str:
 
 
 def test_every_declared_parameter_is_a_property() -> None:
-    assert run(SCRIPTS / "declarations.py") == "8 proxies\n"
+    assert run(SCRIPTS / "declarations.py") == "10 proxies\n"
 
 
 def test_time_demand_windows_and_no_leaks() -> None:

@@ -149,7 +149,8 @@ def storyboard(
     elif opened_scene.mover is opened_scene.response:
         moments = _one_swing(opened_scene)
     else:
-        moments = np.linspace(*opened_scene.motion.time_range([]), 7).tolist()
+        first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
+        moments = np.linspace(first, last, 7).tolist()
     from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import storyboard as drawn

@@ -71,14 +71,16 @@ class MotionReader(Stage):
         self._steps = {}
         super().__init__(**values)
 
-    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
         """Return the times of the first and the last step."""
+        if self.file is None:
+            return None  # ParaView asks before its user can name one; `run` refuses
         times = self._series().times
         return times[0], times[-1]
 
     def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
         """Return the times of all steps."""
-        return self._series().times
+        return [] if self.file is None else self._series().times
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Interpolate between the two steps around `time`."""
