@@ -20,6 +20,9 @@ from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_ch
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
 
+#: Surface points from which a second thread pays.
+_WORTH_A_THREAD = 100_000
+
 
 class Tessellation:
     """The surface of Bézier patches, prepared once for any positions of the control points.
@@ -86,7 +89,8 @@ class Tessellation:
         self.degree = p, q
         self.subdivisions = subdivisions
         self.patch_count = len(patches)
-        self._threads = threads
+        # Below some 10^5 points a thread costs more to start than it saves.
+        self._threads = threads or (None if self.point_count > _WORTH_A_THREAD else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
         self._basis = _stacked_basis(p, q, subdivisions)
