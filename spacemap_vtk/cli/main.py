@@ -32,6 +32,7 @@ _COMMANDS = {
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
+    "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in _COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.

@@ -1,0 +1,85 @@
+"""Frames a second of the window, on the 7 x 7 scene, while a slider is dragged or time plays.
+
+Run on a display: xvfb-run -a -s "-screen 0 1280x900x24" python benchmarks/gui_frames.py
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
+
+from spacemap_vtk.app.main_window import MainWindow
+
+SECONDS = 4.0
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    """Let the window live until something holds."""
+    while not done():
+        QTest.qWait(10)
+
+
+def rate(window: MainWindow, section: str, name: str, low: float, high: float) -> float:
+    """Return the frames a second while a value runs to and fro, faster than it is drawn."""
+    frames: list[float] = []
+
+    def count(_frame: object) -> None:
+        frames.append(time.perf_counter())
+
+    window.director.drawn.connect(count)
+    window.director.hold(True)
+    begun = time.perf_counter()
+    step = 0
+    while time.perf_counter() - begun < SECONDS:
+        share = abs((step % 100) / 50 - 1)
+        window.document.set(section, name, low + share * (high - low), burst=1)
+        step += 1
+        QTest.qWait(5)
+    window.director.hold(False)
+    window.director.drawn.disconnect(count)
+    return len(frames) / SECONDS
+
+
+def playing(window: MainWindow) -> float:
+    """Return the frames a second while time plays."""
+    frames: list[float] = []
+
+    def count(_frame: object) -> None:
+        frames.append(time.perf_counter())
+
+    window.director.drawn.connect(count)
+    window.times.play.click()
+    QTest.qWait(int(SECONDS * 1000))
+    window.times.pause()
+    window.director.drawn.disconnect(count)
+    return len(frames) / SECONDS
+
+
+def main() -> None:
+    """Print a table."""
+    app = QApplication([])
+    window = MainWindow()
+    window.resize(1100, 700)
+    window.start("plain_weave")
+    window.show()
+    wait_until(lambda: window.view.frame is not None and not window.engine.busy)
+    size = window.view.plotter.render_window.GetSize()
+    print(f"view of {size[0]} x {size[1]} pixels")
+    for section, name, low, high in (
+        ("response", "alpha", 5.0, 20.0),
+        ("modal", "youngs_modulus", 1000.0, 1600.0),
+        ("weave", "warp_diameter", 0.00022, 0.00026),
+    ):
+        print(f"{section}.{name:<16} {rate(window, section, name, low, high):5.1f} frames a second")
+    print(f"playing                {playing(window):5.1f} frames a second")
+    window.document.undo.setClean()
+    window.close()
+    app.processEvents()
+
+
+if __name__ == "__main__":
+    main()
