@@ -8,10 +8,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
+import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.main_window import MainWindow
 
 SECONDS = 4.0
@@ -23,15 +23,28 @@ def wait_until(done: Callable[[], bool]) -> None:
         QTest.qWait(10)
 
 
+class Frames:
+    """Counts different frames that have reached the screen."""
+
+    def __init__(self, window: MainWindow) -> None:
+        self._view, self._shown = window.view, []
+        self._renderer = window.view.plotter.renderer
+        self._observer = self._renderer.AddObserver("EndEvent", self._count)
+
+    def _count(self, _caller: object, _event: str) -> None:
+        if not self._shown or self._shown[-1] is not self._view.frame:
+            self._shown.append(self._view.frame)
+
+    def stop(self) -> int:
+        """Stop counting; return how many there were."""
+        self._renderer.RemoveObserver(self._observer)
+        return len(self._shown)
+
+
 def rate(window: MainWindow, section: str, name: str, low: float, high: float) -> float:
     """Return the frames a second while a value runs to and fro, faster than it is drawn."""
-    frames: list[float] = []
-
-    def count(_frame: object) -> None:
-        frames.append(time.perf_counter())
-
-    window.director.drawn.connect(count)
     window.director.hold(True)
+    frames = Frames(window)
     begun = time.perf_counter()
     step = 0
     while time.perf_counter() - begun < SECONDS:
@@ -40,23 +53,16 @@ def rate(window: MainWindow, section: str, name: str, low: float, high: float) -
         step += 1
         QTest.qWait(5)
     window.director.hold(False)
-    window.director.drawn.disconnect(count)
-    return len(frames) / SECONDS
+    return frames.stop() / SECONDS
 
 
 def playing(window: MainWindow) -> float:
     """Return the frames a second while time plays."""
-    frames: list[float] = []
-
-    def count(_frame: object) -> None:
-        frames.append(time.perf_counter())
-
-    window.director.drawn.connect(count)
+    frames = Frames(window)
     window.times.play.click()
     QTest.qWait(int(SECONDS * 1000))
     window.times.pause()
-    window.director.drawn.disconnect(count)
-    return len(frames) / SECONDS
+    return frames.stop() / SECONDS
 
 
 def main() -> None:

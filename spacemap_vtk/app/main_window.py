@@ -27,6 +27,7 @@ from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.view_bar import ViewBar
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
 
@@ -99,7 +100,8 @@ class MainWindow(QMainWindow):
     def _lay_out(self) -> None:
         left = _column(self.stages, self.properties)
         left.setMinimumWidth(260)
-        middle = _column(self.errors, self.view, self.times)
+        self.tools = ViewBar(self.view)
+        middle = _column(self.tools, self.errors, self.view, self.times)
         self.splitter = QSplitter(Qt.Orientation.Horizontal)
         self.splitter.addWidget(left)
         self.splitter.addWidget(middle)
@@ -150,6 +152,7 @@ class MainWindow(QMainWindow):
 
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)
+        self.view.mark_points([pick.position])
 
     def _show_progress(self, section: str, share: float) -> None:
         for widget in (self.bar, self.cancel, self.running):

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from pyvistaqt import QtInteractor
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkRenderingCore import vtkActor, vtkCellPicker
+from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from spacemap_vtk.app.actors import CageActor, FabricActor, GhostActor, SupportActor, moved_points
 from spacemap_vtk.app.frame import Frame
@@ -51,9 +50,6 @@ class View3D(QWidget):
         for actor in self._actors:
             self.plotter.renderer.AddActor(actor)
         self.plotter.renderer.AddViewProp(self._fabric.bar)
-        self._marks = pv.PolyData()
-        self._mark_actor: vtkActor | None = None
-        self.plotter.renderer.SetUseFXAA(True)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
         self._pressed: QPointF | None = None
@@ -73,6 +69,8 @@ class View3D(QWidget):
         view : View
             The scene's colours.
         """
+        # Smooth edges cost as much as all the rest in software, so moving pictures go without.
+        self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._color(view)
@@ -106,10 +104,11 @@ class View3D(QWidget):
             self.render()
 
     def render(self) -> None:
-        """Draw now."""
+        """Draw as soon as Qt comes to it."""
         if not self._closed:
             self.plotter.renderer.ResetCameraClippingRange()
-            self.plotter.render()
+            # Not plotter.render(): the widget would draw a second time when Qt paints it.
+            self.plotter.update()
 
     def reset_camera(self, name: str = "three-quarter") -> None:
         """Look at the whole from one of the camera presets.
@@ -212,7 +211,7 @@ class View3D(QWidget):
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue.
         """
-        self.render()
+        self.plotter.render()
         return self.plotter.screenshot(None, return_img=True)
 
     def shut(self) -> None:
