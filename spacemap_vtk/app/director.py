@@ -102,8 +102,13 @@ class Director(QObject):
         swing : Swing or None
             The mode.
         """
-        self.swing = swing
-        self.ask()
+        if swing is None:
+            self.swing = None
+            self.ask()
+        elif self.swing is None or not self._engine.busy:
+            self._times.pause()
+            self.swing = swing
+            self.ask(coarse=True)
 
     def hold(self, held: bool) -> None:
         """Put the smooth frame off while a drag goes on.

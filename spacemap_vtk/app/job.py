@@ -17,10 +17,13 @@ class Swing:
         Its number.
     amplitude : float
         Largest displacement, as a share of the cage's largest side.
+    phase : float
+        In whole swings.
     """
 
     mode: int
     amplitude: float
+    phase: float
 
 
 @dataclass(frozen=True)

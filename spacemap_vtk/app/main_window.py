@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import (
     QLabel,
@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QProgressBar,
     QPushButton,
     QSplitter,
+    QTabWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -22,6 +23,7 @@ from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
+from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
@@ -34,9 +36,6 @@ from spacemap_vtk.scenes.scene import SECTIONS
 
 class MainWindow(QMainWindow):
     """Pipeline and properties on the left, the view with its time bar in the middle."""
-
-    #: The window is about to be freed.
-    closing = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -51,6 +50,9 @@ class MainWindow(QMainWindow):
         self.properties = Properties(self.document)
         self.errors = ErrorBar()
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
+        self.modes = ModesTab()
+        self.tabs = QTabWidget()
+        self.tabs.addTab(self.modes, "Modes")
         self._lay_out()
         self._connect()
         self.engine.start()
@@ -87,7 +89,7 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before anything is freed."""
-        self.closing.emit()
+        self.modes.stop()
         self.director.stop()
         self.view.shut()
         super().closeEvent(event)
@@ -105,8 +107,9 @@ class MainWindow(QMainWindow):
         self.splitter = QSplitter(Qt.Orientation.Horizontal)
         self.splitter.addWidget(left)
         self.splitter.addWidget(middle)
+        self.splitter.addWidget(self.tabs)
         self.splitter.setStretchFactor(1, 1)
-        self.splitter.setSizes([320, 1120])
+        self.splitter.setSizes([310, 800, 330])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
         self.told = QLabel()
@@ -130,6 +133,9 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self._drawn)
         self.director.progress.connect(self._show_progress)
         self.cancel.clicked.connect(self.director.cancel)
+        self.modes.swung.connect(self.director.swing_mode)
+        self.times.play.clicked.connect(self.modes.stop)
+        self.document.replaced.connect(self.modes.stop)
         self.view.picked.connect(self._picked)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
@@ -144,6 +150,7 @@ class MainWindow(QMainWindow):
 
     def _drawn(self, frame: Frame) -> None:
         self.errors.clear()
+        self.modes.show_modes(frame.cage, self.document.scene.response)
         if not frame.coarse:
             note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
             cells = frame.surface.GetNumberOfCells()

@@ -85,7 +85,7 @@ class Pipeline:
         if scene.moves:
             cage = copied((scene.modal if job.swing else scene.response).GetOutputDataObject(0))
         if job.swing and cage is not None:
-            _add_swing(cage, job.swing, job.time)
+            _add_swing(cage, job.swing)
             source = self._swung(scene, cage)
         coarse = job.coarse or job.swing is not None
         if coarse:
@@ -179,14 +179,14 @@ class Pipeline:
         return self._swing_warp
 
 
-def _add_swing(cage: vtkUnstructuredGrid, swing: Swing, at: float) -> None:
-    """Put a mode's displacement on a cage: one swing in a second, whatever its frequency."""
+def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
+    """Put a mode's displacement on a cage."""
     count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
     mode = min(swing.mode, count - 1)
     shape = array_of(cage.GetPointData(), MODE_NAME.format(mode), "a swing")
     largest = float(np.linalg.norm(shape, axis=1).max()) or 1.0
     side = float(np.ptp(points_of(cage), axis=0).max())
-    scale = swing.amplitude * side / largest * math.sin(2 * math.pi * at)
+    scale = swing.amplitude * side / largest * math.sin(2 * math.pi * swing.phase)
     add_array(cage.GetPointData(), "displacement", shape * scale)
 
 
