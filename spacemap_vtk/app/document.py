@@ -39,6 +39,8 @@ class Document(QObject):
         self.undo = QUndoStack(self)
         #: The file that "save" writes; None before the first "save as".
         self.file: Path | None = None
+        #: The file that the scene was read from, a draft or a scene of the program's among them.
+        self.source: Path | None = None
         self._folder = Path.cwd()
         self._load("")
 
@@ -64,12 +66,12 @@ class Document(QObject):
             Scene.read(path)  # for its message, which names the file
             text = path.read_text(encoding="utf-8")
         own = path.suffix.lower() == ".toml" and path.parent != library.folder().resolve()
-        self.file = path if own else None
+        self.file, self.source = path if own else None, path
         self._replace(text, path.parent)
 
     def new(self) -> None:
         """Begin a scene: a plain weave that hangs by its top edge."""
-        self.file = None
+        self.file = self.source = None
         self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n', None)
 
     def save(self, path: Path | None = None) -> None:
@@ -95,7 +97,7 @@ class Document(QObject):
             self._move_to(target.parent)
         with whole_file(target) as file:
             file.write_text(self.text, encoding="utf-8")
-        self.file = target
+        self.file = self.source = target
         self.undo.setClean()
 
     @property

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QCloseEvent
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QLabel,
     QMainWindow,
@@ -21,8 +21,10 @@ from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
+from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.properties import Properties
@@ -53,8 +55,12 @@ class MainWindow(QMainWindow):
         self.modes = ModesTab()
         self.tabs = QTabWidget()
         self.tabs.addTab(self.modes, "Modes")
+        self.files = Files(self, self.document, self.errors)
         self._lay_out()
+        self.menus = Menus(self)
         self._connect()
+        self.setAcceptDrops(True)
+        self._restore()
         self.engine.start()
 
     def start(self, scene: str | None) -> None:
@@ -89,6 +95,12 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before anything is freed."""
+        if not self.files.may_leave():
+            event.ignore()
+            return
+        settings = QSettings()
+        settings.setValue("geometry", self.saveGeometry())
+        settings.setValue("columns", self.splitter.saveState())
         self.modes.stop()
         self.director.stop()
         self.view.shut()
@@ -98,6 +110,26 @@ class MainWindow(QMainWindow):
         """Close without asking whether changes should be saved."""
         self.document.undo.setClean()
         self.close()
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Accept a file."""
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open the file that is dropped."""
+        names = [url.toLocalFile() for url in event.mimeData().urls()]
+        if names and self.files.may_leave():
+            event.acceptProposedAction()
+            self.files.load(names[0])
+
+    def _restore(self) -> None:
+        settings = QSettings()
+        geometry, columns = settings.value("geometry"), settings.value("columns")
+        if geometry is not None:
+            self.restoreGeometry(geometry)
+        if columns is not None:
+            self.splitter.restoreState(columns)
 
     def _lay_out(self) -> None:
         left = _column(self.stages, self.properties)

@@ -68,6 +68,11 @@ class ViewBar(QToolBar):
         self.orthographic.toggled.connect(view.set_orthographic)
         self.addAction(self.orthographic)
 
+    @property
+    def choices(self) -> list[QAction]:
+        """Every action, for a menu."""
+        return [*self.shown.values(), *self.cameras.values(), self.orthographic]
+
     def _toggled(self, on: bool) -> None:
         setattr(self._view.look, self.sender().data(), on)
         self._view.refresh()
