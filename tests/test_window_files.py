@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shlex
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 
 from spacemap_vtk.app.document import Document  # noqa: E402
 from spacemap_vtk.cli.main import main  # noqa: E402
+from spacemap_vtk.filters.base import Stage  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -178,3 +180,18 @@ def test_dark_and_light_and_every_key_is_told(open_window: Any) -> None:
     window.menus.dark.trigger()
     for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost"):
         assert words in window.menus.keys
+
+
+def test_ten_rounds_of_opening_leave_one_window_of_stages(open_window: Any) -> None:
+    def stages() -> int:
+        gc.collect()
+        return sum(isinstance(thing, Stage) for thing in gc.get_objects())
+
+    window = open_window()
+    before = stages()
+    for name in ["plain_weave", str(library.folder() / "32-shaft_twill.wif")] * 5:
+        window.document.open(name)
+        wait_until(lambda: settled(window))
+    window.document.open("plain_weave")
+    wait_until(lambda: settled(window))
+    assert stages() == before

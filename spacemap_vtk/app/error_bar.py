@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QWidget
 
 from spacemap_vtk.errors import SpacemapError, shown
@@ -13,6 +14,8 @@ class ErrorBar(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("error")
+        # Without this a style sheet does not colour a widget of one's own.
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.label = QLabel()
         self.label.setWordWrap(True)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)

@@ -49,10 +49,7 @@ class StageList(QTreeWidget):
                 item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight)
             self.addTopLevelItem(item)
             self.items[section] = item
-        rows = len(self.items)
         self.setUniformRowHeights(True)
-        height = max(22, self.sizeHintForRow(0))
-        self.setFixedHeight(height * rows + header.sizeHint().height() + 12)
         self.currentItemChanged.connect(self._chosen)
 
     def restart(self, scene: Scene) -> None:
@@ -63,6 +60,9 @@ class StageList(QTreeWidget):
         scene : Scene
             Which stages are connected.
         """
+        # All rows are in sight: the list is the picture of the pipeline.
+        row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
+        self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)
         connected = {stage.section for stage in scene.stages}
         for section, item in self.items.items():
             stage = hasattr(SECTIONS[section], "executions")
