@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from PySide6.QtTest import QTest
+from PySide6.QtCore import QEventLoop, QTimer
 from PySide6.QtWidgets import QApplication
 
 import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
@@ -17,10 +17,17 @@ from spacemap_vtk.app.main_window import MainWindow
 SECONDS = 4.0
 
 
+def live(milliseconds: int) -> None:
+    """Let the window live. Not QTest.qWait, which keeps Python's lock: the engine would starve."""
+    loop = QEventLoop()
+    QTimer.singleShot(milliseconds, loop.quit)
+    loop.exec()
+
+
 def wait_until(done: Callable[[], bool]) -> None:
     """Let the window live until something holds."""
     while not done():
-        QTest.qWait(10)
+        live(10)
 
 
 class Frames:
@@ -51,7 +58,7 @@ def rate(window: MainWindow, section: str, name: str, low: float, high: float) -
         share = abs((step % 100) / 50 - 1)
         window.document.set(section, name, low + share * (high - low), burst=1)
         step += 1
-        QTest.qWait(5)
+        live(5)
     window.director.hold(False)
     return frames.stop() / SECONDS
 
@@ -60,7 +67,7 @@ def playing(window: MainWindow) -> float:
     """Return the frames a second while time plays."""
     frames = Frames(window)
     window.times.play.click()
-    QTest.qWait(int(SECONDS * 1000))
+    live(int(SECONDS * 1000))
     window.times.pause()
     return frames.stop() / SECONDS
 

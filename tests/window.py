@@ -23,12 +23,15 @@ def require_display() -> None:
 
 def wait_until(done: Callable[[], Any], seconds: float = 30.0) -> None:
     """Let the window live until something holds."""
-    from PySide6.QtTest import QTest
+    from PySide6.QtCore import QEventLoop, QTimer
 
     end = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < end, "it never happened"
-        QTest.qWait(10)
+        # Not QTest.qWait, which keeps Python's lock: the engine would starve.
+        loop = QEventLoop()
+        QTimer.singleShot(10, loop.quit)
+        loop.exec()
 
 
 def settled(window: Any) -> bool:

@@ -152,9 +152,7 @@ class Director(QObject):
         self.ask()
 
     def _moved(self, _time: float, going_on: bool) -> None:
-        # While time runs, a frame is asked for when the last one is done: none queues up.
-        if going_on and self._times.playing and self._engine.busy:
-            return
+        self._times.waiting = self._times.playing
         self.ask(coarse=going_on)
 
     def _refine(self) -> None:
@@ -164,6 +162,7 @@ class Director(QObject):
             self.ask(coarse=False)
 
     def _ready(self) -> None:
+        self._times.waiting = False
         frame = self._engine.take()
         if frame is None or frame.generation != self.generation:
             return
@@ -171,6 +170,8 @@ class Director(QObject):
             waits = frame.coarse and stage.section == "surface"
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
         self._end_notice()
+        if not frame.coarse:
+            self._stages.flush()
         self._view.show_frame(frame, self._document.scene.view)
         self.drawn.emit(frame)
 
@@ -199,6 +200,7 @@ class Director(QObject):
             self.progress.emit("", 0.0)
 
     def _failed(self, error: BaseException) -> None:
+        self._times.waiting = False
         self._times.pause()
         self._rest.stop()
         section = getattr(error, "section", None) or self._running
@@ -213,6 +215,7 @@ class Director(QObject):
         self.failed.emit(error)
 
     def _cancelled(self) -> None:
+        self._times.waiting = False
         if not self._engine.busy:
             if self._running:
                 self._stages.set_state(self._running, "stale")

@@ -183,8 +183,8 @@ class MainWindow(QMainWindow):
 
     def _drawn(self, frame: Frame) -> None:
         self.errors.clear()
-        self.modes.show_modes(frame.cage, self.document.scene.response)
         if not frame.coarse:
+            self.modes.show_modes(frame.cage, self.document.scene.response)
             note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
@@ -41,6 +41,12 @@ class StageList(QTreeWidget):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
         self.items: dict[str, QTreeWidgetItem] = {}
         self.states: dict[str, str] = {}
+        # Each new text lays the list out again: at every frame that would cost more than the frame.
+        self._runs: dict[str, tuple[float, int]] = {}
+        self._flush = QTimer(self)
+        self._flush.setSingleShot(True)
+        self._flush.setInterval(250)
+        self._flush.timeout.connect(self.flush)
         for section, cls in SECTIONS.items():
             item = QTreeWidgetItem([_words(cls.__name__), "", ""])
             item.setData(0, _KEY, section)
@@ -106,6 +112,17 @@ class StageList(QTreeWidget):
         executions : int
             All its runs.
         """
+        self._runs[section] = seconds, executions
+        if not self._flush.isActive():
+            self._flush.start()
+
+    def flush(self) -> None:
+        """Write what has been told since the last time."""
+        for section, (seconds, executions) in self._runs.items():
+            self._write(section, seconds, executions)
+        self._runs.clear()
+
+    def _write(self, section: str, seconds: float, executions: int) -> None:
         item = self.items[section]
         item.setText(1, f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s")
         item.setText(2, str(executions))

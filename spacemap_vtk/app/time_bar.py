@@ -36,6 +36,8 @@ class TimeBar(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.time = 0.0
+        #: Whether the last time asked for is not yet drawn: playing waits for it.
+        self.waiting = False
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
         self.play = _button("▶", "Play (Space)", checkable=True)
@@ -154,6 +156,9 @@ class TimeBar(QWidget):
             self._settle()
 
     def _tick(self) -> None:
+        # Every change of the bar lets Qt draw the window anew, which costs as much as a frame.
+        if self.waiting:
+            return
         now = time.perf_counter()
         speed = float(self.speed.currentText().split()[0])
         at, self._clock = self.time + (now - self._clock) * speed, now
