@@ -1,6 +1,6 @@
 """Deform woven fabric and other intricate objects by space mapping, on VTK.
 
-The six filters import from here; they are loaded when first named, so that a tool that needs
+The filters import from here; they are loaded when first named, so that a tool that needs
 one of them, or none, does not wait for VTK.
 """
 
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
     from spacemap_vtk.filters.modal_response import ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver
+    from spacemap_vtk.filters.motion_reader import MotionReader
+    from spacemap_vtk.filters.object_source import ObjectSource
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator
     from spacemap_vtk.filters.tetra_cage import TetraCage
     from spacemap_vtk.filters.weave_source import WeaveSource
@@ -23,6 +25,8 @@ __all__ = [
     "BarycentricWarp",
     "ModalResponse",
     "ModalSolver",
+    "MotionReader",
+    "ObjectSource",
     "PatchTessellator",
     "TetraCage",
     "WeaveSource",
@@ -32,6 +36,8 @@ _MODULES = {
     "BarycentricWarp": "barycentric_warp",
     "ModalResponse": "modal_response",
     "ModalSolver": "modal_solver",
+    "MotionReader": "motion_reader",
+    "ObjectSource": "object_source",
     "PatchTessellator": "patch_tessellator",
     "TetraCage": "tetra_cage",
     "WeaveSource": "weave_source",

@@ -49,14 +49,24 @@ class Parameter(Generic[T]):
         Name shown to people; made from the attribute's name where it is not given.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``.
+    group : str, optional
+        Heading under which a window shows it.
     """
 
     kind = "value"
     annotation = "object"
 
     def __init__(
-        self, default: Any, help: str, *, unit: str = "", label: str = "", automatic: str = ""
+        self,
+        default: Any,
+        help: str,
+        *,
+        unit: str = "",
+        label: str = "",
+        automatic: str = "",
+        group: str = "",
     ) -> None:
+        self.group = group
         self.help = help
         self.unit = unit
         self.label = label
@@ -333,8 +343,8 @@ class Vector(Parameter[tuple[Any, ...]]):
         One sentence for every surface that shows the parameter.
     component : Real
         What each component must be.
-    labels : str
-        One letter for each component.
+    labels : sequence of str
+        A letter or name for each component.
     **rest : str
         As for `Parameter`.
     """
@@ -342,7 +352,13 @@ class Vector(Parameter[tuple[Any, ...]]):
     kind = "vector"
 
     def __init__(
-        self, default: Any, help: str, *, component: Real, labels: str = "xyz", **rest: str
+        self,
+        default: Any,
+        help: str,
+        *,
+        component: Real,
+        labels: Sequence[str] = "xyz",
+        **rest: str,
     ) -> None:
         super().__init__(default, help, unit=component.unit, **rest)
         self.component = component

@@ -13,10 +13,15 @@ _GRAVITY = 9.80665
 UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": _INCH, "inch": _INCH},
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm2": 1e6, "psi": 6894.757293168361},
+    "kg/m": {"kg/m": 1.0, "tex": 1e-6, "dtex": 1e-7, "den": 1e-6 / 9},
+    "1/m": {"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "1/s": {"1/s": 1.0, "Hz": 1.0},
+    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
     "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": _GRAVITY},
+    "": {"%": 0.01},
+    "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "kN": 1e3},
     "deg": {"deg": 1.0, "rad": 57.29577951308232},
 }
 
@@ -80,7 +85,13 @@ def format_quantity(value: float, unit: str) -> str:
     str
         For example ``"0.25 mm"``.
     """
-    scales = {"m": ("µm", "mm", "m"), "Pa": ("Pa", "kPa", "MPa", "GPa"), "s": ("ms", "s")}
+    scales = {
+        "m": ("µm", "mm", "m"),
+        "Pa": ("Pa", "kPa", "MPa", "GPa"),
+        "s": ("ms", "s"),
+        "kg/m": ("dtex", "tex"),
+        "1/m": ("/m", "/cm"),
+    }
     best, size = unit, 1.0
     for name in scales.get(unit, ()):
         if abs(value) >= UNITS[unit][name] * (1 if name != "mm" else 0.05):

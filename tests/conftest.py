@@ -24,6 +24,12 @@ def silent_vtk() -> Iterator[vtkStringOutputWindow]:
 
 
 @pytest.fixture(autouse=True)
+def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep solved modes out of the user's cache; tests of the cache choose a folder."""
+    monkeypatch.setenv("SPACEMAP_CACHE", "off")
+
+
+@pytest.fixture(autouse=True)
 def no_leaked_stages() -> Iterator[None]:
     before = _stages()
     yield

@@ -4,17 +4,24 @@ pvpython tests/paraview_pipeline.py
 """
 
 import sys
+import tempfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow, vtkVersion
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.vtkIOGeometry import vtkSTLWriter
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from spacemap_vtk import (
     BarycentricWarp,
     ModalResponse,
     ModalSolver,
+    MotionReader,
+    ObjectSource,
     PatchTessellator,
     TetraCage,
     WeaveSource,
@@ -59,6 +66,22 @@ surface.update(time=3.141592653589793 / eigenvalue**0.5)
 assert 1.9 * sag > lowest() > 2.2 * sag, (lowest(), sag)
 assert [stage.executions for stage in stages] == [1, 1, 1, 3, 3, 3], [s.executions for s in stages]
 
+# Every kind of yarn and weave, on the oldest VTK: 8-end satin of flat yarns by their count.
+satin = WeaveSource(
+    pattern="satin 8/3",
+    ends=8,
+    picks=8,
+    warp_count="167 dtex",
+    warp_section="racetrack",
+    weft_diameter=["0.2 mm", "0.25 mm"],
+    weft_crimp="2 %",
+    exact=True,
+)
+satin.update()
+assert satin.fabric.drawdown.sum() == 56
+assert satin.GetOutputDataObject(0).GetPointData().GetRationalWeights() is not None
+assert 0 < satin.feasible["warp_spacing"][0] < satin.feasible["warp_spacing"][1]
+
 try:
     weave.warp_diameter = "0.6 mm"
     surface.update()
@@ -66,6 +89,37 @@ except ValueError as error:
     assert "warp_diameter" in str(error), error
 else:
     raise AssertionError("an impossible cloth was accepted")
+
+# An object in a carved cage, and a motion out of a file, without pyvista.
+sphere = vtkSphereSource()
+sphere.SetThetaResolution(40)
+carved = TetraCage(method="carved", divisions=(6, 6, 6), margin=1)
+carved.SetInputConnection(sphere.GetOutputPort())
+carved.update()
+grid = vtkUnstructuredGrid()
+grid.ShallowCopy(carved.GetOutputDataObject(0))
+rest = vtk_to_numpy(grid.GetPoints().GetData())
+turn = numpy_to_vtk(rest[:, [1, 2, 0]] - rest, deep=True)
+turn.SetName("u")
+grid.GetPointData().AddArray(turn)
+with tempfile.TemporaryDirectory() as folder:
+    for name, writer, data in (
+        ("cage.vtu", vtkXMLUnstructuredGridWriter(), grid),
+        ("ball.stl", vtkSTLWriter(), sphere.GetOutput()),
+    ):
+        writer.SetFileName(f"{folder}/{name}")
+        writer.SetInputData(data)
+        writer.Write()
+    ball = ObjectSource(file=f"{folder}/ball.stl")
+    motion = MotionReader(file=f"{folder}/cage.vtu", array="u")
+    warp = BarycentricWarp(outside="error", smooth=True)
+    warp.SetInputConnection(0, ball.GetOutputPort())
+    warp.SetInputConnection(1, motion.GetOutputPort())
+    warp.update(time=0.0)
+    before = vtk_to_numpy(ball.GetOutputDataObject(0).GetPoints().GetData())
+    after = vtk_to_numpy(warp.GetOutputDataObject(0).GetPoints().GetData())
+    assert len(before) > 100
+    assert abs(after - before[:, [1, 2, 0]]).max() < 1e-6
 
 assert window.GetOutput() == "", window.GetOutput()
 vtkOutputWindow.SetInstance(usual)  # pvpython's own stdout goes through it

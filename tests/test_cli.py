@@ -123,18 +123,19 @@ def test_storyboard_draws_two_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "what", "cells"),
     [
-        ("a.vtu", [], 1120),
+        ("a.vtu", [], 1176),
         ("a.vtu", ["--what", "cage"], 125),
-        ("a.vtp", [], 1120 * 36),
-        ("a.stl", [], 1120 * 72),
-        ("a.ply", [], 1120 * 36),
+        ("a.vtp", [], 1176 * 36),
+        ("a.stl", [], 1176 * 72),
+        ("a.ply", [], 1176 * 36),
     ],
 )
 def test_export_can_be_read_back(tmp_path: Path, name: str, what: list[str], cells: int) -> None:
     file = tmp_path / name
     assert run("export", "plain_weave", "-o", str(file), "--time", "0.02", "-q", *what) == 0
     mesh = pv.read(file)
-    assert mesh.n_cells == cells
+    # STL is single precision: at the corners of the caps some triangles collapse, and are dropped
+    assert cells * (0.99 if name == "a.stl" else 1.0) <= mesh.n_cells <= cells
     if name == "a.vtu":
         assert np.abs(mesh["displacement"]).max() > 1e-5
         assert set(mesh.celltypes) == ({10} if what else {77})
@@ -187,7 +188,18 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["render", "animate", "storyboard", "export", "modes", "info", "validate", "scenes", "keys"],
+    [
+        "render",
+        "animate",
+        "storyboard",
+        "export",
+        "modes",
+        "plot",
+        "info",
+        "validate",
+        "scenes",
+        "keys",
+    ],
 )
 def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(command, "--help") == 0
@@ -347,3 +359,54 @@ def test_a_film_that_breaks_off_leaves_nothing(
     assert run("animate", "plain_weave", *arguments) == 1
     assert old.read_bytes() == b"precious"
     assert list(tmp_path.iterdir()) == [old]
+
+
+def test_info_tells_mass_intervals_and_clearance(capsys: pytest.CaptureFixture[str]) -> None:
+    # by hand: 30 tex in both families, 20 to the cm, no crimp: 2 x 30 g/km x 2000 /m = 120 g/m2
+    yarns = ["weave.warp_count=30 tex", "weave.weft_count=30 tex", "weave.weft_crimp=0"]
+    arguments = [word for assignment in yarns for word in ("--set", assignment)]
+    assert run("info", "plain_weave", "--json", *arguments) == 2
+    assert "warp_diameter and warp_count" in capsys.readouterr().err
+    assert run("info", "twill_2_2", "--json", "--set", "weave.weft_crimp=0") == 0
+    figures = json.loads(capsys.readouterr().out)
+    warp, weft = figures["warp"], figures["weft"]
+    assert weft["crimp"] == pytest.approx(0.0, abs=1e-12)
+    assert warp["tex"] == pytest.approx(30.0)
+    mass = 0.1 * 30 * (24 * (1 + warp["mean_crimp"]) + 22)
+    assert 1e3 * figures["areal_mass"] == pytest.approx(mass)
+    # the fibres' share of the volume is their mass over their density and the thickness
+    assert figures["fibre_volume_fraction"] == pytest.approx(
+        figures["areal_mass"] / 1520 / figures["thickness"]
+    )
+    assert figures["feasible"]["warp_crimp"][0] == 0.0
+    assert figures["feasible"]["warp_spacing"][1] is None
+    assert "warp_diameter" in figures["feasible"]
+    assert figures["memory_bytes"] > 1e5
+    # one cubic misses a quarter circle by 2.7e-4, and adds what its arcs along the yarn are off
+    assert 2.7e-4 < figures["radial_error"] < 4e-4
+    assert figures["warnings"] == []
+
+
+def test_info_of_a_moved_fabric(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("info", "plain_weave", "--json", "--time", "0 s", "-q") == 0
+    figures = json.loads(capsys.readouterr().out)
+    diameter = figures["warp"]["diameter"]
+    # at rest patches touch, but for what a cubic misses of an arc
+    assert abs(figures["deformed_clearance"]["distance"]) < 1e-3 * diameter
+    assert run("info", "plain_weave", "--time", "0.02", "-q") == 0
+    assert "when deformed" in capsys.readouterr().out
+    assert run("info", "basket_2", "--time", "0.02") == 2
+    assert "does not move" in capsys.readouterr().err
+
+
+def test_a_draft_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "twill.wif"
+    assert run("export", "twill_2_2", "-o", str(file), "-q") == 0
+    assert run("info", str(file), "--json") == 0
+    again = json.loads(capsys.readouterr().out)
+    assert run("info", "twill_2_2", "--json") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert again["drawdown"] == first["drawdown"]
+    for family in ("warp", "weft"):
+        for name in ("diameter", "spacing", "theta_deg", "crimp"):
+            assert again[family][name] == pytest.approx(first[family][name], rel=1e-12)

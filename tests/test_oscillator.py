@@ -18,9 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.eigen import solve_modes
 from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
-from spacemap_vtk.modal.oscillator import damping_ratio, oscillate, regime
+from spacemap_vtk.modal.oscillator import damping_ratio, kernels, oscillate, regime
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)
 EIGENVALUES = (1e-20, 1e-12, 1e-6, 1e-2, 1.0, 7.3, 1e2, 1e4, 1e6, 1e8)
@@ -28,35 +29,44 @@ PERIODS = (1e-6, 1e-3, 0.07, 0.09, 0.3, 1.0, 10.25, 100.0)
 
 
 def exact(eigenvalue, alpha, beta, time):
-    """The five responses to 80 digits, as the solution of the first-order system.
+    """The seven responses to 80 digits, as the solution of the first-order system.
 
-    The states are q, q̇ and the load: the matrix exponential of [[0, 1, 0], [-λ, -2h, 1], [0, 0, 0]]
-    by scaling and squaring, which knows of no case to distinguish.
+    The states are q, q̇, the load and its first two derivatives: a matrix exponential by scaling and
+    squaring, which knows of no case to distinguish.
     """
     with mp.workdps(80):
         lam, t = mp.mpf(eigenvalue), mp.mpf(time)
         damping = mp.mpf(alpha) + mp.mpf(beta) * lam
-        system = mp.matrix([[0, 1, 0], [-lam, -damping, 1], [0, 0, 0]]) * t
+        system = mp.zeros(5)
+        system[0, 1] = system[1, 2] = system[2, 3] = system[3, 4] = 1
+        system[1, 0], system[1, 1] = -lam, -damping
+        system *= t
         norm = max(mp.norm(system, 1), mp.mpf(1))
         halvings = int(mp.ceil(mp.log(norm, 2))) + 8
         with mp.workdps(80 + int(0.7 * halvings)):
             small = system / mp.mpf(2) ** halvings
-            power = result = mp.eye(3)
+            power = result = mp.eye(5)
             for k in range(1, 40):
                 power = power * small / k
                 result = result + power
             for _ in range(halvings):
                 result = result * result
-        return [result[0, 0], result[1, 0], result[0, 1], result[1, 1], result[0, 2]]
+        return [result[0, 0], result[1, 0], result[0, 1], result[1, 1], *result[0, 2:]]
 
 
 def worst(eigenvalue, alpha, beta, time):
-    """Largest error of the five responses, in their natural scales."""
+    """Largest error of the seven responses, in their natural scales."""
     root = max(math.sqrt(eigenvalue), (alpha + beta * eigenvalue) / 2)
     short = time if root * time < 1 else 1 / root
     step = min(time * time / 2, time * short, 1 / eigenvalue if eigenvalue else math.inf)
-    scales = (1.0, eigenvalue * short, short, 1.0, step)
-    got = [float(x[0]) for x in oscillate([eigenvalue], alpha, beta, time)]
+    # Under a load that grows without end, the most is what the static response comes to.
+    soft = 1 / eigenvalue if eigenvalue else math.inf
+    ramp, parabola = min(step * time, time * soft), min(step * time**2, time**2 * soft / 2)
+    scales = (1.0, eigenvalue * short, short, 1.0, step, ramp, parabola)
+    half = (alpha + beta * eigenvalue) / 2
+    got = [float(x[0]) for x in kernels(*np.array([[eigenvalue], [half], [time]]))]
+    public = [float(x[0]) for x in oscillate([eigenvalue], alpha, beta, time)]
+    assert public == got[:5]
     assert np.isfinite(got).all()
     with mp.workdps(80):
         errors = [
@@ -186,6 +196,22 @@ def test_whole_response_against_expm(fixed, alpha, beta):
         end_rate = S @ (r.free_rate * q + r.impulse_rate * rate + r.impulse * load)
         np.testing.assert_allclose(end, state[:n], atol=1e-9 * abs(state[:n]).max())
         np.testing.assert_allclose(end_rate, state[n:-1], atol=1e-9 * abs(state[n:-1]).max())
+
+
+@pytest.mark.parametrize("name", ["eigenvalues", "alpha", "beta", "time"])
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+def test_what_is_no_oscillator_is_refused(name, value):
+    values = {"eigenvalues": [1.0], "alpha": 0.0, "beta": 0.0, "time": 1.0}
+    with pytest.raises(InputError, match=name):
+        oscillate(**{**values, name: value})
+
+
+def test_many_times_at_once():
+    eigenvalues, times = np.array([0.0, 1.0, 30.0]), np.array([[0.0], [0.1], [2.0]])
+    together = oscillate(eigenvalues, 3.0, 0.0, times)
+    for k, time in enumerate(times[:, 0]):
+        alone = oscillate(eigenvalues, 3.0, 0.0, time)
+        np.testing.assert_array_equal([x[k] for x in together], alone)
 
 
 def test_paper_equation_20():

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric import peirce
-from spacemap_vtk.fabric.peirce import Cloth, solve
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.units import parse_quantity
 
 lengths = st.floats(0.05, 2.0)

@@ -235,8 +235,10 @@ def test_wrong_data_is_refused_with_words() -> None:
     with pytest.raises(InputError, match="ModalSolver before it"):
         response.update()
     surface = PatchTessellator()
-    surface.SetInputConnection(cage.GetOutputPort())
-    with pytest.raises(GeometryError, match="Bézier quadrilaterals"):
+    bare = vtkUnstructuredGrid()
+    bare.SetPoints(vtkPoints())
+    surface.SetInputDataObject(bare)
+    with pytest.raises(GeometryError, match="no cells"):
         surface.update()
     empty = vtkTrivialProducer()
     empty.SetOutput(vtkPolyData())
@@ -330,7 +332,9 @@ def test_displacement_and_velocity_equal_the_unreduced_system(
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.lists(st.floats(-2, 2), min_size=12, max_size=12), st.floats(-0.4, 0.4))
+@given(
+    st.lists(st.floats(-2, 2), min_size=12, max_size=12), st.sampled_from([0.0, 1e-3, -0.1, 0.4])
+)
 def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift: float) -> None:
     matrix, offset = np.reshape(numbers[:9], (3, 3)), np.array(numbers[9:])
     weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 3, 1))
@@ -353,7 +357,7 @@ def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift:
     expected = rest @ matrix.T + offset
     np.testing.assert_allclose(point_array(warp, "displacement"), expected, atol=1e-12)
     np.testing.assert_allclose(points(warp), rest + expected, atol=1e-12)
-    assert bool(warp.warnings) == (abs(shift) > 1e-6)
+    assert bool(warp.warnings) == (shift != 0.0)
 
 
 def test_arrays_ride_along_to_the_surface() -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import doctest
 import tracemalloc
+from dataclasses import replace
 from functools import cache
 from math import pi, sqrt
 from time import perf_counter
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -24,13 +26,18 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import draft, weave
+from spacemap_vtk.fabric import arcs, axes, axis, cloth, draft, figures, section, weave
 from spacemap_vtk.fabric.peirce import feasible_height
 from spacemap_vtk.fabric.weave import RING, Cloth, Weave, axis_points, build
 
 MM = 1e-3
+#: Cut ends stay open here: caps have tests of their own.
 SQUARE = Cloth(
-    warp_diameter=0.25 * MM, weft_diameter=0.25 * MM, warp_spacing=0.6 * MM, weft_spacing=0.6 * MM
+    warp_diameter=0.25 * MM,
+    weft_diameter=0.25 * MM,
+    warp_spacing=0.6 * MM,
+    weft_spacing=0.6 * MM,
+    caps=False,
 )
 UNEQUAL = Cloth(
     warp_diameter=0.25,
@@ -38,6 +45,7 @@ UNEQUAL = Cloth(
     warp_spacing=0.55,
     weft_spacing=0.60,
     warp_crimp_height=0.20,
+    caps=False,
 )
 #: All crimp in the warp, whose arcs turn by nearly 90 degrees.
 STEEP = Cloth(
@@ -46,9 +54,14 @@ STEEP = Cloth(
     warp_spacing=0.7,
     weft_spacing=0.501,
     warp_crimp_height=0.5,
+    caps=False,
 )
 JAMMED = Cloth(
-    warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.1 * sqrt(3), weft_spacing=0.1 * sqrt(3)
+    warp_diameter=0.1,
+    weft_diameter=0.1,
+    warp_spacing=0.1 * sqrt(3),
+    weft_spacing=0.1 * sqrt(3),
+    caps=False,
 )
 CLOTHS = {"square": SQUARE, "unequal": UNEQUAL, "steep": STEEP, "jammed": JAMMED}
 DRAWDOWNS = {
@@ -98,8 +111,18 @@ def expected_lengths(drawdown: np.ndarray, cloth: Cloth) -> np.ndarray:
     return np.concatenate(result)
 
 
-def test_examples() -> None:
-    assert doctest.testmod(weave).failed == 0
+def scaled(cloth: Cloth, unit: float) -> Cloth:
+    """The same cloth in another unit."""
+    lengths = [
+        f"{family}_{what}" for family in ("warp", "weft") for what in ("diameter", "spacing")
+    ]
+    values = {name: getattr(cloth, name) for name in [*lengths, "warp_crimp_height", "overhang"]}
+    return replace(cloth, **{n: v * unit for n, v in values.items() if v is not None})
+
+
+@pytest.mark.parametrize("module", [arcs, axes, axis, cloth, figures, section, weave])
+def test_examples(module: ModuleType) -> None:
+    assert doctest.testmod(module).failed == 0
 
 
 @pytest.mark.parametrize(("size", "parts"), [(7, 280), (100, 59_800)])
@@ -260,8 +283,7 @@ def test_sides_and_directions() -> None:
 
 @pytest.mark.parametrize("overhang", [0.0, 0.1, 2.0])
 def test_overhang(overhang: float) -> None:
-    measures = {name: getattr(SQUARE, name) for name in SQUARE.__dataclass_fields__}
-    cloth = Cloth(**measures | {"overhang": overhang * MM})
+    cloth = replace(SQUARE, overhang=overhang * MM)
     made = build(draft.plain(4, 4), cloth)
     assert len(made.patches) == 4 * 8 * (9 + 2 * (overhang > 0))
     assert made.points[:, 0].max() == pytest.approx((0.9 + max(overhang, 0.125)) * MM)
@@ -275,10 +297,8 @@ def test_overhang(overhang: float) -> None:
 @pytest.mark.parametrize("cloth", CLOTHS)
 def test_shape_does_not_depend_on_the_unit(cloth: str) -> None:
     over, reference = DRAWDOWNS["twill"], built("twill", cloth)
-    measures = {n: getattr(CLOTHS[cloth], n) for n in Cloth.__dataclass_fields__}
     for unit in (1e3, 1e6, 1e-3, 1 / 3):
-        scaled = {n: None if value is None else value * unit for n, value in measures.items()}
-        made = build(over, Cloth(**scaled))
+        made = build(over, scaled(CLOTHS[cloth], unit))
         assert np.array_equal(made.patches, reference.patches)
         size = abs(reference.points).max()
         assert abs(made.points / unit - reference.points).max() < 1e-12 * size
@@ -300,23 +320,22 @@ def test_arcs_of_different_radii() -> None:
     height = rng.uniform(-0.2, 0.2, (yarns, gaps + 1))
     height[:, 3:6] = height[:, 2:3]
     bounds = np.cumsum(rng.uniform(1.0, 1.5, gaps + 1))
-    path = weave._lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
-    start, last, _ = weave._stations(path)
-    s, k, a = path.length, path.curvature, path.angle[start]
-    chord = s * np.sinc(k * s / 2 / pi)
-    for array, component in ((path.along, np.cos), (path.height, np.sin)):
-        ends = array[start] + chord * component(a + k * s / 2)
-        np.testing.assert_allclose(ends, array[start + 1], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(a + k * s, path.angle[start + 1], atol=1e-14)
+    path = arcs.lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
+    part = np.arange(len(path.length))
+    start = part + path.owner
+    for fraction in (0.0, 1.0):
+        ends = path.at(part, start, np.full(len(part), fraction))
+        for found, array in zip(ends, (path.along, path.height, path.angle), strict=True):
+            np.testing.assert_allclose(found, array[start + int(fraction)], rtol=0, atol=1e-14)
+    k, last = path.curvature[0], path.last
     assert set(np.round(1 / abs(k[k != 0]), 9)) <= set(np.round(arc.ravel(), 9))
     np.testing.assert_array_equal(path.height[last], height[:, -1])
     assert (np.bincount(np.searchsorted(last, np.flatnonzero(path.angle == 0))) > gaps).all()
 
 
 def test_flat_families_are_straight() -> None:
-    measures = {n: getattr(UNEQUAL, n) for n in Cloth.__dataclass_fields__}
     for height in (0.0, 1e-14, 1e-9):
-        made = build(draft.plain(4, 4), Cloth(**measures | {"warp_crimp_height": height}))
+        made = build(draft.plain(4, 4), replace(UNEQUAL, warp_crimp_height=height))
         assert (np.bincount(made.yarn)[:4] == 4 * 5).all()
         assert abs(made.points[made.patches[made.family == 0], 2]).max() < 0.126
 

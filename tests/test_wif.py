@@ -677,3 +677,13 @@ def test_fuzz_truncated_and_shuffled_real_draft():
 @pytest.mark.parametrize("module", [wif, wif_writer])
 def test_examples(module):
     assert doctest.testmod(module).failed == 0
+
+
+def test_a_treadling_for_picks_that_the_cloth_lacks_presses_nothing():
+    """Found by fuzzing: its pick is beyond Threads, so the liftplan has to weave the cloth."""
+    text = BASE.replace("[TREADLING]\n1=1\n2=2", "[TREADLING]\n12=2") + "[LIFTPLAN]\n1=1\n2=2\n"
+    assert "12=2" in text
+    found = parse_wif(text)
+    assert found.loom.liftplan == ((1,), (2,))
+    assert any("presses no treadle" in warning for warning in found.draft.warnings)
+    same(found, parse_wif(format_wif(found)))

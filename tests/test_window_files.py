@@ -34,6 +34,14 @@ def test_every_scene_opens(open_window: Any, name: str) -> None:
     assert window.view.image().std() > 15
 
 
+def test_a_mesh_opens(open_window: Any) -> None:
+    mesh = next(library.folder().rglob("*.ply"))
+    window = open_window(str(mesh))
+    assert window.errors.text == ""
+    assert window.document.values["object"]["file"] == str(mesh.resolve())
+    assert window.view.image().std() > 15
+
+
 def test_a_draft_opens(open_window: Any) -> None:
     window = open_window(str(library.folder() / "32-shaft_twill.wif"))
     assert window.errors.text == ""

@@ -5,11 +5,8 @@ from __future__ import annotations
 import json
 import pprint
 import shlex
-import tomllib
-from pathlib import Path
-from typing import Any
 
-from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.document import Document, values_of
 
 
 def as_command(document: Document, time: float) -> str:
@@ -30,7 +27,7 @@ def as_command(document: Document, time: float) -> str:
     source = document.source
     name = "plain_weave" if source is None else str(source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
-    before = {} if source is None else _values(source)
+    before = {} if source is None else values_of(source)
     for section, table in document.values.items():
         for key, value in table.items() if isinstance(table, dict) else ():
             if before.get(section, {}).get(key) != value:
@@ -65,9 +62,3 @@ def as_script(document: Document, time: float) -> str:
         "surface = scene.polygons  # vtkPolyData\n"
         'print(surface.GetNumberOfPoints(), "points")\n'
     )
-
-
-def _values(source: Path) -> dict[str, Any]:
-    if source.suffix.lower() != ".toml":
-        return {"weave": {"draft": str(source)}}
-    return tomllib.loads(source.read_text(encoding="utf-8"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,31 @@ from PySide6.QtGui import QUndoStack
 
 from spacemap_vtk.app.edit import Edit
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.output import whole_file
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
+
+
+def values_of(path: Path) -> dict[str, Any]:
+    """Return what a scene, a draft or a mesh says, as a scene file would.
+
+    Parameters
+    ----------
+    path : Path
+        A file that `Scene.read` reads.
+
+    Returns
+    -------
+    dict
+        A table for each section.
+    """
+    if path.suffix.lower() == ".toml":
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    if path.suffix.lower() in OBJECT_ENDINGS:
+        return {"object": {"file": str(path)}}
+    return {"weave": {"draft": str(path)}}
 
 
 class Document(QObject):
@@ -61,7 +83,7 @@ class Document(QObject):
         if path.suffix.lower() != ".toml":
             # A new scene of the draft: what Scene.read makes of it is not yet a text.
             read = Scene.read(path)
-            text = tomlkit.dumps({"title": read.title, "weave": {"draft": str(path)}})
+            text = tomlkit.dumps({"title": read.title, **values_of(path)})
         else:
             Scene.read(path)  # for its message, which names the file
             text = path.read_text(encoding="utf-8")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric import peirce
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 
@@ -26,13 +25,6 @@ def intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
     try:
         if hasattr(type(part), "feasible"):
             return dict(part.feasible)  # type: ignore[attr-defined]
-        if isinstance(part, WeaveSource):
-            free = WeaveSource(**{**part.settings, "warp_crimp_height": None})
-            cloth = free.fabric.cloth
-            height = peirce.feasible_height(
-                cloth.warp_spacing, cloth.weft_spacing, cloth.diameter_sum
-            )
-            return {"warp_crimp_height": (float(height[0]), float(height[1]))}
     except SpacemapError:
         pass
     return {}

@@ -14,7 +14,7 @@ from spacemap_vtk.app.view import View3D
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.output import check_output, whole_file
 
-_OPENED = "Scenes and drafts (*.toml *.wif);;All files (*)"
+_OPENED = "Scenes, drafts, meshes (*.toml *.wif *.ply *.stl *.obj *.vtp *.vtu);;All files (*)"
 _RECENT = 8
 _PICTURES = {".png": "picture", ".jpg": "picture"}
 

@@ -76,18 +76,19 @@ class Pipeline:
         scene = self.prepared(job)
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
-        skipped = (scene.response, scene.warp) if job.swing else ()
+        swing = job.swing if scene.modal in stages else None
+        skipped = (scene.response, scene.warp) if swing else ()
         for stage in stages:
             if stage not in skipped:
                 self._update(scene, stage, job.time)
         source: Stage = stages[-1]
         cage = None
         if scene.moves:
-            cage = copied((scene.modal if job.swing else scene.response).GetOutputDataObject(0))
-        if job.swing and cage is not None:
-            _add_swing(cage, job.swing)
+            cage = copied((scene.modal if swing else scene.mover).GetOutputDataObject(0))
+        if swing and cage is not None:
+            _add_swing(cage, swing)
             source = self._swung(scene, cage)
-        coarse = job.coarse or job.swing is not None
+        coarse = job.coarse or swing is not None
         if coarse:
             surface = self._coarse_surface(scene, source) or surface
         if surface is self._coarse:
@@ -99,7 +100,7 @@ class Pipeline:
             surface=copied(surface.GetOutputDataObject(0)),
             cage=cage,
             coarse=surface is self._coarse,
-            swing=job.swing.mode if job.swing else None,
+            swing=swing.mode if swing else None,
             generation=job.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
         )
@@ -163,7 +164,7 @@ class Pipeline:
 
     def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""
-        patches = max(1, scene.weave.GetOutputDataObject(0).GetNumberOfCells())
+        patches = max(1, scene.source.GetOutputDataObject(0).GetNumberOfCells())
         subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
         if subdivisions >= scene.surface.subdivisions and source is not self._swing_warp:
             return None
@@ -173,8 +174,8 @@ class Pipeline:
 
     def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
-        self._swing_warp.outside = scene.warp.outside
-        self._swing_warp.SetInputConnection(0, scene.weave.GetOutputPort())
+        self._swing_warp.configure(**scene.warp.settings)
+        self._swing_warp.SetInputConnection(0, scene.source.GetOutputPort())
         self._swing_warp.SetInputConnection(1, self._swing.GetOutputPort())
         return self._swing_warp
 

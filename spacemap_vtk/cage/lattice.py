@@ -19,10 +19,14 @@ from spacemap_vtk.errors import GeometryError, InputError
 TETRAHEDRA_PER_CELL = 5
 
 # Corners of a hexahedron are numbered x + 2y + 4z. One tetrahedron joins four corners of which no
-# two are neighbours; the other four cut off one corner each. All are positively oriented.
-_EVEN = np.array([[0, 5, 3, 6], [1, 3, 0, 5], [2, 0, 3, 6], [4, 5, 0, 6], [7, 3, 5, 6]])
+# two are neighbours; the other four cut off one corner each: in tetrahedron 1 + k corner k of the
+# first one is replaced by the one diagonally opposite, and two more are swapped to keep the
+# orientation. spacemap_vtk.embedding.lattice relies on this order.
+_EVEN = np.array([[0, 5, 3, 6], [7, 5, 6, 3], [0, 2, 6, 3], [0, 5, 6, 4], [0, 5, 1, 3]])
 # Mirrored in x (bit 0), and two corners swapped to keep the orientation.
 _ODD = (_EVEN ^ 1)[:, [0, 1, 3, 2]]
+#: The five tetrahedra of an even hexahedron, and of an odd one.
+SPLIT = np.stack((_EVEN, _ODD))
 
 # A box thinner than this, relative to its longest side, counts as flat; so does one cut into steps
 # of fewer units in the last place than this. Barycentric coordinates in it would be noise.
@@ -72,7 +76,7 @@ def lattice(
 
     corner = np.arange(8)
     step = (corner & 1) + (nx + 1) * ((corner >> 1 & 1) + (ny + 1) * (corner >> 2))
-    split = step[np.stack((_EVEN, _ODD))].astype(np.int64)
+    split = step[SPLIT].astype(np.int64)
     i, j, k = np.ogrid[:nx, :ny, :nz]
     parity = (i + j + k).transpose(2, 1, 0).ravel() & 1
     first = (i + (nx + 1) * (j + (ny + 1) * k)).transpose(2, 1, 0).ravel()

@@ -144,7 +144,13 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    moments = _times(times) if times else _one_swing(opened_scene)
+    if times:
+        moments = _times(times)
+    elif opened_scene.mover is opened_scene.response:
+        moments = _one_swing(opened_scene)
+    else:
+        first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
+        moments = np.linspace(first, last, 7).tolist()
     from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import storyboard as drawn
@@ -164,13 +170,13 @@ def export(
     output: Output,
     what: Annotated[
         str | None,
-        Parameter(help="patches, cage or surface; by default what the format holds first."),
+        Parameter(help="patches, cage, surface or draft; by default what the format holds first."),
     ] = None,
     time: Time = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene's data: Bézier patches or cage (.vtu), surface (.vtp, .stl, .ply).
+    """Write a scene's patches or cage (.vtu), surface (.vtp, .stl, .ply) or draft (.wif).
 
     Parameters
     ----------
@@ -192,8 +198,9 @@ def export(
             allowed=", ".join(kinds),
         )
     opened_scene = opened(scene, set_, time=time)
-    with progress(opened_scene, "Computing", 1, quiet):
-        opened_scene.update(opened_scene.view.time)
+    if kind != "draft":
+        with progress(opened_scene, "Computing", 1, quiet):
+            opened_scene.update(opened_scene.view.time)
     with whole_file(output) as file:
         write(opened_scene, kind, file)
     tell_warnings(opened_scene, quiet)

@@ -1,9 +1,7 @@
-"""Commands that tell: modes, info, validate, scenes."""
+"""Commands that tell: info, validate, scenes, keys."""
 
 from __future__ import annotations
 
-import json
-import math
 import textwrap
 from typing import Annotated, Any
 
@@ -11,7 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, opened, tell_warnings
+from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import suggestion
@@ -20,52 +18,29 @@ from spacemap_vtk.scenes.scene import SECTIONS, Scene
 from spacemap_vtk.units import format_quantity
 
 
-def modes(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = False) -> None:
-    """Print the vibration modes of a scene's cage: frequency and damping of each.
+def info(
+    scene: str,
+    /,
+    *,
+    time: Time = None,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Print a fabric's figures: Peirce's angle, length, crimp and height, cover, mass, clearance.
 
-    Parameters
-    ----------
-    scene : str
-        Scene file or name of a scene.
-    """
-    chosen = opened(scene, set_)
-    with progress(chosen, "Solving", 1, quiet):
-        figures = report.modes(chosen)
-    if json_:
-        _print_json(figures)
-        return
-    table = Table(
-        title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
-        f"tetrahedra, {figures['dof']} degrees of freedom"
-    )
-    for heading in ("mode", "frequency [Hz]", "eigenvalue [1/s²]", "damping ratio", "regime"):
-        table.add_column(heading, justify="right")
-    for number, mode in enumerate(figures["modes"]):
-        ratio = mode["damping_ratio"]
-        table.add_row(
-            str(number),
-            f"{mode['frequency_hz']:.5g}",
-            f"{mode['eigenvalue']:.6g}",
-            "–" if ratio is None else f"{ratio:.4g}",
-            mode["regime"],
-        )
-    Console().print(table)
-    tell_warnings(chosen, quiet)
-
-
-def info(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = False) -> None:
-    """Print a fabric's figures: Peirce's angle, length, crimp and height, thickness, cover, counts.
+    With --time also the least clearance between the yarns of the deformed fabric.
 
     Parameters
     ----------
     scene : str
         Scene file, draft, or name of a scene.
     """
-    chosen = opened(scene, set_)
+    chosen = opened(scene, set_, time=time)
     with progress(chosen, "Weaving", 1, quiet):
-        figures = report.fabric(chosen)
+        figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:
-        _print_json(figures)
+        print_json(figures)
         return
     table = Table(title=chosen.title, show_header=True)
     for heading in ("", "warp", "weft"):
@@ -73,26 +48,48 @@ def info(scene: str, /, *, set_: Set = (), json_: Json = False, quiet: Quiet = F
     warp, weft = figures["warp"], figures["weft"]
     for label, key, unit in (
         ("yarns", "yarns", None),
-        ("diameter", "diameter", "m"),
-        ("spacing", "spacing", "m"),
+        ("diameter d", "diameter", "m"),
+        ("section", "section", None),
+        ("width", "width", "m"),
+        ("yarn count in tex", "tex", ""),
+        ("spacing p", "spacing", "m"),
         ("weave angle θ", "theta_deg", "deg"),
         ("yarn length l per crossing", "length", "m"),
         ("crimp c", "crimp", "%"),
+        ("mean crimp, floats included", "mean_crimp", "%"),
         ("crimp height h", "height", "m"),
         ("cover factor", "cover", "%"),
         ("longest float", "longest_float", None),
+        ("yarn length in all", "yarn_length", "m"),
     ):
         table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
     console = Console()
     console.print(table)
-    console.print(
-        f"thickness {format_quantity(figures['thickness'], 'm')}, "
-        f"cover {figures['cover']:.1%}, "
-        f"repeat {figures['repeat'][0]} x {figures['repeat'][1]}, "
-        f"{figures['patches']} patches, {figures['control_points']} control points, "
-        f"h1 feasible from {format_quantity(figures['feasible_height'][0], 'm')} "
-        f"to {format_quantity(figures['feasible_height'][1], 'm')}"
-    )
+    cloth = Table.grid(padding=(0, 2))
+    least = figures["least_clearance"]
+    for label, value in (
+        ("thickness", _cell(figures["thickness"], "m")),
+        ("cover", f"{figures['cover']:.1%}"),
+        ("fibre volume fraction", f"{figures['fibre_volume_fraction']:.1%}"),
+        ("areal mass", f"{1e3 * figures['areal_mass']:.4g} g/m²"),
+        ("smallest repeat", "{} x {}".format(*figures["repeat"])),
+        ("h1 feasible", _interval(*figures["feasible_height"])),
+        (
+            "least clearance",
+            _clearance(least, figures["ends"]) if least else "not looked for: too large",
+        ),
+        *(
+            [("... when deformed", _clearance(figures["deformed_clearance"], figures["ends"]))]
+            if "deformed_clearance" in figures
+            else []
+        ),
+        ("surface off true tubes", f"{figures['radial_error']:.2g} of the radius"),
+        ("patches", f"{figures['patches']}"),
+        ("control points", f"{figures['control_points']}"),
+        ("memory", f"{figures['memory_bytes'] / 2**20:.3g} MiB"),
+    ):
+        cloth.add_row(label, value)
+    console.print(cloth)
     tell_warnings(chosen, quiet)
 
 
@@ -127,7 +124,7 @@ def scenes(
         return
     titles = {name: Scene.read(library.folder() / f"{name}.toml").title for name in library.names()}
     if json_:
-        _print_json(titles)
+        print_json(titles)
         return
     for scene, title in titles.items():
         print(f"{scene:<24}{title}")
@@ -153,6 +150,18 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
         print()
 
 
+def _interval(low: float, high: float) -> str:
+    return f"{_cell(low, 'm')} to {_cell(high, 'm')}"
+
+
+def _clearance(found: dict[str, Any], ends: int) -> str:
+    # what rounding leaves of touching is no overlap
+    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
+    place = ", ".join(_cell(x, "m") for x in found["place"])
+    names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
+    return f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
+
+
 def _cell(value: float, unit: str | None) -> str:
     if unit is None:
         return str(value)
@@ -161,16 +170,3 @@ def _cell(value: float, unit: str | None) -> str:
     if unit == "deg":
         return f"{value:.4g}°"
     return format_quantity(float(f"{value:.5g}"), unit)
-
-
-def _print_json(figures: Any) -> None:
-    print(json.dumps(_finite(figures), indent=2, ensure_ascii=False))
-
-
-def _finite(value: Any) -> Any:
-    """Return JSON's null for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

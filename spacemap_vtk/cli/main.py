@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -16,8 +17,11 @@ app = App(
     suppress_keyboard_interrupt=False,
     help="""Deform woven fabric by space mapping: pictures, films, data and figures.
 
-    SCENE is a scene file (.toml), a weaver's draft (.wif), or the name of a scene that comes with
-    the program (see "spacemap scenes"). Lengths are SI, or carry their unit: "0.3 mm".
+    SCENE is a scene file (.toml), a weaver's draft (.wif), a mesh (.ply, .stl, .vtu, ...), or the
+    name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
+    their unit: "0.3 mm".
+
+    Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
 
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
@@ -27,11 +31,13 @@ _COMMANDS = {
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "export": ("draw:export", "Write a scene's data for other programs."),
-    "modes": ("figures:modes", "Print the vibration modes of a scene's cage."),
+    "modes": ("motion:modes", "Print the vibration modes of a scene's cage."),
+    "plot": ("motion:plot", "Plot how a point moves over time, and its frequency response."),
     "info": ("figures:info", "Print a fabric's figures."),
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
+    "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in _COMMANDS.items():
@@ -52,8 +58,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with 0, 1 or 2.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if "--no-cache" in words:
+        # For every command alike, so that none has to pass it on.
+        from spacemap_vtk.cache import VARIABLE
+
+        words.remove("--no-cache")
+        os.environ[VARIABLE] = "off"
     try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, InputError) as error:
         _say(error)
         sys.exit(2)

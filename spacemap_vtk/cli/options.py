@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -84,6 +86,25 @@ def tell_warnings(scene: Scene, quiet: bool) -> None:
     if not quiet:
         for text in scene.warnings:
             print(f"spacemap: warning: {text}", file=sys.stderr)
+
+
+def print_json(figures: Any) -> None:
+    """Print figures for programs.
+
+    Parameters
+    ----------
+    figures : dict or list
+        Of what JSON knows; infinite and undefined numbers become null.
+    """
+    print(json.dumps(_finite(figures), indent=2, ensure_ascii=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @contextmanager

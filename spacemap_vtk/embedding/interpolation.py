@@ -1,8 +1,8 @@
 """Values at the vertices of a tetrahedral mesh, carried over to points that ride along.
 
-Equation (8) of Furukawa, Kitagawa and Shimizu: one sparse product with four weights a row. It is
-bound by the memory that the weights take, so that it gains by a second thread; one affine map for
-each tetrahedron reads as much, and must put its points back into order.
+Equation (8) of Furukawa, Kitagawa and Shimizu: one sparse product with four weights a row (ten in
+quadratic tetrahedra). It is bound by the memory that the weights take, so that it gains by a second
+thread; one affine map for each tetrahedron reads as much, and must put its points back into order.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
 from spacemap_vtk.embedding.locate import Location
+from spacemap_vtk.embedding.quadratic import quadratic_weights
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
@@ -24,14 +25,15 @@ _BLOCK = 2**16  # points a block: its product is still in the cache when it is p
 class Interpolation:
     """Barycentric interpolation to fixed points, for any values at the vertices.
 
-    An affine function of the vertices is reproduced within rounding, inside and outside.
+    An affine function of the vertices is reproduced within rounding, inside and outside; in
+    quadratic tetrahedra a quadratic one too, inside.
 
     Parameters
     ----------
     location : Location
         Where the points lie.
-    tetrahedra : (T, 4) array_like of int
-        The tetrahedra that they were located in.
+    tetrahedra : (T, 4) or (T, 10) array_like of int
+        The tetrahedra that they were located in, with their midpoints if they are quadratic.
     vertex_count : int
         Number of vertices of that mesh.
     threads : int, optional
@@ -68,15 +70,20 @@ class Interpolation:
         self._threads = threads
         self._recycler = Recycler()
         self._blocks: list[tuple[slice, Any]] = []
-        starts = np.arange(0, 4 * _BLOCK + 1, 4, dtype=np.int32)
+        nodes = corners.shape[1]
+        starts = np.arange(0, nodes * _BLOCK + 1, nodes, dtype=np.int32)
         for begin in range(0, self.point_count, _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
             # a view of the location's weights, and 32 bits for vertex numbers: what is read counts
-            weights = location.weights[rows].reshape(-1)
+            weights = location.weights[rows]
+            if nodes == 10 and weights.shape[1] == 4:
+                weights = quadratic_weights(weights)
             vertices = corners[location.tetrahedron[rows]].reshape(-1)
             count = rows.stop - begin
             matrix = csr_matrix(
-                (weights, vertices, starts[: count + 1]), shape=(count, vertex_count), copy=False
+                (weights.reshape(-1), vertices, starts[: count + 1]),
+                shape=(count, vertex_count),
+                copy=False,
             )
             self._blocks.append((rows, matrix))
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.grid import Grid
+from spacemap_vtk.embedding.lattice import recognise
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.parallel import for_each
@@ -93,6 +94,9 @@ def locate(
 
     Notes
     -----
+    In a lattice (`spacemap_vtk.embedding.lattice`) a point is found by arithmetic; elsewhere, and
+    outside, by a search in a grid of cells.
+
     Inside means barycentric coordinates of at least -1e-9, or not further out than the rounding of
     the coordinates (in the precision in which points are passed).
 
@@ -114,22 +118,39 @@ def locate(
     places = _checked_points(given, "point")
     nodes = _checked_points(vertices, "vertex of the cage")
     cells = _checked_tetrahedra(tetrahedra, len(nodes))
-    frames = Frames(nodes, cells, float(np.finfo(np.float32 if single else np.float64).eps))
-
+    epsilon = float(np.finfo(np.float32 if single else np.float64).eps)
     tetrahedron = np.empty(len(places), dtype=np.int32)
     weights = np.empty((len(places), 4))
+    pattern = recognise(nodes, cells)
+    left: NDArray[np.intp] | None = None  # who must be searched for; None: all
+    if pattern is not None:
+
+        def calculate() -> Callable[[int], None]:
+            def do(begin: int) -> None:
+                block = slice(begin, begin + _BLOCK)
+                pattern.find(places[block], epsilon, tetrahedron[block], weights[block])
+
+            return do
+
+        for_each(range(0, len(places), _BLOCK), calculate, threads)
+        left = np.flatnonzero(tetrahedron < 0)
+        if not len(left):
+            return Location(tetrahedron, weights, np.zeros(len(places), dtype=np.bool_), 0, 0.0)
+
+    frames = Frames(nodes, cells, epsilon)
     grid = Grid(frames)
 
     def search() -> Callable[[int], None]:
         def do(begin: int) -> None:
-            block = slice(begin, begin + _BLOCK)
+            block: Any = slice(begin, begin + _BLOCK)
+            block = block if left is None else left[block]
             tetrahedron[block] = found = grid.find(places[block])
             # those outside get weights of some tetrahedron, and the right ones below
             weights[block] = frames.weights(places[block], np.maximum(found, 0))
 
         return do
 
-    for_each(range(0, len(places), _BLOCK), search, threads)
+    for_each(range(0, len(places) if left is None else len(left), _BLOCK), search, threads)
     missed = np.flatnonzero(tetrahedron < 0)
     distance = np.empty(len(missed))
     if len(missed):

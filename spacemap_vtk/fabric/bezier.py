@@ -116,6 +116,62 @@ def arc_handle(angle: float) -> float:
     return 4.0 / 3.0 * tan(angle / 4.0)
 
 
+def rational_arc(angle: float) -> tuple[float, float]:
+    """Return handle and weight of the rational cubic that is an arc exactly.
+
+    Parameters
+    ----------
+    angle : float
+        Angle of the arc in radians, from 0 to less than pi.
+
+    Returns
+    -------
+    handle : float
+        Length of the handles at both ends, over the radius.
+    weight : float
+        Weight of the two inner control points; that of the ends is 1.
+
+    Raises
+    ------
+    InputError
+        The angle is out of range.
+
+    Notes
+    -----
+    The rational quadratic with weights 1, w = cos(angle/2), 1, raised to degree 3: weights (1 +
+    2w)/3, handles 2w/(1 + 2w) of the way to where the end tangents meet.
+    """
+    if not 0.0 <= angle < np.pi:
+        raise InputError(
+            "one rational cubic cannot follow this arc",
+            key="angle",
+            value=angle,
+            allowed="from 0 to less than half a turn (pi)",
+            cure="Split the arc",
+        )
+    handle, weight = rational_handles(np.array([angle]))
+    return float(handle[0]), float(weight[0])
+
+
+def rational_handles(
+    angle: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return handles and weights as `rational_arc` does, for many angles at once.
+
+    Parameters
+    ----------
+    angle : (n,) float64
+        Angles in radians, from 0 to less than pi, unchecked.
+
+    Returns
+    -------
+    handle, weight : (n,) float64
+        ``2 sin(angle/2) / (1 + 2 cos(angle/2))`` and ``(1 + 2 cos(angle/2)) / 3``.
+    """
+    total = 1.0 + 2.0 * np.cos(0.5 * angle)
+    return 2.0 * np.sin(0.5 * angle) / total, total / 3.0
+
+
 def quadrilateral_order(p: int, q: int) -> NDArray[np.int64]:
     """Return where the points of a tensor-product patch stand in VTK's Bézier quadrilateral.
 

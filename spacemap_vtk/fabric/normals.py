@@ -22,6 +22,7 @@ def robust_normals(
     degree: tuple[int, int],
     u: NDArray[np.float64],
     v: NDArray[np.float64],
+    weights: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Return unit normals, never NaN for finite control points.
 
@@ -33,6 +34,8 @@ def robust_normals(
         Degrees p and q.
     u, v : (n,) float64
         Parameters of each place.
+    weights : (n, (p + 1)(q + 1)) float64, optional
+        Those of rational patches; all 1 by default.
 
     Returns
     -------
@@ -46,8 +49,8 @@ def robust_normals(
     size = np.abs(local).max(axis=(1, 2), keepdims=True)
     local /= np.where(size > 0, size, 1.0)
 
-    here, along = _area_element(local, degree, u, v)
-    inside, _ = _area_element(local, degree, _inwards(u), _inwards(v))
+    here, along = _area_element(local, degree, u, v, weights)
+    inside, _ = _area_element(local, degree, _inwards(u), _inwards(v), weights)
     # across the longest direction: what has no area may still be a line
     axis = np.eye(3)[np.abs(along).argmin(axis=1)]
     across = np.cross(along, axis)
@@ -57,7 +60,7 @@ def robust_normals(
     usable = _length(inside) > _NOTHING
     if not usable.all():
         half = np.full_like(u, 0.5)
-        middle, _ = _area_element(local, degree, half, half)
+        middle, _ = _area_element(local, degree, half, half, weights)
         better = _length(middle) > _NOTHING
         result[better] = middle[better]
     result[usable] = inside[usable]
@@ -82,20 +85,20 @@ def _area_element(
     degree: tuple[int, int],
     u: NDArray[np.float64],
     v: NDArray[np.float64],
+    weights: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return ``du x dv`` and the longer of ``du`` and ``dv``."""
     p, q = degree
-    grid = nets.reshape(len(nets), q + 1, p + 1, 3)
-    du = _contract(_contract(grid, bernstein(q, v)), bernstein_derivative(p, u))
-    dv = _contract(_contract(grid, bernstein_derivative(q, v)), bernstein(p, u))
+    if weights is not None:
+        nets = np.concatenate([nets * weights[..., None], weights[..., None]], axis=2)
+    grid = nets.reshape(len(nets), q + 1, p + 1, -1)
+    here, along_u = bernstein(p, u), bernstein_derivative(p, u)
+    there, along_v = bernstein(q, v), bernstein_derivative(q, v)
+    du = np.einsum("nj,ni,njik->nk", there, along_u, grid, optimize=False)
+    dv = np.einsum("nj,ni,njik->nk", along_v, here, grid, optimize=False)
+    if weights is not None:
+        value = np.einsum("nj,ni,njik->nk", there, here, grid, optimize=False)
+        point = value[:, :3] / value[:, 3:]
+        du, dv = ((d[:, :3] - point * d[:, 3:]) / value[:, 3:] for d in (du, dv))
     longer = np.where((_length(du) >= _length(dv))[:, None], du, dv)
     return np.cross(du, dv), longer
-
-
-def _contract(nets: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sum over axis 1, weighted; for so few terms faster than einsum."""
-    shape = (-1,) + (1,) * (nets.ndim - 2)
-    result = nets[:, 0] * basis[:, 0].reshape(shape)
-    for i in range(1, basis.shape[1]):
-        result += nets[:, i] * basis[:, i].reshape(shape)
-    return result

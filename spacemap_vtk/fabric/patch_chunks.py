@@ -185,6 +185,46 @@ class Scratch:
         values = self._values[: prod(shape)].reshape(shape)
         return np.matmul(matrix, net, out=values)
 
+    def multiply_rational(
+        self,
+        chunk: Chunk,
+        matrix: Floats,
+        net: Floats,
+        weights: NDArray[Any],
+        samples: int,
+    ) -> Floats:
+        """Multiply the control nets of rational patches by Bernstein matrices, and divide.
+
+        Parameters
+        ----------
+        chunk : Chunk
+            The patches.
+        matrix : (rows, size) float
+            The Bernstein matrix, or that of position and both derivatives.
+        net : (k, blocks, size, width) float
+            From `gather`; on return times the weights.
+        weights : (N,) float
+            Weight of each control point.
+        samples : int
+            Rows of the Bernstein matrix alone.
+
+        Returns
+        -------
+        (k, blocks, rows, width) float
+            Valid until the next call. The derivatives follow from those of numerator and
+            denominator, ``(N' - (N / W) W') / W``.
+        """
+        local = weights[chunk.rows][chunk.gather].astype(net.dtype, copy=False)
+        np.multiply(net, local, out=net)
+        values, total = self.multiply(chunk, matrix, net), np.matmul(matrix, local)
+        point, weight = values[:, :, :samples], total[:, :samples]
+        point /= weight
+        for first in range(samples, len(matrix), samples):
+            slope = values[:, :, first : first + samples]
+            slope -= point * total[:, first : first + samples]
+            slope /= weight
+        return values
+
     def normals(
         self,
         chunk: Chunk,

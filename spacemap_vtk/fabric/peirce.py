@@ -16,8 +16,7 @@ t**2 (2D - h) - 2 p t + h = 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf, isfinite, pi, sqrt
+from math import isfinite, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -50,97 +49,6 @@ class Crimp(NamedTuple):
     """Length l of the yarn's axis, in metres."""
     crimp: NDArray[np.float64]
     """Crimp c = l / p - 1."""
-
-
-class Family(NamedTuple):
-    """The measures of warp or weft, seen from its own yarns; lengths in metres."""
-
-    diameter: float
-    spacing: float
-    """Distance between the yarns of the family itself."""
-    crossed: float
-    """Distance between the yarns that it crosses."""
-    height: float
-    """Crimp height."""
-    overhang: float
-    """Length of each yarn past its last crossing."""
-    crimp: Crimp
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cloth:
-    """The measures of a cloth, checked.
-
-    Parameters
-    ----------
-    warp_diameter, weft_diameter : float
-        Diameters d1 and d2 of the yarns, in metres.
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-    warp_crimp_height : float, optional
-        Crimp height h1 of the warp, in metres; by default the middle of the feasible interval.
-    overhang : float, optional
-        How far each yarn reaches past its last crossing, in metres; by default half the spacing
-        that it crosses.
-
-    Raises
-    ------
-    GeometryError
-        A cloth that cannot exist (see `check`), or an overhang below 0.
-
-    Examples
-    --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> cloth.height
-    0.1
-    """
-
-    warp_diameter: float
-    weft_diameter: float
-    warp_spacing: float
-    weft_spacing: float
-    warp_crimp_height: float | None = None
-    overhang: float | None = None
-
-    def __post_init__(self) -> None:
-        d1, d2, p1, p2 = self._measures
-        check(d1, d2, p1, p2, self.height)
-        if self.overhang is not None and not 0.0 <= self.overhang < inf:
-            raise GeometryError(
-                "a yarn cannot end before its last crossing",
-                key="overhang",
-                value=self.overhang,
-                allowed="a length from 0 m on",
-            )
-
-    @property
-    def _measures(self) -> tuple[float, float, float, float]:
-        return self.warp_diameter, self.weft_diameter, self.warp_spacing, self.weft_spacing
-
-    @property
-    def diameter_sum(self) -> float:
-        """Sum D of warp and weft diameter, in metres."""
-        return self.warp_diameter + self.weft_diameter
-
-    @property
-    def height(self) -> float:
-        """Crimp height h1 of the warp, in metres; that of the weft is D - h1."""
-        if self.warp_crimp_height is not None:
-            return self.warp_crimp_height
-        return balanced_height(self.warp_spacing, self.weft_spacing, self.diameter_sum)
-
-    @property
-    def families(self) -> tuple[Family, Family]:
-        """Measures of warp and weft, Peirce's figures among them."""
-        d1, d2, p1, p2 = self._measures
-        d = self.diameter_sum
-        # h1 may pass 0 or D by rounding
-        h1 = min(max(self.height, 0.0), d)
-        past = (p2 / 2, p1 / 2) if self.overhang is None else (self.overhang, self.overhang)
-        return (
-            Family(d1, p1, p2, h1, past[0], solve(p2, h1, d)),
-            Family(d2, p2, p1, d - h1, past[1], solve(p1, d - h1, d)),
-        )
 
 
 def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Crimp:
@@ -389,6 +297,33 @@ def check(
                 allowed=f"up to {_metres(room)} ({family}_spacing)",
                 cure=f"Make {family}_diameter smaller or {family}_spacing larger",
             )
+    check_height(p1, p2, d, height)
+
+
+def check_height(
+    warp_spacing: float, weft_spacing: float, diameter_sum: float, height: float
+) -> None:
+    """Refuse a crimp height that leaves no room for the warp or the weft.
+
+    Parameters
+    ----------
+    warp_spacing, weft_spacing : float
+        Distance p1 between ends and p2 between picks, in metres.
+    diameter_sum : float
+        Sum D of warp and weft diameter, in metres.
+    height : float
+        Crimp height h1 of the warp, in metres.
+
+    Raises
+    ------
+    GeometryError
+        A cloth jammed at every height, or a height outside the feasible interval, which is named.
+
+    Examples
+    --------
+    >>> check_height(0.2e-3, 0.2e-3, 0.2e-3, 0.1e-3)
+    """
+    d, p1, p2 = diameter_sum, warp_spacing, weft_spacing
     low, high = feasible_height(p1, p2, d)
     middle = balanced_height(p1, p2, d)
     if _jammed(p1, p2, middle, d):
@@ -396,7 +331,6 @@ def check(
             f"the cloth is jammed at every warp_crimp_height: the weft needs at least "
             f"{_metres(low)}, the warp at most {_metres(high)}",
             key="warp_diameter",
-            value=warp_diameter,
             allowed=f"warp_diameter + weft_diameter up to {_metres(largest_diameter_sum(p1, p2))}"
             f" at these spacings, not {_metres(d)}",
             cure="Make the yarns thinner or a spacing larger",

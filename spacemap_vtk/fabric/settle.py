@@ -1,23 +1,36 @@
-"""From a draft and a user's wishes to a fabric with every measure settled."""
+"""From a draft and a user's wishes to a fabric with every measure settled.
+
+The user's word comes first, then the draft's, then a default.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric import peirce
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.crimp_height import height_for_crimp
 from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.weave import Cloth
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.thick_yarns import flattened, scaled
+from spacemap_vtk.fabric.wif import WifDraft
+from spacemap_vtk.fabric.wishes import Wishes
+from spacemap_vtk.fabric.yarn import section_area, yarn_height
 
 #: Distance between yarns where neither the user nor the draft gives one, in m.
-DEFAULT_SPACING = 0.5e-3
+SPACING = 0.5e-3
 #: Diameter over spacing where neither the user nor the draft gives a thickness.
-DEFAULT_FILLING = 0.5
-#: A draft's yarns too thick for Peirce's geometry are drawn at this share of the jam limit.
-THICKNESS_SHARE = 0.85
+FILLING = 0.5
+#: Width over height of yarns that are not round, where the user gives none.
+ASPECT = 1.5
+#: Colours of warp and weft where neither the user nor the draft gives any.
+COLORS = {"warp": (0x2D, 0x6A, 0x8E), "weft": (0xE8, 0xC7, 0x8F)}
+
+FAMILIES = ("warp", "weft")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +42,13 @@ class Fabric:
     drawdown : ndarray of bool, shape (picks, ends)
         True where the end lies over the pick.
     cloth : Cloth
-        Diameters, spacings, crimp height and overhang.
+        Diameters, spacings, sections, crimp height and overhang.
     warp_colors : ndarray of uint8, shape (ends, 3)
         Red, green and blue of each end.
     weft_colors : ndarray of uint8, shape (picks, 3)
         Red, green and blue of each pick.
+    yarn_density : float
+        Mass of a volume of yarn, the air between its fibres included, in kg/m3.
     warnings : tuple of str
         What was assumed or changed.
     """
@@ -42,41 +57,19 @@ class Fabric:
     cloth: Cloth
     warp_colors: NDArray[np.uint8]
     weft_colors: NDArray[np.uint8]
+    yarn_density: float
     warnings: tuple[str, ...] = ()
 
 
-def settle(
-    draft: Draft,
-    *,
-    ends: int | None = None,
-    picks: int | None = None,
-    warp_diameter: float | None = None,
-    weft_diameter: float | None = None,
-    warp_spacing: float | None = None,
-    weft_spacing: float | None = None,
-    warp_crimp_height: float | None = None,
-    overhang: float | None = None,
-    warp_color: tuple[int, int, int],
-    weft_color: tuple[int, int, int],
-) -> Fabric:
-    """Settle every measure of a fabric: the user's word first, then the draft's, then a default.
+def settle(source: Draft | WifDraft, wishes: Wishes) -> Fabric:
+    """Settle every measure of a fabric.
 
     Parameters
     ----------
-    draft : Draft
+    source : Draft or WifDraft
         Weave, and whatever sizes and colours it has.
-    ends, picks : int, optional
-        Size of the cloth in yarns, the draft repeated or cut; by default the draft's own.
-    warp_diameter, weft_diameter : float, optional
-        In m. By default the draft's thickness, else `DEFAULT_FILLING` of the spacing.
-    warp_spacing, weft_spacing : float, optional
-        In m. By default the draft's, else `DEFAULT_SPACING`.
-    warp_crimp_height : float, optional
-        In m. By default the middle of the feasible interval.
-    overhang : float, optional
-        In m; how far yarns reach past their last crossing. By default half the spacing crossed.
-    warp_color, weft_color : tuple of 3 int
-        For drafts without colours.
+    wishes : Wishes
+        What the user asks for.
 
     Returns
     -------
@@ -87,71 +80,165 @@ def settle(
     ------
     GeometryError
         If the cloth is jammed or impossible.
+    InputError
+        If a wish does not fit another.
     """
-    warnings = list(draft.warnings)
-    p1 = warp_spacing or draft.warp_spacing or DEFAULT_SPACING
-    p2 = weft_spacing or draft.weft_spacing or DEFAULT_SPACING
-    d1 = warp_diameter or draft.warp_thickness or DEFAULT_FILLING * p1
-    d2 = weft_diameter or draft.weft_thickness or DEFAULT_FILLING * p2
-    limit = peirce.largest_diameter_sum(p1, p2)
-    loose = (
-        warp_diameter is None and draft.warp_thickness is not None,
-        weft_diameter is None and draft.weft_thickness is not None,
-    )
-    if any(loose) and (d1 + d2 > limit or d1 > p1 or d2 > p2):
-        d1, d2, note = _thinned(d1, d2, p1, p2, limit, loose)
-        warnings.append(note)
-    cloth = Cloth(
-        warp_diameter=d1,
-        weft_diameter=d2,
-        warp_spacing=p1,
-        weft_spacing=p2,
-        warp_crimp_height=warp_crimp_height,
-        overhang=overhang,
-    )
-    own_picks, own_ends = draft.drawdown.shape
-    rows = np.arange(picks or own_picks) % own_picks
-    columns = np.arange(ends or own_ends) % own_ends
-    warp = draft.warp_colors if draft.warp_colors is not None else _filled(own_ends, warp_color)
-    weft = draft.weft_colors if draft.weft_colors is not None else _filled(own_picks, weft_color)
+    wif = _with_threads(source)
+    own_picks, own_ends = wif.draft.drawdown.shape
+    ends, picks = wishes.ends or own_ends, wishes.picks or own_picks
+    measures, warnings = settled_measures(wif, wishes)
+    try:
+        cloth = _cloth(measures, wishes)
+    except GeometryError as error:
+        if wishes.thick_yarns == "refuse" and any(_thickness(wif, f, 1) for f in FAMILIES):
+            error.cure = f'Let thick_yarns "scale" or "flatten" the draft\'s yarns. {error.cure}'
+        raise
+    rows, columns = np.arange(picks) % own_picks, np.arange(ends) % own_ends
     return Fabric(
-        draft.drawdown[np.ix_(rows, columns)],
+        wif.draft.drawdown[np.ix_(rows, columns)],
         cloth,
-        warp[columns],
-        weft[rows],
-        tuple(warnings),
+        _colors("warp", ends, wif.draft.warp_colors, wishes),
+        _colors("weft", picks, wif.draft.weft_colors, wishes),
+        wishes.packing * wishes.fibre_density,
+        (*wif.draft.warnings, *warnings),
     )
 
 
-def _thinned(
-    d1: float, d2: float, p1: float, p2: float, limit: float, loose: tuple[bool, bool]
-) -> tuple[float, float, str]:
-    """Scale the diameters that come from the draft until the yarns can interlace.
+def settled_measures(
+    source: Draft | WifDraft, wishes: Wishes
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Settle yarns and spacings, whether or not they can be woven.
 
-    Weaving programs write a thickness equal to the spacing, which is right for yarns that flatten
-    and impossible for round ones. What the user gave stays as it is.
+    Parameters
+    ----------
+    source : Draft or WifDraft
+        As for `settle`.
+    wishes : Wishes
+        As for `settle`.
+
+    Returns
+    -------
+    measures : dict
+        Arguments of `Cloth`, all but the crimp height.
+    warnings : tuple of str
+        What was changed.
     """
-    kept = sum(d for d, scale in zip((d1, d2), loose, strict=True) if not scale)
-    factor = min(
-        [(THICKNESS_SHARE * limit - kept) / (d1 + d2 - kept)]
-        + [THICKNESS_SHARE * p / d for d, p, s in ((d1, p1, loose[0]), (d2, p2, loose[1])) if s]
-    )
-    if factor <= 0.0:
-        return d1, d2, "the diameter given leaves no room for the other yarns"
-    new1, new2 = (factor * d if s else d for d, s in zip((d1, d2), loose, strict=True))
-    return (
-        new1,
-        new2,
-        f"the draft's yarns, {_mm(d1)} (warp) and {_mm(d2)} (weft) thick at spacings of {_mm(p1)} "
-        f"and {_mm(p2)}, are too thick to interlace: round yarns jam where the two diameters add "
-        f"up to {_mm(limit)}; drawn {_mm(new1)} and {_mm(new2)} thick, {THICKNESS_SHARE:.0%} of "
-        "that",
-    )
+    wif = _with_threads(source)
+    picks, ends = wif.draft.drawdown.shape
+    sizes = {"warp": wishes.ends or ends, "weft": wishes.picks or picks}
+    measures: dict[str, Any] = {
+        "overhang": wishes.overhang,
+        "caps": wishes.caps,
+        "exact": wishes.exact,
+        "axis": wishes.axis,
+    }
+    thick = []
+    for family, size in sizes.items():
+        section = getattr(wishes, f"{family}_section")
+        aspect = getattr(wishes, f"{family}_aspect") or (1.0 if section == "circular" else ASPECT)
+        spacing = _spacing(family, wif, wishes, size)
+        diameter = _asked_diameter(family, wishes, aspect, section)
+        if diameter is None and (drawn := _thickness(wif, family, size)) is not None:
+            # a weaving program draws what it calls thickness: the width
+            diameter = drawn / aspect
+            thick.append(family)
+        if diameter is None:
+            # the narrowest gap decides, so that a default is feasible
+            diameter = FILLING / aspect * float(np.min(spacing))
+        measures |= {
+            f"{family}_spacing": spacing,
+            f"{family}_diameter": _along(diameter, size),
+            f"{family}_section": section,
+            f"{family}_aspect": aspect,
+        }
+    if not thick or wishes.thick_yarns == "refuse":
+        return measures, ()
+    mend = flattened if wishes.thick_yarns == "flatten" else scaled
+    changes, note = mend(measures, thick)
+    return measures | changes, (note,) if note else ()
 
 
-def _mm(value: float) -> str:
-    return format_quantity(float(f"{value:.4g}"), "m")
+def _with_threads(source: Draft | WifDraft) -> WifDraft:
+    return source if isinstance(source, WifDraft) else WifDraft(source, Loom(()))
 
 
-def _filled(count: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
-    return np.tile(np.array(color, dtype=np.uint8), (count, 1))
+def _asked_diameter(family: str, wishes: Wishes, aspect: float, section: str) -> Any:
+    """Return the diameters that the user gave, by themselves or as yarn counts."""
+    count = getattr(wishes, f"{family}_count")
+    if count is None:
+        return getattr(wishes, f"{family}_diameter")
+    area = section_area(np.asarray(count, dtype=np.float64), wishes.fibre_density, wishes.packing)
+    return yarn_height(area, aspect, section)
+
+
+def _cloth(measures: dict[str, Any], wishes: Wishes) -> Cloth:
+    """Make the cloth, with the crimp that is wished for."""
+    asked = asked_crimp(wishes)
+    if asked is None:
+        return Cloth(**measures, warp_crimp_height=wishes.warp_crimp_height)
+    height = height_for_crimp(Cloth(**measures), *asked)
+    return Cloth(**measures, warp_crimp_height=height)
+
+
+def asked_crimp(wishes: Wishes) -> tuple[str, float] | None:
+    """Return the crimp that a user gave in place of the crimp height.
+
+    Parameters
+    ----------
+    wishes : Wishes
+        The wishes.
+
+    Returns
+    -------
+    tuple of str and float, or None
+        ``"warp"`` or ``"weft"``, and its crimp.
+    """
+    for family in FAMILIES:
+        crimp = getattr(wishes, f"{family}_crimp")
+        if crimp is not None:
+            return family, crimp
+    return None
+
+
+def _spacing(family: str, wif: WifDraft, wishes: Wishes, count: int) -> Any:
+    """Return the distance between the yarns of a family: one, or (count - 1,)."""
+    asked = getattr(wishes, f"{family}_spacing")
+    sett = getattr(wishes, f"{family}_sett")
+    if asked is not None:
+        return _along(asked, max(count - 1, 1))
+    if sett is not None:
+        return 1.0 / sett
+    each = getattr(wif, f"{family}_spacings")
+    spaces = _along(getattr(wif.draft, f"{family}_spacing") if each is None else each, count)
+    if spaces is None:
+        # drafts without a spacing are drawn with the yarns side by side
+        spaces = _thickness(wif, family, count)
+    if spaces is None:
+        return SPACING
+    # a thread stands in the middle of the space that its spacing gives it
+    return spaces if np.ndim(spaces) == 0 else _single(0.5 * (spaces[1:] + spaces[:-1]))
+
+
+def _thickness(wif: WifDraft, family: str, count: int) -> Any:
+    """Return a draft's thickness of `count` threads; None where it has none."""
+    each = getattr(wif, f"{family}_thicknesses")
+    return _along(getattr(wif.draft, f"{family}_thickness") if each is None else each, count)
+
+
+def _along(values: Any, count: int) -> Any:
+    """Repeat values over so many yarns; equal ones are one value."""
+    if values is None or np.ndim(values) == 0:
+        return values
+    return _single(np.resize(np.asarray(values, dtype=np.float64), count))
+
+
+def _single(values: NDArray[np.float64]) -> Any:
+    return float(values[0]) if (values == values[0]).all() else values
+
+
+def _colors(
+    family: str, count: int, own: NDArray[np.uint8] | None, wishes: Wishes
+) -> NDArray[np.uint8]:
+    asked = getattr(wishes, f"{family}_color")
+    chosen = asked if asked is not None else COLORS[family] if own is None else own
+    return np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3))

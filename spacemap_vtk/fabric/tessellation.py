@@ -96,7 +96,10 @@ class Tessellation:
         )
 
     def evaluate(
-        self, control_points: ArrayLike, dtype: DTypeLike = np.float32
+        self,
+        control_points: ArrayLike,
+        dtype: DTypeLike = np.float32,
+        weights: ArrayLike | None = None,
     ) -> tuple[Floats, Floats]:
         """Return the surface points and their unit normals.
 
@@ -109,6 +112,8 @@ class Tessellation:
             In m, float32 or float64.
         dtype : dtype_like
             Type to work in and to return: float32 or float64.
+        weights : (N,) array_like, optional
+            Weights of the control points of rational patches, above 0; all 1 by default.
 
         Returns
         -------
@@ -120,7 +125,8 @@ class Tessellation:
         Raises
         ------
         GeometryError
-            The shape is wrong, or there are fewer points than the patches refer to.
+            The shape is wrong, there are fewer points than the patches refer to, or a weight is not
+            above 0.
         InputError
             Another type is asked for.
         """
@@ -130,6 +136,7 @@ class Tessellation:
         kind = np.dtype(dtype)
         if kind not in (np.float32, np.float64):
             raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
+        rational = None if weights is None else self._checked_weights(weights)
         # Squares of cross products are fourth powers of lengths: micrometres underflow float32.
         scale = _magnitude(points, self._chunks)
         basis = self._basis.copy()
@@ -145,8 +152,11 @@ class Tessellation:
             def do(chunk: Chunk) -> None:
                 with np.errstate(all="ignore"):
                     net, origin = scratch.gather(chunk, points)
-                    values = scratch.multiply(chunk, stacked, net)
                     third = len(stacked) // 3
+                    if rational is None:
+                        values = scratch.multiply(chunk, stacked, net)
+                    else:
+                        values = scratch.multiply_rational(chunk, stacked, net, rational, third)
                     surface = self._part(positions, chunk)
                     for axis in range(3):
                         np.add(
@@ -162,10 +172,10 @@ class Tessellation:
 
         for_each(self._chunks, worker, self._threads)
         if suspects:
-            self._repair(normals, points, suspects)
+            self._repair(normals, points, rational, suspects)
         return positions, normals
 
-    def interpolate(self, values: ArrayLike) -> Floats:
+    def interpolate(self, values: ArrayLike, weights: ArrayLike | None = None) -> Floats:
         """Carry an array of the control points over to the surface points.
 
         Parameters
@@ -173,6 +183,8 @@ class Tessellation:
         values : (N,) or (N, k) array_like
             One row a control point; taken as control values of a Bézier function on each patch, as
             positions are. So a displacement, or any linear function of position, comes out exact.
+        weights : (N,) array_like, optional
+            As for `evaluate`.
 
         Returns
         -------
@@ -187,6 +199,7 @@ class Tessellation:
         table = self._checked(values)
         if table.ndim not in (1, 2):
             raise GeometryError(f"point array of shape {table.shape}", allowed="(N,) or (N, k)")
+        rational = None if weights is None else self._checked_weights(weights)
         columns = table if table.ndim == 2 else table[:, None]
         kind = np.dtype(np.float32 if table.dtype == np.float32 else np.float64)
         matrix = self._basis[0].astype(kind)
@@ -200,7 +213,12 @@ class Tessellation:
                 with np.errstate(all="ignore"):
                     for start in range(0, columns.shape[1], 3):
                         net, origin = scratch.gather(chunk, columns[:, start : start + 3])
-                        products = scratch.multiply(chunk, matrix, net)
+                        if rational is None:
+                            products = scratch.multiply(chunk, matrix, net)
+                        else:
+                            products = scratch.multiply_rational(
+                                chunk, matrix, net, rational, len(matrix)
+                            )
                         for i, product in enumerate(products):
                             np.add(product, origin[i][:, None], out=part[..., start + i])
 
@@ -252,6 +270,14 @@ class Tessellation:
             )
         return table
 
+    def _checked_weights(self, weights: ArrayLike) -> NDArray[Any]:
+        table = self._checked(weights)
+        if table.ndim != 1 or not (table > 0.0).all():
+            raise GeometryError(
+                "rational weights that are no positive numbers, one for each control point"
+            )
+        return table
+
     def _part(self, array: Floats, chunk: Chunk) -> Floats:
         """View of a chunk's rows as (blocks, samples, width, columns)."""
         samples = (self.subdivisions + 1) ** 2
@@ -263,6 +289,7 @@ class Tessellation:
         self,
         normals: Floats,
         points: NDArray[Any],
+        weights: NDArray[Any] | None,
         suspects: list[tuple[Chunk, NDArray[np.intp]]],
     ) -> None:
         """Evaluate some normals again, with care: all at once, for each call costs 0.3 ms."""
@@ -276,10 +303,14 @@ class Tessellation:
             )
             samples.append(sample)
         v, u = np.divmod(np.concatenate(samples), self.subdivisions + 1)
-        n = self.subdivisions
+        n, net = self.subdivisions, np.concatenate(nets)
         with np.errstate(all="ignore"):  # infinite control points
             normals[np.concatenate(places)] = robust_normals(
-                points[np.concatenate(nets)], self.degree, u / n, v / n
+                points[net],
+                self.degree,
+                u / n,
+                v / n,
+                None if weights is None else weights[net].astype(np.float64),
             )
 
 

@@ -227,7 +227,7 @@ def _check_head(text: WifText) -> None:
 def _read_loom(text: WifText) -> Loom:
     """Find threading, tie-up, treadling and liftplan, and the counts that bound them."""
     threading = _rows(text, "THREADING")
-    if not any(shafts for _, shafts in threading.values()):
+    if not _says_something(text, "WARP", threading):
         raise _missing(text, "end threaded in [THREADING]", "THREADING")
     tieup, treadling = _rows(text, "TIEUP"), _rows(text, "TREADLING")
     liftplan = _rows(text, "LIFTPLAN")
@@ -269,10 +269,17 @@ def _rows(text: WifText, section: str) -> _Found:
     return rows
 
 
+def _says_something(text: WifText, family: str, rows: _Found) -> bool:
+    """Return whether a row names a shaft or treadle for a thread that the cloth has."""
+    entry = text.entry(family, "threads")
+    last = (count(entry) if entry else 0) or MAX_NUMBER
+    return any(found for index, (_, found) in rows.items() if index <= last)
+
+
 def _is_treadled(text: WifText, tieup: _Found, treadling: _Found, liftplan: _Found) -> bool:
     """Return whether tie-up and treadling make the sheds, and not the liftplan."""
-    pressed = any(treadles for _, treadles in treadling.values())
-    lifted = any(shafts for _, shafts in liftplan.values())
+    pressed = _says_something(text, "WEFT", treadling)
+    lifted = _says_something(text, "WEFT", liftplan)
     if pressed and tieup:
         if lifted:
             what = "there are a treadling and a liftplan; the treadling is used"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkVersion
 from vtkmodules.vtkCommonDataModel import (
+    VTK_QUADRATIC_TETRA,
     VTK_TETRA,
     vtkCellArray,
     vtkFieldData,
@@ -157,7 +158,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
     """
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells; {name} are needed")
-    others = [t for t in _cell_types(grid) if t != cell_type]
+    others = [t for t in cell_types(grid) if t != cell_type]
     if others:
         raise GeometryError(
             f"the input has cells of VTK's types {others}",
@@ -172,7 +173,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
 
 
 def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
-    """Return the vertices of each tetrahedron of a grid of linear tetrahedra.
+    """Return the corners of each tetrahedron of a grid of linear or quadratic ones.
 
     Parameters
     ----------
@@ -187,8 +188,31 @@ def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
     Raises
     ------
     GeometryError
-        If a cell is no linear tetrahedron, or there is none.
+        As `elements_of` does.
     """
+    return np.ascontiguousarray(elements_of(grid)[:, :4])
+
+
+def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    """Return all nodes of each tetrahedron of a grid of linear or of quadratic ones.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        A cage.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_tetrahedra, 4) or (n_tetrahedra, 10)
+        Vertex numbers, corners first, then the midpoints in VTK's order.
+
+    Raises
+    ------
+    GeometryError
+        If there is no cell, one is no tetrahedron, or there are both kinds.
+    """
+    if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
+        return cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
     return cells_of(grid, VTK_TETRA, "linear tetrahedra")
 
 
@@ -216,5 +240,17 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     return cells
 
 
-def _cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+def cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+    """Return the types of cells in a grid.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        Any grid.
+
+    Returns
+    -------
+    list of int
+        VTK's numbers, each once, ascending.
+    """
     return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
+from spacemap_vtk.embedding.gradients import cofactors, deformation_gradients, turned_normals
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.filters.arrays import add_array, array_of, points_of, tetrahedra_of, to_points
+from spacemap_vtk.embedding.smooth import SmoothInterpolation
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.arrays import (
+    add_array,
+    array_of,
+    elements_of,
+    points_of,
+    to_array,
+    to_points,
+)
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.kept import Geometry
-from spacemap_vtk.parameters import Choice
+from spacemap_vtk.parameters import Choice, Flag
 from spacemap_vtk.units import format_quantity
 
 
 class BarycentricWarp(Stage):
     """Move the points of port 0 with the displacement of the tetrahedral mesh on port 1.
 
-    Each point keeps its barycentric weights in the tetrahedron that holds it. They are computed
-    once, and again only when points or mesh change: a new displacement costs one sparse product.
+    Each point keeps its barycentric weights in the tetrahedron that holds it, or the weights of
+    all ten nodes if the mesh is of quadratic tetrahedra. They are computed once, and again only
+    when points or mesh change: a new displacement costs one sparse product.
+    Normals turn with the surface.
 
     Notes
     -----
@@ -36,6 +52,7 @@ class BarycentricWarp(Stage):
 
     section = "warp"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    input_names = ("Input", "Cage")
     output = SAME_AS_INPUT
 
     outside = Choice(
@@ -45,31 +62,45 @@ class BarycentricWarp(Stage):
         ["extrapolate", "clamp", "error"],
     )
 
-    _kept: tuple[str, Geometry, Geometry, Interpolation, str] | None = None
+    smooth = Flag(
+        False,
+        "Cubic in each tetrahedron, so that no kinks show at their borders, in place of affine.",
+    )
+
+    _kept: _Prepared | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
-        interpolation = self._interpolation(inputs[0], inputs[1])
-        moved, displacement = interpolation.displace(
-            points_of(inputs[0]),
-            array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,"),
-        )
+        prepared = self._prepared(inputs[0], inputs[1])
+        field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
+        moved, displacement = prepared.interpolation.displace(points_of(inputs[0]), field)
         output.ShallowCopy(inputs[0])
         output.SetPoints(to_points(moved))
-        add_array(output.GetPointData(), "displacement", displacement)
+        data = output.GetPointData()
+        normals = data.GetNormals()
+        if normals is not None:
+            turned = prepared.turned(vtk_to_numpy(normals), field)
+            data.SetNormals(to_array(turned, normals.GetName()))
+        if output.GetCellData().GetNormals() is not None:
+            _renew_cell_normals(output)
+        add_array(data, "displacement", displacement)
 
-    def _interpolation(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> Interpolation:
+    def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Prepared:
         kept = self._kept
-        if (
-            kept is None
-            or kept[0] != self.outside
-            or not kept[1].matches(points)
-            or not kept[2].matches(cage)
-        ):
+        if kept is None or not kept.serves((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
-            tetrahedra = tetrahedra_of(cage)
+            elements = elements_of(cage)
+            # Quadratic ones are straight-sided: their corners alone say where a point lies.
+            corners = elements[:, :4]
+            if self.smooth and elements.shape[1] > 4:
+                raise InputError(
+                    "the smooth map is for linear tetrahedra, and these are quadratic",
+                    key="smooth",
+                    value=True,
+                    cure="Leave it out: quadratic tetrahedra bend by themselves.",
+                )
             where = locate(
-                points_of(points).astype(np.float64, copy=False), vertices, tetrahedra, self.outside
+                points_of(points).astype(np.float64, copy=False), vertices, corners, self.outside
             )
             note = ""
             if where.outside:
@@ -80,8 +111,71 @@ class BarycentricWarp(Stage):
                         self.outside
                     ]
                 )
-            weights = Interpolation(where, tetrahedra, len(vertices))
-            kept = self._kept = self.outside, Geometry(points), Geometry(cage), weights, note
-        if kept[4]:
-            self.warn(kept[4])
-        return kept[3]
+            ride: Interpolation | SmoothInterpolation
+            if self.smooth:
+                places = points_of(points).astype(np.float64, copy=False)
+                clamp = self.outside == "clamp"
+                ride = SmoothInterpolation(places, where, vertices, corners, clamp)
+            else:
+                ride = Interpolation(where, elements, len(vertices))
+            kept = self._kept = _Prepared(
+                settings=(self.outside, self.smooth),
+                points=Geometry(points),
+                cage=Geometry(cage),
+                vertices=vertices,
+                tetrahedra=corners,
+                tetrahedron=where.tetrahedron,
+                interpolation=ride,
+                note=note,
+            )
+        if kept.note:
+            self.warn(kept.note)
+        return kept
+
+
+@dataclass
+class _Prepared:
+    """What depends on points and cage alone."""
+
+    settings: tuple[str, bool]
+    points: Geometry
+    cage: Geometry
+    vertices: NDArray[np.float64]
+    tetrahedra: NDArray[np.int64]
+    tetrahedron: NDArray[np.int32]
+    interpolation: Interpolation | SmoothInterpolation
+    note: str
+
+    def serves(
+        self, settings: tuple[str, bool], points: vtkPointSet, cage: vtkUnstructuredGrid
+    ) -> bool:
+        return self.settings == settings and self.points.matches(points) and self.cage.matches(cage)
+
+    def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
+        if isinstance(self.interpolation, SmoothInterpolation):
+            gradients = self.interpolation.gradients(displacement)
+            return turned_normals(normals, cofactors(gradients), np.arange(len(normals)))
+        # Of a quadratic tetrahedron the mean turn, which its corners give, has to do.
+        gradients = deformation_gradients(self.vertices, self.tetrahedra, displacement)
+        return turned_normals(normals, cofactors(gradients), self.tetrahedron)
+
+
+def _renew_cell_normals(output: vtkPointSet) -> None:
+    """Compute the normals of polygons anew; those of other cells would be stale, and go."""
+    cells = output.GetCellData()
+    name = cells.GetNormals().GetName()
+    cells.RemoveArray(name)
+    if isinstance(output, vtkPolyData):
+        bare = vtkPolyData()
+        bare.CopyStructure(output)
+        maker = vtkPolyDataNormals()
+        maker.SetInputData(bare)
+        maker.ComputePointNormalsOff()
+        maker.ComputeCellNormalsOn()
+        maker.SplittingOff()
+        maker.ConsistencyOff()
+        maker.Update()
+        made = maker.GetOutput().GetCellData().GetNormals()
+        if made is not None and made.GetNumberOfTuples() == output.GetNumberOfCells():
+            made.SetName(name)
+            cells.SetNormals(made)

@@ -49,6 +49,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
 
     #: Required data type of each input port.
     inputs: ClassVar[tuple[str, ...]] = ()
+    #: Name of each input port, where a window asks for inputs by name.
+    input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output: ClassVar[str] = "vtkUnstructuredGrid"
 
@@ -174,6 +176,23 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             return None
         return min(r[0] for r in ranges), max(r[1] for r in ranges)
 
+    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
+        """Return the times that data exist for, in s; empty where any time will do.
+
+        Parameters
+        ----------
+        inputs : list of vtkInformation
+            Pipeline information of each input.
+
+        Returns
+        -------
+        list of float
+            By default the union of the inputs' steps, ascending.
+        """
+        return sorted(
+            {step for info in inputs if info.Has(_TIME_STEPS) for step in info.Get(_TIME_STEPS)}
+        )
+
     def report(self, fraction: float) -> None:
         """Tell observers how far the run is, and stop it if they ask for that.
 
@@ -247,20 +266,14 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     def _request_information(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
     ) -> None:
-        span = self.time_range([info.GetInformationObject(0) for info in in_info])
+        inputs = [vector.GetInformationObject(0) for vector in in_info]
+        span = self.time_range(inputs)
         info = out_info.GetInformationObject(0)
         if span is None:
             info.Remove(_TIME_RANGE)
         else:
             info.Set(_TIME_RANGE, span, 2)
-        steps = sorted(
-            {
-                step
-                for vector in in_info
-                if vector.GetInformationObject(0).Has(_TIME_STEPS)
-                for step in vector.GetInformationObject(0).Get(_TIME_STEPS)
-            }
-        )
+        steps = self.time_steps(inputs)
         if steps:
             info.Set(_TIME_STEPS, steps, len(steps))
         else:

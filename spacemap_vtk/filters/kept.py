@@ -25,7 +25,7 @@ class Geometry:
     """
 
     def __init__(self, dataset: vtkPointSet) -> None:
-        self._objects = _parts(dataset)
+        self._objects = self._parts(dataset)
         self._times = [part.GetMTime() for part in self._objects]
         self._arrays = [_array(part) for part in self._objects]
 
@@ -42,7 +42,7 @@ class Geometry:
         bool
             True if points and cells are equal.
         """
-        parts = _parts(dataset)
+        parts = self._parts(dataset)
         if len(parts) != len(self._objects):
             return False
         times = [part.GetMTime() for part in parts]
@@ -54,9 +54,20 @@ class Geometry:
         self._objects, self._times, self._arrays = parts, times, arrays
         return True
 
+    def _parts(self, dataset: vtkPointSet) -> list[vtkObject]:
+        points = [dataset.GetPoints().GetData()] if dataset.GetPoints() else []
+        return points + _cell_parts(dataset)
 
-def _parts(dataset: vtkPointSet) -> list[vtkObject]:
-    parts = [dataset.GetPoints().GetData()] if dataset.GetPoints() else []
+
+class Connectivity(Geometry):
+    """Only the cells of a data set: its points may move."""
+
+    def _parts(self, dataset: vtkPointSet) -> list[vtkObject]:
+        return _cell_parts(dataset)
+
+
+def _cell_parts(dataset: vtkPointSet) -> list[vtkObject]:
+    parts: list[vtkObject] = []
     if isinstance(dataset, vtkUnstructuredGrid):
         parts.append(dataset.GetCells().GetConnectivityArray())
     return parts

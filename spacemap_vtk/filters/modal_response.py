@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, array_of, points_of, tetrahedra_of
+from spacemap_vtk.filters.arrays import add_array, array_of
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.modal_solver import MODE_NAME
-from spacemap_vtk.modal.kinematics import (
-    LARGE_ROTATION,
-    largest_rotation,
-    rotation_operator,
-)
-from spacemap_vtk.modal.oscillator import oscillate
-from spacemap_vtk.parameters import Choice, Real, Vector
+from spacemap_vtk.filters.cage_modes import Basis, CageModes, Pattern
+from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.response_parameters import DampingPairs
+from spacemap_vtk.modal.damping import Damping, rayleigh
+from spacemap_vtk.modal.energy import Account
+from spacemap_vtk.modal.harmonic import steady
+from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation
+from spacemap_vtk.modal.motion import Drive, Motion, State
+from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
+from spacemap_vtk.modal.timefunctions import step
+from spacemap_vtk.parameters import Choice, Flag, Real, Text, Vector
+
+FloatArray = NDArray[np.float64]
+
+#: Share of the movable mass that the kept modes should hold along an axis with a load.
+ENOUGH = 0.9
 
 
 class ModalResponse(Stage):
     """Move a cage by its vibration modes, at any time, without stepping.
 
-    Displacement and velocity are sums of closed-form responses of single oscillators, one for
-    each mode: under-, critically and overdamped and rigid ones. Gravity is a step at t = 0.
+    The motion is a sum of closed-form responses of single oscillators, one for each mode: under-,
+    critically and overdamped and rigid ones. Gravity is a step at t = 0; other loads each have
+    their own time function. A residual vector for each load makes the static response exact,
+    whatever number of modes is kept.
+
+    The output has the point arrays ``displacement``, ``velocity`` and ``acceleration``; the cell
+    arrays ``strain`` and ``stress`` (mean of each tetrahedron, in the axes of the fabric: x weft,
+    y warp, z normal; VTK's order xx, yy, zz, xy, yz, xz) and ``von_mises``; and the field arrays
+    ``modal_coordinates``, ``kinetic_energy``, ``strain_energy``, ``dissipated_energy`` and
+    ``external_work`` (J, in coordinates relative to a moving base), of which the last is the sum
+    of the three before.
 
     Notes
     -----
@@ -39,6 +55,9 @@ class ModalResponse(Stage):
     >>> from spacemap_vtk import ModalResponse
     >>> ModalResponse(alpha=2.0, gravity=(0, 0, -9.81)).gravity
     (0.0, 0.0, -9.81)
+    >>> pressed = ModalResponse(loads=[{"pressure": "20 Pa", "on": "+z", "time": "step"}])
+    >>> pressed.loads[0].pressure
+    20.0
     """
 
     section = "response"
@@ -50,16 +69,49 @@ class ModalResponse(Stage):
     beta = Real(
         0.0, "Damping proportional to stiffness; stills the high modes.", unit="s", minimum=0.0
     )
+    damping_ratio = Real(
+        None,
+        "One damping ratio for all modes, in place of alpha and beta.",
+        minimum=0.0,
+        automatic="alpha and beta damp",
+    )
+    damping_pairs = DampingPairs(
+        None,
+        "Two pairs of frequency and damping ratio, from which alpha and beta are made.",
+        automatic="alpha and beta damp",
+    )
     gravity = Vector(
         (0.0, 0.0, -9.80665),
         "Acceleration of gravity, there from t = 0 on.",
         component=Real(0.0, "", unit="m/s2"),
     )
+    loads = Loads((), "What else acts on the cage, each with its time function.")
     initial = Choice(
         "rest",
         "State at t = 0: undeformed, or already hanging at rest under the loads.",
         ["rest", "equilibrium"],
     )
+    initial_velocity = Vector(
+        (0.0, 0.0, 0.0),
+        "Velocity at t = 0 of all that is not fixed.",
+        component=Real(0.0, "", unit="m/s"),
+    )
+    initial_velocity_array = Text(
+        "", "Name of a point array of the cage: velocities in m/s at t = 0, added to the others."
+    )
+    initial_displacement = Vector(
+        (0.0, 0.0, 0.0),
+        "Displacement at t = 0 of all that is not fixed, added to the initial state.",
+        component=Real(0.0, "", unit="m"),
+    )
+    initial_displacement_array = Text(
+        "", "Name of a point array of the cage: displacements in m at t = 0, added to the others."
+    )
+    residual_vectors = Flag(
+        True, "Add to the modes what they miss of the static response to each load."
+    )
+    stress = Flag(True, "Compute strain and stress of each tetrahedron.")
+    energy = Flag(True, "Compute kinetic, strain and dissipated energy, and external work.")
     duration = Real(
         10.0,
         "Length of the time range reported to players; any later time can be asked for too.",
@@ -67,7 +119,39 @@ class ModalResponse(Stage):
         above=0.0,
     )
 
-    _kept: tuple[int, _Modes] | None = None
+    _kept_modes: tuple[int, CageModes] | None = None
+    _kept_motion: tuple[tuple[int, int], _Prepared] | None = None
+
+    @property
+    def damping(self) -> Damping:
+        """What damps the modes, out of the four parameters that say so.
+
+        Raises
+        ------
+        InputError
+            If two of them contradict each other.
+        """
+        ways = [
+            name for name in ("damping_ratio", "damping_pairs") if getattr(self, name) is not None
+        ]
+        # The default alpha is no one's wish, and an alpha of zero contradicts nothing.
+        ways += [name for name in ("alpha", "beta") if self._values.get(name) and ways]
+        if len(ways) > 1:
+            raise InputError(
+                f"{ways[0]} and {ways[1]} both say how much is damped",
+                key=ways[0],
+                value=getattr(self, ways[0]),
+                cure=f"Leave out {ways[0]} or {ways[1]}.",
+            )
+        if self.damping_ratio is not None:
+            return Damping(ratio=self.damping_ratio)
+        if self.damping_pairs is not None:
+            try:
+                return rayleigh(self.damping_pairs)
+            except InputError as error:
+                error.key, error.value = "damping_pairs", self.damping_pairs
+                raise
+        return Damping(self.alpha, self.beta)
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
         """Return the continuous range of times."""
@@ -78,67 +162,225 @@ class ModalResponse(Stage):
     ) -> None:
         """Evaluate the sum at `time`; before t = 0 the initial state holds."""
         modes = self._modes(inputs[0])
-        eigenvalues = modes.eigenvalues
-        load = modes.participation @ np.asarray(self.gravity)
-        response = oscillate(eigenvalues, self.alpha, self.beta, max(time, 0.0))
-        if self.initial == "equilibrium":
-            rigid = (eigenvalues == 0.0) & (np.abs(load) > 0.0)
-            if rigid.any():
-                raise InputError(
-                    f"there is no equilibrium: {rigid.sum()} rigid modes fall freely",
-                    key="initial",
-                    value=self.initial,
-                    cure='Fix the cage ([modal] fixed = "+y"), or start from "rest".',
-                )
-            static = np.divide(load, eigenvalues, out=np.zeros_like(load), where=eigenvalues > 0)
-            coordinates, rates = static, np.zeros_like(load)
-        else:
-            coordinates, rates = response.step * load, response.impulse * load
-        displacement = (coordinates @ modes.shapes).reshape(-1, 3)
-        velocity = (rates @ modes.shapes).reshape(-1, 3)
+        prepared = self._motion(inputs[0])
+        state = prepared.motion.at(time)
+        displacement, velocity, acceleration = prepared.fields(state, max(time, 0.0))
+        for text in prepared.warnings:
+            self.warn(text)
         if largest_rotation(modes.rotation, displacement) > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
                 "model stretches what turns: lower the load or raise the modulus to trust the shape"
             )
         output.ShallowCopy(inputs[0])
-        add_array(output.GetPointData(), "displacement", displacement)
-        add_array(output.GetPointData(), "velocity", velocity)
-        add_array(output.GetFieldData(), "modal_coordinates", coordinates)
+        data = output.GetPointData()
+        add_array(data, "displacement", displacement)
+        add_array(data, "velocity", velocity)
+        add_array(data, "acceleration", acceleration)
+        field = output.GetFieldData()
+        add_array(field, "modal_coordinates", state.position[: len(modes.eigenvalues)].copy())
+        if self.stress:
+            strain = (modes.strain @ displacement.ravel()).reshape(-1, 6)
+            stress = strain @ modes.model.elasticity
+            cells = output.GetCellData()
+            add_array(cells, "strain", symmetric_tensors(strain, engineering=True))
+            add_array(cells, "stress", symmetric_tensors(stress, engineering=False))
+            add_array(cells, "von_mises", von_mises(stress))
+        if self.energy:
+            energies = prepared.account.at(time, state)
+            names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+            for name, value in zip(names, energies, strict=True):
+                add_array(field, name, np.array([value]))
 
-    def _modes(self, grid: vtkUnstructuredGrid) -> _Modes:
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how a point moves over time; call `update` before.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement, see `CageModes.weights`.
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, t, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        assert self._kept_motion is not None, "not updated yet"
+        prepared = self._kept_motion[1]
+        # The point is a mesh of one vertex.
+        point = prepared.at_point(weights)
+        return np.stack([point.fields(prepared.motion.at(t), t)[:, 0] for t in times], axis=1)
+
+    def frequency_response(self, weights: FloatArray, frequencies: FloatArray) -> NDArray[Any]:
+        """Return how a point answers to the loads as sines, all in phase; call `update` before.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement.
+        frequencies : ndarray of float64, shape (f,)
+            Of the sines [Hz], above 0; loads have the sizes that they have, with factor 1.
+
+        Returns
+        -------
+        ndarray of complex128, shape (f, 3)
+            Displacement [m], its size and phase along x, y and z.
+
+        Raises
+        ------
+        InputError
+            If an undamped mode is met at its own frequency.
+        """
+        assert self._kept_motion is not None, "not updated yet"
+        prepared = self._kept_motion[1]
+        motion = prepared.motion
+        point = prepared.at_point(weights).basis.shapes
+        result = np.zeros((len(frequencies), 3), dtype=np.complex128)
+        for row, omega in enumerate(2 * np.pi * np.asarray(frequencies)):
+            receptance = steady(motion.stiffness, motion.half, omega)
+            for drive, pattern in zip(motion.drives, prepared.patterns, strict=True):
+                factor = omega**2 if drive.moves_base else 1.0
+                result[row] += (receptance * drive.gain * factor) @ point
+                if pattern.moves_base is not None:
+                    result[row] += pattern.moves_base * weights.sum()
+        return result
+
+    def cage_modes(self) -> CageModes:
+        """Return what is known of the cage's modes; call `update` before.
+
+        Returns
+        -------
+        CageModes
+            Effective masses among other things.
+        """
+        assert self._kept_modes is not None, "not updated yet"
+        return self._kept_modes[1]
+
+    def _modes(self, grid: vtkUnstructuredGrid) -> CageModes:
         changed = grid.GetMTime()
-        if self._kept is None or self._kept[0] != changed:
-            self._kept = changed, _Modes.of(grid)
-        return self._kept[1]
+        if self._kept_modes is None or self._kept_modes[0] != changed:
+            self._kept_modes = changed, CageModes(grid)
+        return self._kept_modes[1]
 
+    def _motion(self, grid: vtkUnstructuredGrid) -> _Prepared:
+        """Return the motion, which does not depend on the time asked for."""
+        key = grid.GetMTime(), self.GetMTime()
+        if self._kept_motion is None or self._kept_motion[0] != key:
+            self._kept_motion = key, self._prepared(grid, self._modes(grid))
+        return self._kept_motion[1]
 
-class _Modes(NamedTuple):
-    """What the response needs of ModalSolver's output."""
-
-    eigenvalues: NDArray[np.float64]
-    """(n,)"""
-    shapes: NDArray[np.float64]
-    """(n, 3 V)"""
-    participation: NDArray[np.float64]
-    """(n, 3): the modal load of a unit gravity along x, y and z."""
-    rotation: csr_matrix
-    """(3 T, 3 V)"""
-
-    @classmethod
-    def of(cls, grid: vtkUnstructuredGrid) -> _Modes:
-        owner = "ModalResponse (put a ModalSolver before it)"
-        eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", owner)
-        data = grid.GetPointData()
-        shapes = np.stack(
-            [array_of(data, MODE_NAME.format(k), owner) for k in range(len(eigenvalues))]
+    def _prepared(self, grid: vtkUnstructuredGrid, modes: CageModes) -> _Prepared:
+        patterns = [modes.gravity(self.gravity, step())] if any(self.gravity) else []
+        for number, load in enumerate(self.loads):
+            try:
+                patterns.append(modes.pattern(load))
+            except InputError as error:
+                error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
+                raise
+        basis = modes.basis(patterns, self.residual_vectors)
+        drives = [
+            Drive(basis.shapes @ modes.force(p), p.function, p.moves_base is not None)
+            for p in patterns
+        ]
+        warnings = self._truncation(modes, patterns)
+        free = modes.model.free
+        warnings += [
+            "a load falls on fixed vertices only, and moves nothing"
+            for force in map(modes.force, patterns)
+            if force.any() and not force[free].any()
+        ]
+        start: dict[str, FloatArray] = {}
+        for name, uniform, array in (
+            ("position", self.initial_displacement, self.initial_displacement_array),
+            ("rate", self.initial_velocity, self.initial_velocity_array),
+        ):
+            field = self._start_field(grid, modes, uniform, array)
+            if field.any():
+                inertia = modes.model.mass @ field
+                start[name] = basis.shapes @ inertia
+                missed = 1.0 - float(start[name] @ start[name]) / float(field @ inertia)
+                if missed > 1.0 - ENOUGH:
+                    what = "displacement" if name == "position" else "velocity"
+                    warnings.append(
+                        f"the modes miss {missed:.0%} of the initial {what}; raise their number"
+                    )
+        motion = Motion(
+            basis.eigenvalues,
+            self.damping.halves(basis.eigenvalues),
+            drives,
+            equilibrium=self.initial == "equilibrium",
+            position=start.get("position"),
+            rate=start.get("rate"),
         )
-        # Gravity's load on a vertex is its share of the mass times g: (16) with M u = M g.
-        mass = array_of(data, "nodal_mass", owner)
-        vertices = points_of(grid).astype(np.float64, copy=False)
-        return cls(
-            eigenvalues,
-            shapes.reshape(len(shapes), -1),
-            np.einsum("nvc,v->nc", shapes, mass),
-            rotation_operator(vertices, tetrahedra_of(grid)),
-        )
+        return _Prepared(motion, basis, patterns, warnings)
+
+    def _start_field(
+        self,
+        grid: vtkUnstructuredGrid,
+        modes: CageModes,
+        uniform: tuple[float, ...],
+        array: str,
+    ) -> FloatArray:
+        field = np.tile(uniform, (len(modes.nodal_mass), 1)).astype(np.float64)
+        if array:
+            values = array_of(grid.GetPointData(), array, "ModalResponse")
+            if values.shape != field.shape:
+                raise InputError(
+                    f'the point array "{array}" has shape {values.shape}',
+                    allowed=f"{field.shape}",
+                )
+            field += values
+        return field.ravel() * modes.model.free
+
+    def _truncation(self, modes: CageModes, patterns: list[Pattern]) -> list[str]:
+        """Say along which loaded axes the modes hold too little of the mass."""
+        if modes.complete:
+            return []
+        held = modes.effective_masses.sum(axis=0) / modes.movable_mass
+        return [
+            f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
+            "it is loaded; raise modal.modes to trust how fast it moves"
+            + (" (where it comes to rest is exact)" if self.residual_vectors else "")
+            for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(patterns), strict=True)
+            if loaded and share < ENOUGH
+        ]
+
+
+class _Prepared:
+    """A motion, and the shapes it is a motion of."""
+
+    def __init__(
+        self, motion: Motion, basis: Basis, patterns: list[Pattern], warnings: list[str]
+    ) -> None:
+        self.motion, self.basis, self.patterns = motion, basis, patterns
+        self.warnings = warnings
+        self._account: Account | None = None
+
+    @property
+    def account(self) -> Account:
+        """Its energies."""
+        if self._account is None:
+            self._account = Account(self.motion)
+        return self._account
+
+    def at_point(self, weights: FloatArray) -> _Prepared:
+        """Return the same for one point, with shapes of three components."""
+        shapes = self.basis.shapes.reshape(len(self.motion.stiffness), -1, 3)
+        point = np.einsum("nvc,v->nc", shapes, weights)
+        return _Prepared(self.motion, Basis(self.basis.eigenvalues, point), self.patterns, [])
+
+    def fields(self, state: State, time: float) -> FloatArray:
+        """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
+        fields: FloatArray = (np.stack(state) @ self.basis.shapes).reshape(3, -1, 3)
+        for pattern in self.patterns:
+            if pattern.moves_base is not None:
+                function = pattern.function
+                value = function.value(time)
+                fields[0] += value * pattern.moves_base
+                fields[1] += function.slope(time) * pattern.moves_base
+                # Of a sine; a linear piece has none.
+                curvature = -(getattr(function, "omega", 0.0) ** 2) * value
+                fields[2] += curvature * pattern.moves_base
+        return fields

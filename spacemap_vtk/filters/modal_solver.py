@@ -3,111 +3,233 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk import cache
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, points_of, tetrahedra_of
+from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_model import attach
+from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.memory import require
-from spacemap_vtk.modal.eigen import estimate_bytes, solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, nodal_mass, stiffness_and_mass
-from spacemap_vtk.modal.supports import SIDES, layers_through_thickness, on_sides
-from spacemap_vtk.parameters import Integer, Parameter, Real
+from spacemap_vtk.modal.bending import bending_stiffness, layers_through_thickness
+from spacemap_vtk.modal.eigen import estimate_bytes, lowest
+from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.modal.model import Model
+from spacemap_vtk.modal.supports import held_components
+from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
 
+#: Above this ratio linear tetrahedra lock in volume too.
+NEARLY_INCOMPRESSIBLE = 0.45
 
-class Sides(Parameter[tuple[str, ...]]):
-    """Any of the six sides of a box."""
-
-    kind = "sides"
-    annotation = "str or sequence of str"
-    allowed = 'sides of the box out of "' + '", "'.join(SIDES) + '", as a string or a list, or ""'
-
-    def convert(self, value: Any) -> tuple[str, ...]:
-        """Return the sides, each once, in a fixed order."""
-        names = value.replace(",", " ").split() if isinstance(value, str) else value
-        if not isinstance(names, Iterable) or any(name not in SIDES for name in names):
-            raise InputError("not a side")
-        return tuple(side for side in SIDES if side in names)
-
-    def show(self, value: tuple[str, ...]) -> str:
-        """Return the sides as one string."""
-        return f'"{" ".join(value)}"'
+FloatArray = NDArray[np.float64]
 
 
 class ModalSolver(Stage):
-    """Solve K s = λ M s for the lowest vibration modes of a cage of linear tetrahedra.
+    """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
+
+    Modes are kept: another modulus or density only scales them, and what was solved once is read
+    from the user's cache folder (see `spacemap_vtk.cache`) the next time.
 
     Notes
     -----
     Equations (9) to (15) of Furukawa, Kitagawa and Shimizu; the volume in (9) needs its absolute
-    value. The mass is consistent. The modes are mass-normalised.
+    value. The modes are mass-normalised; none is missed, which the inertia of K - μM proves.
+
+    Point arrays of the output: ``fixed`` is 1 where a vertex is held in some direction,
+    ``fixed_components`` tells in which; ``nodal_mass`` (kg) are the row sums of M.
 
     Examples
     --------
     >>> from spacemap_vtk import ModalSolver
     >>> ModalSolver(youngs_modulus="2 MPa").youngs_modulus
     2000000.0
+    >>> ModalSolver(fixed=["+y", "sphere(0, 0, 0, 1 mm):z"]).fixed
+    ('+y', 'sphere(0, 0, 0, 0.001):z')
     """
 
     section = "modal"
     inputs = ("vtkUnstructuredGrid",)
 
-    youngs_modulus = Real(1e6, "Young's modulus of the cage.", unit="Pa", above=0.0)
+    material = Choice(
+        "isotropic",
+        "Kind of the cage's material: isotropic (youngs_modulus, poissons_ratio), or orthotropic "
+        "along the fabric (youngs_moduli, shear_moduli, poissons_ratios).",
+        ["isotropic", "orthotropic"],
+    )
+    youngs_modulus = Real(1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0)
     poissons_ratio = Real(
         0.3,
-        "Poisson's ratio. Linear tetrahedra lock as it nears 0.5, where K is singular.",
+        "Poisson's ratio of an isotropic cage. Linear tetrahedra lock as it nears 0.5, where K is "
+        "singular.",
         above=-1.0,
         below=0.5,
     )
+    youngs_moduli = Vector(
+        None,
+        "Young's moduli of an orthotropic cage along the warp (1, y), the weft (2, x) and the "
+        "normal (3, z).",
+        component=Real(1.0, "", unit="Pa", above=0.0),
+        labels=("E1", "E2", "E3"),
+        automatic="none",
+    )
+    shear_moduli = Vector(
+        None,
+        "Shear moduli of an orthotropic cage: G12 in the plane of the fabric, G13 across the "
+        "warp's thickness, G23 across the weft's.",
+        component=Real(1.0, "", unit="Pa", above=0.0),
+        labels=("G12", "G13", "G23"),
+        automatic="none",
+    )
+    poissons_ratios = Vector(
+        None,
+        "Poisson's ratios of an orthotropic cage: νij is the contraction along j for a stretch "
+        "along i.",
+        component=Real(0.0, ""),
+        labels=("ν12", "ν13", "ν23"),
+        automatic="none",
+    )
     density = Real(300.0, "Mass density of the cage.", unit="kg/m3", above=0.0)
+    mass = Choice(
+        "consistent",
+        "Mass matrix: consistent with the elements' shape functions, or lumped on the vertices.",
+        ["consistent", "lumped"],
+    )
     modes = Integer(
         30,
         "Number of modes, the lowest first; at most as many as there are degrees of freedom.",
         minimum=1,
         maximum=100_000,
     )
-    fixed = Sides("+y", "Sides of the cage's bounding box whose vertices cannot move.")
+    fixed = Supports(
+        "+y",
+        "Places of the cage that cannot move: sides of its bounding box, boxes, spheres, point "
+        'masks, each in all directions or, after a colon, in those named: "-x:yz".',
+    )
+
+    #: Kept for those that come upon it by content: another support or material reuses parts.
+    _model: Model | None = None
+    #: Digest, eigenvalues and shapes of the last solution, for unit modulus and density.
+    _kept: tuple[str, FloatArray, FloatArray] | None = None
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Assemble, solve and attach the modes as point arrays."""
-        vertices = points_of(inputs[0]).astype(np.float64, copy=False)
-        tetrahedra = tetrahedra_of(inputs[0])
-        held = on_sides(vertices, self.fixed)
-        free = np.repeat(~held, 3)
-        dof = int(free.sum())
+        self.report(0.0)
+        grid = inputs[0]
+        vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
+        held = held_components(
+            vertices,
+            self.fixed,
+            lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
+        )
+        elasticity, linear = self._elasticity(), elements.shape[1] == 4
+        corners = elements[:, :4]
+        self._check_size(int((~held).sum()), layers_through_thickness(vertices, corners), linear)
+        self._model = model = Model(
+            vertices, elements, elasticity, self.density, held, self.mass == "lumped"
+        )
+        eigenvalues, shapes = self._solved(model)
+
+        output.ShallowCopy(grid)
+        attach(output, model)
+        for k, shape in enumerate(shapes / math.sqrt(model.density)):
+            add_array(output.GetPointData(), MODE_NAME.format(k), shape)
+        eigenvalues = eigenvalues * (model.modulus / model.density)
+        add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
+        add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
+        if linear:
+            self._warn_of_stiffness(vertices, corners, elasticity)
+
+    def _elasticity(self) -> FloatArray:
+        """Return the elasticity matrix along x, y and z, or say which parameter is missing."""
+        parts = {
+            key: getattr(self, key) for key in ("youngs_moduli", "shear_moduli", "poissons_ratios")
+        }
+        if self.material == "orthotropic":
+            for key, value in parts.items():
+                if value is None:
+                    raise InputError(
+                        "an orthotropic material needs it",
+                        key=key,
+                        allowed=self.parameter(key).allowed,
+                    )
+            return along_fabric(orthotropic(*parts.values()))
+        for key, value in parts.items():
+            if value is not None:
+                raise InputError(
+                    "the material is isotropic",
+                    key=key,
+                    value=list(value),
+                    cure='Set material = "orthotropic".',
+                )
+        return isotropic(self.youngs_modulus, self.poissons_ratio)
+
+    def _check_size(self, dof: int, layers: float, linear: bool) -> None:
         count = min(self.modes, dof)
-        layers = layers_through_thickness(vertices, tetrahedra)
         require(
-            estimate_bytes(dof, count, layers),
+            estimate_bytes(dof, count, layers if linear else 2 * layers),
             f"solving {count} modes of {dof} degrees of freedom",
             key="modes",
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        elasticity = isotropic(self.youngs_modulus, self.poissons_ratio)
-        stiffness, mass = stiffness_and_mass(vertices, tetrahedra, elasticity, self.density)
-        eigenvalues, shapes = solve_modes(stiffness, mass, free, count, self.report)
 
-        output.ShallowCopy(inputs[0])
-        data = output.GetPointData()
-        add_array(data, "fixed", held.astype(np.uint8))
-        add_array(data, "nodal_mass", nodal_mass(vertices, tetrahedra, self.density))
-        for k, shape in enumerate(shapes):
-            add_array(data, MODE_NAME.format(k), shape)
-        add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
-        add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
+    def _solved(self, model: Model) -> tuple[FloatArray, FloatArray]:
+        """Return the modes for unit modulus and density: kept, from disk, or solved."""
+        count, digest = min(self.modes, int(model.free.sum())), model.digest
+        if self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count:
+            found = _read(digest, count, len(model.points))
+            if found is None:
+                found = lowest(model.structure.pencil, count, self.report)
+                cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
+            self._kept = digest, *found
+        self.report(1.0)
+        return self._kept[1][:count], self._kept[2][:count]
 
-        if layers < 1.5:
+    def _warn_of_stiffness(
+        self, vertices: FloatArray, corners: NDArray[np.int64], elasticity: FloatArray
+    ) -> None:
+        layers = layers_through_thickness(vertices, corners)
+        times = bending_stiffness(vertices, corners)
+        off = (
+            f"bends about {times:.2g} times too stiffly, its bending frequencies are about "
+            f"{math.sqrt(times):.2g} times too high"
+        )
+        if layers < 1.9:
             self.warn(
-                "one layer of linear tetrahedra through the thickness bends several times too "
-                "stiffly; raise the cage's divisions there to trust frequencies and sag"
+                f"one layer of linear tetrahedra through the thickness {off}; set [cage] order = 2 "
+                "(quadratic tetrahedra), or raise the cage's divisions there"
             )
+        if self.material == "isotropic" and self.poissons_ratio > NEARLY_INCOMPRESSIBLE:
+            self.warn(
+                f"linear tetrahedra lock in volume at a Poisson's ratio of {self.poissons_ratio:g}"
+                + (f": this cage {off}, and more" if times > 1 else ", and are too stiff")
+                + "; set [cage] order = 2 (quadratic tetrahedra), or lower it to 0.45"
+            )
+
+
+def _read(digest: str, count: int, vertices: int) -> tuple[FloatArray, FloatArray] | None:
+    """Return modes from disk; None if there are none, too few, or not what they should be."""
+    entry = cache.load(f"modes-{digest}") or {}
+    values, shapes = entry.get("eigenvalues"), entry.get("shapes")
+    if (
+        values is None
+        or shapes is None
+        or values.dtype != np.float64
+        or shapes.dtype != np.float64
+        or values.ndim != 1
+        or len(values) < count
+        or shapes.shape != (len(values), vertices, 3)
+        or not np.isfinite(values).all()
+        or not np.isfinite(shapes).all()
+    ):
+        return None
+    return values, shapes

@@ -11,27 +11,38 @@ from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     vtkCellArray,
     vtkFieldData,
+    vtkPointSet,
     vtkPolyData,
     vtkUnstructuredGrid,
 )
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.filters.arrays import cells_of, points_of, to_array, to_cells, to_points
+from spacemap_vtk.filters.arrays import (
+    cell_types,
+    cells_of,
+    points_of,
+    to_array,
+    to_cells,
+    to_points,
+)
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.skin import Skin
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
 
 
 class PatchTessellator(Stage):
-    """Turn Bézier quadrilaterals into polygons with analytic normals.
+    """Turn Bézier quadrilaterals into polygons with analytic normals; let other cells pass.
 
     Each patch is evaluated on a regular grid of parameters by matrix products; what depends on
     the connectivity alone is kept while only the control points move.
 
     Notes
     -----
-    Points are not shared between patches: their normals are each patch's own.
+    Points are not shared between patches: their normals are each patch's own. Of a grid of other
+    cells comes its surface, with its lines and points; curved cells are subdivided by VTK. A
+    surface passes as it is.
 
     Examples
     --------
@@ -45,7 +56,7 @@ class PatchTessellator(Stage):
     """
 
     section = "surface"
-    inputs = ("vtkUnstructuredGrid",)
+    inputs = ("vtkPointSet",)
     output = "vtkPolyData"
 
     subdivisions = Integer(
@@ -53,19 +64,32 @@ class PatchTessellator(Stage):
     )
 
     _kept: _Prepared | None = None
+    _skin: Skin | None = None
 
-    def run(self, inputs: list[vtkUnstructuredGrid], output: vtkPolyData, time: float) -> None:
+    def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
+        if isinstance(grid, vtkPolyData):
+            output.ShallowCopy(grid)
+            return
+        if not _only_patches(grid):
+            if self._skin is None:
+                self._skin = Skin()
+            self._skin.extract(grid, self.subdivisions, output)
+            return
         prepared = self._prepared(grid)
-        positions, normals = prepared.tessellation.evaluate(points_of(grid))
+        rational = grid.GetPointData().GetRationalWeights()
+        weights = None if rational is None else vtk_to_numpy(rational)
+        positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
         for array in _numeric_arrays(grid.GetPointData()):
+            if array is rational:
+                continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
             values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values)
+            values = prepared.tessellation.interpolate(values, weights)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))
@@ -119,6 +143,12 @@ class _Prepared:
             values = np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0)
             kept = self.arrays[name] = array, array.GetMTime(), to_array(values, name)
         return kept[2]
+
+
+def _only_patches(grid: vtkPointSet) -> bool:
+    if not isinstance(grid, vtkUnstructuredGrid) or not grid.GetNumberOfCells():
+        return False
+    return set(cell_types(grid)) == {VTK_BEZIER_QUADRILATERAL}
 
 
 def _numeric_arrays(data: vtkFieldData) -> list[vtkDataArray]:

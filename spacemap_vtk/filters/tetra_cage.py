@@ -2,27 +2,45 @@
 
 from __future__ import annotations
 
-from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkDataSet, vtkUnstructuredGrid
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import (
+    VTK_QUADRATIC_TETRA,
+    VTK_TETRA,
+    vtkDataSet,
+    vtkUnstructuredGrid,
+)
 
 from spacemap_vtk.cage.bounds import padded_bounds
-from spacemap_vtk.cage.lattice import estimate_bytes, lattice
-from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.cage.carve import grown, pieces, touched
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.cage.split import mended
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.outline import edge_faults, envelope, outline
+from spacemap_vtk.filters.reading import merged, read_blocks
+from spacemap_vtk.filters.tetwild import filled
+from spacemap_vtk.filters.volume import tetrahedral
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Real, Vector
+from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 
 
 class TetraCage(Stage):
     """Enclose a data set in a coarse cage of tetrahedra.
 
-    The bounding box is cut into hexahedra, and each of these into five tetrahedra; the cut is
-    mirrored from one hexahedron to the next, so that the mesh conforms.
+    ``"lattice"`` cuts the bounding box into hexahedra, and each of these into five tetrahedra; the
+    cut is mirrored from one hexahedron to the next, so that the mesh conforms. ``"carved"`` keeps
+    of these the hexahedra that the object touches. ``"tetwild"`` fills the object's surface, or an
+    envelope of it, with fTetWild. ``"file"`` reads any volume mesh, and splits what is no
+    tetrahedron; points keep their numbers.
 
     Notes
     -----
     After section 3 of Furukawa, Kitagawa and Shimizu, "Deformation of Flexible Objects Based on
-    Space Mapping".
+    Space Mapping". How many points of the object lie outside, and how far, is told by
+    BarycentricWarp, which finds their places.
 
     Examples
     --------
@@ -37,31 +55,156 @@ class TetraCage(Stage):
     section = "cage"
     inputs = ("vtkDataSet",)
 
-    method = Choice("lattice", "How the cage is made.", ["lattice"])
+    method = Choice(
+        "lattice",
+        "How the cage is made: the whole box, its hexahedra that the object touches, tetrahedra "
+        "that fill the object's surface, or a mesh from a file.",
+        ["lattice", "carved", "tetwild", "file"],
+    )
     divisions = Vector(
         (5, 5, 1),
-        "Number of hexahedra along x, y and z. At least two through the thickness bend well.",
+        "Number of hexahedra along x, y and z of the box (lattice, carved). At least two through "
+        "the thickness bend well.",
         component=Integer(1, "", minimum=1, maximum=100_000),
+    )
+    order = Integer(
+        1,
+        "1: linear tetrahedra, whose vertices are their corners. 2: quadratic ones, with midpoints "
+        "on their edges: they bend, with one layer as well as linear ones with ten.",
+        minimum=1,
+        maximum=2,
     )
     padding = Real(
         0.0,
-        "Room between the object and the cage on each side, as a share of that side's length.",
+        "Room between the object and the box on each side, as a share of that side's length "
+        "(lattice, carved).",
         minimum=0.0,
         maximum=10.0,
     )
+    margin = Integer(
+        0, "Layers of hexahedra round those that are touched (carved).", minimum=0, maximum=100
+    )
+    fill = Flag(True, "Keep the hexahedra that the object encloses (carved).")
+    edge_length = Real(
+        None,
+        "Length of the tetrahedra's edges to aim for (tetwild).",
+        unit="m",
+        above=0.0,
+        automatic="a tenth of the object's diagonal",
+    )
+    inflate = Real(
+        0.0,
+        "Distance of the envelope that is filled; 0: the object's own surface (tetwild).",
+        unit="m",
+        minimum=0.0,
+    )
+    file = FilePath(None, "A volume mesh (file).", automatic="no file")
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
+        if self.method == "file":
+            self._from_file(output)
+            return
         if inputs[0].GetNumberOfPoints() == 0:
             raise GeometryError("there is nothing to enclose: the input has no points")
+        if self.method == "tetwild":
+            vertices, tetrahedra = self._wild(inputs[0])
+        else:
+            vertices, tetrahedra = self._box(inputs[0])
+        cell_type = VTK_TETRA
+        if self.order == 2:
+            vertices, tetrahedra = with_midpoints(vertices, tetrahedra)
+            cell_type = VTK_QUADRATIC_TETRA
+        output.SetPoints(to_points(vertices))
+        output.SetCells(cell_type, to_cells(tetrahedra))
+
+    def _box(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        divisions = np.array(self.divisions)
+        bounds = np.array(padded_bounds(data.GetBounds(), self.padding)).reshape(3, 2)
+        carved = self.method == "carved"
+        if carved:  # room for the margin, in whole hexahedra
+            step = (bounds[:, 1] - bounds[:, 0]) / divisions
+            bounds += np.array([-1, 1]) * self.margin * step[:, None]
+            divisions = divisions + 2 * self.margin
         require(
-            estimate_bytes(self.divisions),
+            estimate_bytes(divisions.tolist()) * (1 if self.order == 1 else 5),
             "this cage",
             key="divisions",
             value=list(self.divisions),
             cure="Use fewer divisions: a cage is meant to be coarse.",
         )
-        bounds = padded_bounds(inputs[0].GetBounds(), self.padding)
-        vertices, tetrahedra = lattice(bounds, self.divisions)
-        output.SetPoints(to_points(vertices))
-        output.SetCells(VTK_TETRA, to_cells(tetrahedra))
+        vertices, tetrahedra = lattice(bounds.ravel().tolist(), divisions.tolist())
+        if not carved:
+            return vertices, tetrahedra
+        points, triangles = outline(data)
+        spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
+        kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        kept = grown(kept, self.margin, self.fill)
+        sizes, loose = pieces(kept)
+        if len(sizes) > 1:
+            self.warn(
+                f"the cage falls into {len(sizes)} pieces, of "
+                + ", ".join(str(size) for size in sizes[:8])
+                + (", ..." if len(sizes) > 8 else "")
+                + " hexahedra"
+                + (
+                    f"; {len(sizes) - loose} of them hang on an edge or a corner alone"
+                    if loose < len(sizes)
+                    else "; each that is not fixed moves on its own"
+                )
+                + ": raise cage.margin or lower cage.divisions to join them"
+            )
+        groups = tetrahedra.reshape(-1, TETRAHEDRA_PER_CELL, 4)[kept.ravel()]
+        used, numbers = np.unique(groups, return_inverse=True)
+        return vertices[used], numbers.reshape(-1, 4)
+
+    def _wild(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        points, triangles = outline(data)
+        diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+        if diagonal == 0.0:
+            raise GeometryError("the object is a single point")
+        if self.inflate > 0.0:
+            points, triangles = envelope((points, triangles), self.inflate)
+        else:
+            triangles = triangles[triangles[:, 1] != triangles[:, 2]]
+            if not len(triangles):
+                raise GeometryError(
+                    "the object has no surface to fill",
+                    key="inflate",
+                    value=self.inflate,
+                    cure='Give it an envelope, as in inflate = "1 mm", or use method = "carved".',
+                )
+            open_, crowded = edge_faults(triangles, points)
+            faults = [f"{n} {what} edges" for n, what in ((open_, "open"), (crowded, "branching"))]
+            faults = [text for text in faults if not text.startswith("0 ")]
+            if faults:
+                self.warn(
+                    f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
+                    "own judgement: compare the cage, or give it an envelope (cage.inflate)"
+                )
+        (vertices, made), _ = filled(points, triangles, self.edge_length or diagonal / 10)
+        tetrahedra, _, flat = mended(vertices, made)
+        if not len(tetrahedra):
+            raise GeometryError(
+                f"all {flat} tetrahedra of the cage are flat",
+                cure="Give the object an envelope (cage.inflate).",
+            )
+        used, numbers = np.unique(tetrahedra, return_inverse=True)
+        return vertices[used], numbers.reshape(-1, 4)
+
+    def _from_file(self, output: vtkUnstructuredGrid) -> None:
+        if self.order == 2:
+            raise InputError(
+                "a cage from a file keeps its points, so that none can be put on its edges",
+                key="order",
+                value=2,
+                cure="Leave order out, or use another method.",
+            )
+        if self.file is None:
+            raise InputError(
+                'method "file" needs a file', key="file", allowed=type(self).file.allowed
+            )
+        volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
+        for note in volume.notes:
+            self.warn(note)
+        output.ShallowCopy(volume.grid)

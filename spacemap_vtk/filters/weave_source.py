@@ -2,48 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, weave
-from spacemap_vtk.fabric.settle import Fabric, settle
-from spacemap_vtk.fabric.wif import read_wif
-from spacemap_vtk.filters.arrays import add_array, to_cells, to_points
+from spacemap_vtk.fabric import weave, yarn
+from spacemap_vtk.fabric.as_wif import as_wif
+from spacemap_vtk.fabric.cloth import AXES, SECTIONS
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft_file import read_draft
+from spacemap_vtk.fabric.feasible import feasible_intervals
+from spacemap_vtk.fabric.settle import COLORS, Fabric, asked_crimp, settle, settled_measures
+from spacemap_vtk.fabric.wif import WifDraft
+from spacemap_vtk.fabric.wishes import Wishes
+from spacemap_vtk.filters.arrays import add_array, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.weave_parameters import Pattern, Series, YarnCount, repeat_of
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Color, FilePath, Integer, Parameter, Real
+from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
-#: Weaves with a name, each as one repeat.
-PRESETS = {"plain": ("10", "01")}
-
-
-class Pattern(Parameter[Any]):
-    """A weave: the name of a preset, or a 0/1 matrix."""
-
-    kind = "pattern"
-    annotation = "str or sequence of rows"
-    allowed = (
-        " or ".join(f'"{name}"' for name in PRESETS)
-        + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
-    )
-
-    def convert(self, value: Any) -> Any:
-        """Return a preset's name, or a tuple of strings of 0 and 1."""
-        if isinstance(value, str):
-            if value not in PRESETS:
-                raise InputError("not a weave")
-            return value
-        if not isinstance(value, Iterable):
-            raise InputError("not a weave")
-        return tuple(draft.rows(draft.from_matrix(list(value))))
-
-    def show(self, value: Any) -> str:
-        """Return the name or the rows."""
-        return f'"{value}"' if isinstance(value, str) else str(list(value))
+#: Ends and picks of a pattern where the user gives no number.
+SIZE = 7
 
 
 class WeaveSource(Stage):
@@ -63,14 +45,20 @@ class WeaveSource(Stage):
     >>> weave = WeaveSource(ends=7, picks=7, warp_diameter="0.3 mm")
     >>> weave.update()
     >>> weave.GetOutputDataObject(0).GetNumberOfCells()
-    1120
+    1176
     """
 
     section = "weave"
 
+    _settled: tuple[tuple[Any, ...], Fabric] | None = None
+
     pattern = Pattern("plain", "The weave, repeated over the cloth.")
     draft = FilePath(
-        None, "A weaver's draft (WIF 1.1), in place of the pattern.", automatic="no draft"
+        None,
+        "A draft in place of the pattern: a WIF; a text (.txt, .csv), a row of 0 and 1 for each "
+        "pick, the first pick first; or a black-and-white picture (.png and others), a pixel for "
+        "each crossing, black where the end lies over the pick, the first pick at the bottom.",
+        automatic="no draft",
     )
     ends = Integer(
         None,
@@ -86,40 +74,118 @@ class WeaveSource(Stage):
         maximum=100_000,
         automatic="the draft's own number, or 7",
     )
-    warp_diameter = Real(
-        None,
-        "Diameter d1 of the warp yarns.",
-        unit="m",
-        above=0.0,
-        automatic="the draft's thickness, or half the spacing",
+    warp_diameter = Series(
+        Real(
+            "0.25 mm",
+            "Diameter d1 of the warp yarns; of flattened yarns, their height.",
+            unit="m",
+            above=0.0,
+        ),
+        automatic="from the yarn count, the draft's thickness, or half the spacing",
     )
-    weft_diameter = Real(
-        None,
-        "Diameter d2 of the weft yarns.",
-        unit="m",
-        above=0.0,
-        automatic="the draft's thickness, or half the spacing",
+    weft_diameter = Series(
+        Real(
+            "0.25 mm",
+            "Diameter d2 of the weft yarns; of flattened yarns, their height.",
+            unit="m",
+            above=0.0,
+        ),
+        automatic="from the yarn count, the draft's thickness, or half the spacing",
     )
-    warp_spacing = Real(
-        None,
-        "Distance p1 between neighbouring ends.",
-        unit="m",
-        above=0.0,
-        automatic="the draft's spacing, or 0.5 mm",
+    warp_count = Series(
+        YarnCount(
+            "30 tex",
+            "Yarn count of the warp, in place of its diameter.",
+            unit="kg/m",
+            above=0.0,
+            maximum=1.0,
+        ),
+        automatic="from the diameter",
     )
-    weft_spacing = Real(
+    weft_count = Series(
+        YarnCount(
+            "30 tex",
+            "Yarn count of the weft, in place of its diameter.",
+            unit="kg/m",
+            above=0.0,
+            maximum=1.0,
+        ),
+        automatic="from the diameter",
+    )
+    fibre_density = Real(
+        yarn.COTTON, "Density of the fibres; the default is cotton's.", unit="kg/m3", above=0.0
+    )
+    packing = Real(
+        yarn.PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
+    )
+    warp_spacing = Series(
+        Real("0.5 mm", "Distance p1 between neighbouring ends.", unit="m", above=0.0),
+        automatic="from the sett, the draft's spacing, or 0.5 mm",
+    )
+    weft_spacing = Series(
+        Real("0.5 mm", "Distance p2 between neighbouring picks.", unit="m", above=0.0),
+        automatic="from the sett, the draft's spacing, or 0.5 mm",
+    )
+    warp_sett = Real(
         None,
-        "Distance p2 between neighbouring picks.",
-        unit="m",
+        'Ends in a length, in place of their spacing: "20 /cm" or "50 /in".',
+        unit="1/m",
         above=0.0,
-        automatic="the draft's spacing, or 0.5 mm",
+        automatic="from the spacing",
+    )
+    weft_sett = Real(
+        None,
+        'Picks in a length, in place of their spacing: "20 /cm" or "50 /in".',
+        unit="1/m",
+        above=0.0,
+        automatic="from the spacing",
     )
     warp_crimp_height = Real(
         None,
         "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
         unit="m",
         minimum=0.0,
-        automatic="the middle of the feasible interval",
+        automatic="from a crimp, or the middle of the feasible interval",
+    )
+    warp_crimp = Real(
+        None,
+        'Crimp c1 = l1 / p2 - 1 of the warp where it changes side, as 0.09 or "9 %".',
+        minimum=0.0,
+        automatic="from the crimp height",
+    )
+    weft_crimp = Real(
+        None,
+        'Crimp c2 = l2 / p1 - 1 of the weft where it changes side, as 0.09 or "9 %".',
+        minimum=0.0,
+        automatic="from the crimp height",
+    )
+    warp_section = Choice(
+        "circular",
+        "Section of the warp yarns; a racetrack is a rectangle between two half circles.",
+        SECTIONS,
+    )
+    weft_section = Choice(
+        "circular",
+        "Section of the weft yarns; a racetrack is a rectangle between two half circles.",
+        SECTIONS,
+    )
+    warp_aspect = Real(
+        None,
+        "Width over height of the warp's section.",
+        minimum=1.0,
+        automatic="1 for circular yarns, 1.5 for others",
+    )
+    weft_aspect = Real(
+        None,
+        "Width over height of the weft's section.",
+        minimum=1.0,
+        automatic="1 for circular yarns, 1.5 for others",
+    )
+    thick_yarns = Choice(
+        "scale",
+        "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
+        "of the feasible limit, flatten them, or refuse the draft.",
+        ["scale", "flatten", "refuse"],
     )
     overhang = Real(
         None,
@@ -128,8 +194,20 @@ class WeaveSource(Stage):
         above=0.0,
         automatic="half the spacing crossed",
     )
-    warp_color = Color("#2d6a8e", "Colour of the warp, unless a draft has its own.")
-    weft_color = Color("#e8c78f", "Colour of the weft, unless a draft has its own.")
+    caps = Flag(True, "Close the cut ends of the yarns.")
+    exact = Flag(False, "Make rational patches, exact to rounding where yarns are round.")
+    axis = Choice(
+        "arcs",
+        "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
+        "curvature, which holds no distance between yarns.",
+        AXES,
+    )
+    warp_color = Series(
+        Color(COLORS["warp"], "Colour of the warp."), automatic="the draft's, or #2d6a8e"
+    )
+    weft_color = Series(
+        Color(COLORS["weft"], "Colour of the weft."), automatic="the draft's, or #e8c78f"
+    )
 
     @property
     def fabric(self) -> Fabric:
@@ -144,23 +222,86 @@ class WeaveSource(Stage):
         SizeError
             If the patches would not fit into memory.
         """
-        if self.draft is not None:
-            source = read_wif(self.draft).draft
-            picks, ends = source.drawdown.shape
-        else:
-            repeat = PRESETS.get(self.pattern, self.pattern)
-            source = draft.Draft(draft.from_matrix(repeat))
-            picks, ends = 7, 7
-        ends, picks = self.ends or ends, self.picks or picks
-        require(
-            weave.estimate_bytes(ends, picks, parts_per_gap=3),
-            f"a weave of {ends} x {picks} yarns",
-            key="ends",
-            value=ends,
-            cure="Use fewer ends and picks.",
-        )
-        measures = {name: value for name, value in self.settings.items() if name in _MEASURES}
-        return settle(source, ends=ends, picks=picks, **measures)
+        # asked for at every frame, by whoever draws it
+        stamp = self.draft.stat().st_mtime_ns if self.draft and self.draft.is_file() else 0
+        key = (*self.settings.values(), stamp)
+        if self._settled is None or self._settled[0] != key:
+            source, wishes = self.source, self.wishes
+            picks, ends = (source if isinstance(source, Draft) else source.draft).drawdown.shape
+            ends, picks = wishes.ends or ends, wishes.picks or picks
+            _require(ends, picks, weave.estimate_bytes(ends, picks, parts_per_gap=1))
+            fabric = settle(source, wishes)
+            _require(ends, picks, weave.estimate_bytes(ends, picks, cloth=fabric.cloth))
+            self._settled = key, fabric
+        return self._settled[1]
+
+    @property
+    def feasible(self) -> dict[str, tuple[float, float]]:
+        """The interval in which each input may lie, all the others as they are.
+
+        By parameter: the crimp height, both crimps, and diameters and spacings (in m) where they
+        are one value. Low and high, infinite where there is no bound; an input that has no
+        feasible value is left out. Reads the draft, builds nothing, and does not need the present
+        values to be feasible.
+
+        Raises
+        ------
+        InputError
+            If the draft cannot be read, or parameters exclude each other.
+        """
+        wishes = self.wishes
+        measures, _ = settled_measures(self.source, wishes)
+        measures["warp_crimp_height"] = wishes.warp_crimp_height
+        return feasible_intervals(measures, asked_crimp(wishes))
+
+    @property
+    def wif(self) -> WifDraft:
+        """The draft of the fabric: the file's own, as far as no parameter changes it.
+
+        Raises
+        ------
+        SpacemapError
+            As for `fabric`.
+        InputError
+            If a WIF cannot hold the distances between the yarns.
+        """
+        named = self.draft is None and isinstance(self.pattern, str)
+        title = self.pattern.capitalize() if named else ""
+        return as_wif(self.fabric, self.source, self.wishes, title)
+
+    @property
+    def wishes(self) -> Wishes:
+        """What the parameters ask of the fabric, the default size of a pattern among it.
+
+        Raises
+        ------
+        InputError
+            If parameters exclude each other.
+        """
+        asked = {field.name: getattr(self, field.name) for field in fields(Wishes)}
+        if self.draft is None:
+            asked |= {name: asked[name] or SIZE for name in ("ends", "picks")}
+        return Wishes(**asked)
+
+    @property
+    def source(self) -> WifDraft | Draft:
+        """The weave to be made: the draft's file, or one repeat of the pattern.
+
+        Raises
+        ------
+        InputError
+            If the draft cannot be read, or there are a draft and a pattern.
+        """
+        if self.draft is None:
+            return Draft(repeat_of(self.pattern))
+        if self.pattern != self.parameter("pattern").default:
+            raise InputError(
+                "there are a pattern and a draft, and a cloth has one weave",
+                key="pattern",
+                value=self.pattern,
+                cure=f"Leave out the pattern, or the draft {self.draft}",
+            )
+        return read_draft(self.draft)
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
@@ -170,6 +311,8 @@ class WeaveSource(Stage):
         made = weave.build(fabric.drawdown, fabric.cloth)
         output.SetPoints(to_points(made.points))
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
+        if made.weights is not None:
+            output.GetPointData().SetRationalWeights(to_array(made.weights, "RationalWeights"))
         add_array(output.GetCellData(), "yarn", made.yarn)
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
         colors = np.concatenate([fabric.warp_colors, fabric.weft_colors])
@@ -185,16 +328,14 @@ class WeaveSource(Stage):
                 ("height", height),
             ):
                 add_array(output.GetFieldData(), f"{family}_{name}", np.array([float(value)]))
+        add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
 
 
-#: The parameters that `settle` takes as they are.
-_MEASURES = {
-    "warp_diameter",
-    "weft_diameter",
-    "warp_spacing",
-    "weft_spacing",
-    "warp_crimp_height",
-    "overhang",
-    "warp_color",
-    "weft_color",
-}
+def _require(ends: int, picks: int, size: int) -> None:
+    require(
+        size,
+        f"a weave of {ends} x {picks} yarns",
+        key="ends",
+        value=ends,
+        cure="Use fewer ends and picks.",
+    )

@@ -1,23 +1,26 @@
-"""Stiffness and mass of linear tetrahedra: K and M of ``M ü + C u̇ + K u = f``.
+"""Stiffness and mass of tetrahedra: K and M of ``M ü + C u̇ + K u = f``.
 
-On a linear tetrahedron the gradients g_a of the four shape functions are constant, so both
-matrices are sums over the tetrahedra of a product for each pair (a, b) of vertices:
+On a straight-sided tetrahedron the gradients g_i of the barycentric coordinates are constant, so
+both matrices are sums over the tetrahedra of a product for each pair (a, b) of vertices:
 
-    K[a i, b j] = Σ_kl c_ikjl Σ_T V g_a,k g_b,l        M[a i, b j] = δ_ij ρ Σ_T V (1 + δ_ab) / 20
+    K[a k', b l'] = Σ_kl c_k'kl'l Σ_T V Σ_ij s_ijab g_i,k g_j,l      M[a i, b j] = δ_ij ρ Σ_T V p_ab
 
-The inner sums hold geometry alone. `assemble` makes them once; a new material is then one product
-with its 81 elasticities, however many tetrahedra share a vertex.
+with the integrals s and p of `spacemap_vtk.modal.elements`: exact, for linear and quadratic
+elements. The inner sums hold geometry alone. `assemble` makes them once; a new material is then
+one product with its 81 elasticities, however many tetrahedra share a vertex.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal.elements import element
+from spacemap_vtk.modal.materials import isotropic
 from spacemap_vtk.modal.tetrahedra import (
     FloatArray,
     IntArray,
@@ -41,86 +44,84 @@ __all__ = [
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
-class Assembly(NamedTuple):
-    """What a mesh of linear tetrahedra contributes to K and M, whatever its material.
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """What a mesh of tetrahedra contributes to K and M, whatever its material.
 
     Parameters
     ----------
     indptr, indices : ndarray of int64, shapes (V + 1,) and (P,)
         The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
     gradients : ndarray of float64, shape (P, 9)
-        Σ V g_a,k g_b,l of each pair, column 3 k + l [m].
+        ∫ N_a,k N_b,l of each pair, column 3 k + l [m].
     products : ndarray of float64, shape (P,)
-        Σ V (1 + δ_ab) / 20 of each pair, the integral of N_a N_b [m³].
+        ∫ N_a N_b of each pair [m³].
+    lumps : ndarray of float64, shape (V,)
+        Each vertex's share of the volume, for a lumped mass [m³].
     """
 
     indptr: IntArray
     indices: IntArray
     gradients: FloatArray
     products: FloatArray
+    lumps: FloatArray
 
 
-def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:
-    """Return the elasticity matrix of an isotropic solid (Hooke's law).
+def barycentric_gradients(
+    points: FloatArray, tetrahedra: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gradients of the barycentric coordinates, and the volumes.
 
     Parameters
     ----------
-    youngs_modulus : float
-        E > 0 [Pa].
-    poissons_ratio : float
-        ν, above -1 and below 0.5.
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
+        Vertices of each tetrahedron.
 
     Returns
     -------
-    ndarray of float64, shape (6, 6)
-        Stress (xx, yy, zz, yz, zx, xy) [Pa] from strain in the same order, shears in engineering
-        measure (γ = 2ε): σ = λ tr(ε) I + 2μ ε, with Lamé's λ = Eν / ((1 + ν)(1 - 2ν)) and
-        μ = E / (2 (1 + ν)).
+    gradients : ndarray of float64, shape (T, 4, 3)
+        ∇L_i [1/m]; they sum to zero.
+    volumes : ndarray of float64, shape (T,)
+        Volumes [m³], positive for either orientation.
 
     Raises
     ------
-    InputError
-        If the solid would not be stable.
+    GeometryError
+        If a tetrahedron is flat.
     """
-    if not (np.isfinite(youngs_modulus) and youngs_modulus > 0):
-        raise InputError(
-            "the material has no positive stiffness",
-            key="youngs_modulus",
-            value=youngs_modulus,
-            allowed="above 0 Pa",
-        )
-    if not -1 < poissons_ratio < 0.5:
-        raise InputError(
-            "no stable, compressible solid has this ratio",
-            key="poissons_ratio",
-            value=poissons_ratio,
-            allowed="above -1 and below 0.5",
-            cure="Use 0.49 for a nearly incompressible material",
-        )
-    shear = youngs_modulus / (2 * (1 + poissons_ratio))
-    lame = 2 * shear * poissons_ratio / (1 - 2 * poissons_ratio)
-    matrix = np.diag([2.0 * shear] * 3 + [shear] * 3)
-    matrix[:3, :3] += lame
-    return matrix
+    edges, volume = edges_and_volumes(points, tetrahedra)
+    # ∇L_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
+    # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
+    cross = np.cross(edges[:, [1, 2, 0]], edges[:, [2, 0, 1]])
+    rest = cross / np.einsum("tk,tk->t", edges[:, 0], cross[:, 0])[:, None, None]
+    gradients: FloatArray = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+    return gradients, volume
 
 
-def nodal_mass(points: ArrayLike, tetrahedra: ArrayLike, density: float) -> FloatArray:
+def nodal_mass(
+    points: ArrayLike, tetrahedra: ArrayLike, density: float, lumped: bool = False
+) -> FloatArray:
     """Return the share of the mass that belongs to each vertex.
 
     Parameters
     ----------
     points : array_like of float, shape (V, 3)
         Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4)
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
         Vertices of each tetrahedron.
     density : float
         ρ > 0 [kg/m³].
+    lumped : bool
+        Of the lumped in place of the consistent mass matrix; for linear tetrahedra both agree.
 
     Returns
     -------
     ndarray of float64, shape (V,)
-        Row sums of the consistent mass matrix [kg], a quarter of each tetrahedron that meets the
-        vertex; they sum to ρV.
+        Row sums of the mass matrix [kg]; they sum to ρV. Gravity's load is their product with g.
+        Linear tetrahedra give each vertex a quarter; the consistent mass of quadratic ones gives
+        a midpoint a fifth and a corner minus a twentieth.
 
     Raises
     ------
@@ -130,8 +131,10 @@ def nodal_mass(points: ArrayLike, tetrahedra: ArrayLike, density: float) -> Floa
         If the density is not positive.
     """
     _check_density(density)
-    volume = np.repeat(volumes(points, tetrahedra), 4)
-    return np.bincount(np.ravel(tetrahedra), volume, len(np.asarray(points))) / 4 * density
+    volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
+    shape = element(nodes.shape[1])
+    share = shape.lumps if lumped else shape.products.sum(axis=1)
+    return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
 
 
 def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
@@ -141,7 +144,7 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
     ----------
     points : array_like of float, shape (V, 3)
         Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4)
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
         Vertices of each tetrahedron.
 
     Returns
@@ -155,26 +158,28 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
         As `volumes` does.
     """
     points, tetrahedra = checked_mesh(points, tetrahedra)
-    edges, volume = edges_and_volumes(points, tetrahedra)
-    # ∇N_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
-    # determinant, so orientation cancels. The shape functions sum to 1, hence the fourth gradient.
-    cross = np.cross(edges[:, [1, 2, 0]], edges[:, [2, 0, 1]])
-    rest = cross / np.einsum("tk,tk->t", edges[:, 0], cross[:, 0])[:, None, None]
-    gradient = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+    gradient, volume = barycentric_gradients(points, tetrahedra)
+    nodes, count = tetrahedra.shape[1], len(points)
+    shape = element(nodes)
 
-    count = len(points)
     key = (tetrahedra[:, :, None] * count + tetrahedra[:, None, :]).ravel()
     pair, slot = np.unique(key, return_inverse=True)
+    slot = slot.ravel()
     indptr = np.searchsorted(pair, np.arange(count + 1) * count)
 
     gradients = np.empty((len(pair), 9))
+    slopes = shape.slopes.reshape(16, -1)
     for k in range(3):
         for m in range(3):
             # One component at a time: all nine at once would take nine times the memory.
-            term = gradient[:, :, None, k] * gradient[:, None, :, m] * volume[:, None, None]
-            gradients[:, 3 * k + m] = np.bincount(slot, term.ravel())
-    products = np.bincount(slot, (volume[:, None, None] * (1 + np.eye(4))).ravel()) / 20
-    return Assembly(indptr, pair % count, gradients, products)
+            outer = gradient[:, :, None, k] * gradient[:, None, :, m] * volume[:, None, None]
+            term = outer.reshape(len(volume), 16)
+            gradients[:, 3 * k + m] = np.bincount(
+                slot, (term if nodes == 4 else term @ slopes).ravel()
+            )
+    products = _summed(slot, np.outer(volume, shape.products), len(pair))
+    lumps = _summed(tetrahedra, np.outer(volume, shape.lumps), count)
+    return Assembly(indptr, pair % count, gradients, products, lumps)
 
 
 def stiffness(assembly: Assembly, elasticity: ArrayLike) -> sp.csr_matrix:
@@ -214,8 +219,8 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> sp.csr_matrix:
     return sp.bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
 
 
-def mass(assembly: Assembly, density: float) -> sp.csr_matrix:
-    """Return the consistent mass matrix.
+def mass(assembly: Assembly, density: float, lumped: bool = False) -> sp.csr_matrix:
+    """Return the mass matrix.
 
     Parameters
     ----------
@@ -223,6 +228,9 @@ def mass(assembly: Assembly, density: float) -> sp.csr_matrix:
         The mesh, from `assemble`.
     density : float
         ρ > 0 [kg/m³].
+    lumped : bool
+        All mass on the diagonal. Frequencies then come from below where the consistent mass
+        brings them from above.
 
     Returns
     -------
@@ -235,6 +243,8 @@ def mass(assembly: Assembly, density: float) -> sp.csr_matrix:
         If the density is not positive.
     """
     _check_density(density)
+    if lumped:
+        return sp.diags(np.repeat(density * assembly.lumps, 3), format="csr")
     count = len(assembly.indptr) - 1
     parts = (density * assembly.products, assembly.indices, assembly.indptr)
     return sp.kron(sp.csr_matrix(parts, shape=(count, count)), sp.identity(3), format="csr")
@@ -243,13 +253,13 @@ def mass(assembly: Assembly, density: float) -> sp.csr_matrix:
 def stiffness_and_mass(
     points: ArrayLike, tetrahedra: ArrayLike, elasticity: ArrayLike, density: float
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """Return K and M of a mesh of linear tetrahedra.
+    """Return K and consistent M of a mesh of tetrahedra.
 
     Parameters
     ----------
     points : array_like of float, shape (V, 3)
         Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4)
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
         Vertices of each tetrahedron, of either orientation.
     elasticity : array_like of float, shape (6, 6)
         Elasticity matrix [Pa], see `isotropic`.
@@ -270,6 +280,11 @@ def stiffness_and_mass(
     """
     assembly = assemble(points, tetrahedra)
     return stiffness(assembly, elasticity), mass(assembly, density)
+
+
+def _summed(places: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Return the sum of the values at each place."""
+    return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)
 
 
 def _check_density(density: float) -> None:

@@ -21,9 +21,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse import csgraph
-from scipy.sparse.linalg import splu
 
-from spacemap_vtk.errors import SizeError, SolverError
+from spacemap_vtk.errors import SolverError
 
 FloatArray = NDArray[np.float64]
 Solve = Callable[[FloatArray], FloatArray]
@@ -37,21 +36,27 @@ TOLERANCE = 1e-10
 
 
 def lowest_modes(
+    solve: Solve,
     stiffness: sp.csr_matrix,
     mass: sp.csr_matrix,
     count: int,
     progress: Callable[[float], object],
+    seed: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lowest modes of a connected mesh, iterating on a sparse factorisation.
 
     Parameters
     ----------
+    solve : callable
+        Solves with K + σM, see `shift`: maps (N, m) to (N, m).
     stiffness, mass : scipy.sparse.csr_matrix of float64, shape (N, N)
         K, positive semidefinite, and M, positive definite.
     count : int
         Number of modes, well below N.
     progress : callable
         Called with a fraction between 0 and 1 after each block; may raise.
+    seed : int
+        Of the random vectors to start from.
 
     Returns
     -------
@@ -62,20 +67,10 @@ def lowest_modes(
 
     Raises
     ------
-    SizeError
-        If the factors do not fit into memory.
     SolverError
-        If K has no positive diagonal or the iteration does not converge.
+        If the iteration does not converge.
     """
-    if not (stiffness.diagonal() > 0).all():
-        raise SolverError(
-            "the stiffness matrix is not positive semidefinite",
-            cure="Check the material and the supports of the cage",
-        )
-    sigma = shift(stiffness, mass)
-    solve = factorise(stiffness + sigma * mass)
-    progress(0.3)
-    vectors = _block_lanczos(solve, mass, count, lambda share: progress(0.3 + 0.65 * share))
+    vectors = _block_lanczos(solve, mass, count, progress, seed)
     # One more inverse iteration: a Lanczos vector is a sum of many and carries the rounding of
     # all, which K would magnify in its high modes; (K + σM)⁻¹ M damps exactly these.
     vectors = solve(mass @ vectors)
@@ -116,58 +111,12 @@ def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
     return float(max(0.01 * (np.pi / (2 * crossing)) ** 2, 1e-12 * ratio.max()))
 
 
-def factorise(matrix: sp.csr_matrix) -> Solve:
-    """Return the solution operator of a sparse, symmetric, positive definite matrix.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse.csr_matrix of float64, shape (N, N)
-        The matrix.
-
-    Returns
-    -------
-    callable
-        Maps right-hand sides (N, m) to solutions (N, m).
-
-    Raises
-    ------
-    SizeError
-        If the factors do not fit into memory.
-    SolverError
-        If the matrix is singular.
-    """
-    # Minimum degree breaks its many ties by the order it is given. A regular lattice's own order is
-    # a bad one: shuffled, 100,000 degrees of freedom of a slab factorise in 5 s instead of 34.
-    order = np.random.default_rng(0).permutation(matrix.shape[0])
-    try:
-        # Less than half the time of SuperLU's defaults on such a matrix.
-        factors = splu(
-            matrix[order][:, order].tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except MemoryError as error:
-        raise SizeError(
-            f"the factors of {matrix.shape[0]} degrees of freedom do not fit into memory",
-            cure="Use a coarser cage",
-        ) from error
-    except RuntimeError as error:
-        raise SolverError(
-            f"the stiffness matrix cannot be factorised: {error}",
-            cure="Look for badly shaped tetrahedra in the cage",
-        ) from error
-
-    def solve(right: FloatArray) -> FloatArray:
-        solution = np.empty_like(right)
-        solution[order] = factors.solve(right[order])
-        return solution
-
-    return solve
-
-
 def _block_lanczos(
-    solve: Solve, mass: sp.csr_matrix, count: int, progress: Callable[[float], object]
+    solve: Solve,
+    mass: sp.csr_matrix,
+    count: int,
+    progress: Callable[[float], object],
+    seed: int,
 ) -> FloatArray:
     """Return Ritz vectors (N, count) of (K + σM)⁻¹ M for its largest eigenvalues."""
     size = mass.shape[0]
@@ -176,7 +125,7 @@ def _block_lanczos(
     limit = min(size, 10 * count + 40 * BLOCK)
     basis = np.empty((size, limit), order="F")
     projected = np.zeros((limit, limit))
-    start = np.random.default_rng(0).standard_normal((size, BLOCK))
+    start = np.random.default_rng(seed).standard_normal((size, BLOCK))
     block = _orthonormal(start, basis[:, :0], mass)[0]
     used, check = 0, count + BLOCK
     while used + BLOCK <= limit:

@@ -1,14 +1,14 @@
-"""The damped oscillator in closed form, q'' + 2 h q' + λ q = w, without losing digits.
+"""Closed-form response of q̈ + 2h q̇ + λ q = w, with 2h = α + βλ, at any time.
 
-With 2h = α + βλ the decay rates are r1 = h - d and r2 = h + d, d² = h² - λ. The textbook formulas
-divide by d or ω, subtract nearly equal exponentials and overflow; here everything is made of
+Equations (19) and (20) of Furukawa et al., with the decay exp(-ht) and for all four cases:
+under-, critically and overdamped, and rigid (λ = 0). The roots of r² - 2hr + λ are r₁,₂ = h ∓ d,
+d = √(h² - λ). Everything follows from the impulse response S and its integrals over time: S₂ to a
+step, S₃ to a ramp, S₄ to a parabola. No form loses digits where two cases meet, because
 
-- S, the response to a unit impulse: t exp(-r1 t) exprel(-2 d t), or t exp(-h t) sinc(ω t);
-- C, the free response from q = 1 at rest: exp(-r1 t) + r1 S, or exp(-h t) cos(ω t) + h S;
-- P, the response to a unit step, the integral of S.
-
-r1 is computed as λ / r2, and d and ω are only ever multiplied. Source: equation (20) of Furukawa,
-Kitagawa and Shimizu for the underdamped case; the others by the same route.
+- r₁ is λ / (h + d), never the difference h - d;
+- sinh and sin stand over their own argument (exprel, sinc), never over d, which passes zero;
+- a growing exponential is never taken, so nothing overflows however far a mode is overdamped;
+- for short times, where the closed forms of the integrals cancel, Taylor's series is summed.
 """
 
 from __future__ import annotations
@@ -19,156 +19,265 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
+from spacemap_vtk.errors import InputError
+
 FloatArray = NDArray[np.float64]
 
-#: Below this value of (largest rate) x t the step response comes from its Taylor series, where
-#: the closed forms subtract nearly equal numbers.
-_SERIES = 0.5
-#: Terms of that series: 0.5**18 / 18! is below rounding.
-_TERMS = 18
+#: Larger root times t, up to which the integrals of the impulse response are summed as a series.
+SHORT = 1.0
+#: Terms of that series: they fall as 2ⁿ / n!.
+TERMS = 24
+#: Distance of ζ from 1 within which damping is called critical.
+CRITICAL = 1e-9
 
 
 class Oscillation(NamedTuple):
-    """Responses of one oscillator for each mode, at one time; arrays of shape (n,)."""
+    """Responses of single oscillators at one time, each of shape (n,)."""
 
     free: FloatArray
-    """q(t) from q(0) = 1 at rest."""
+    """q after q(0) = 1, q̇(0) = 0 [1]."""
     free_rate: FloatArray
     """Its derivative [1/s]."""
     impulse: FloatArray
-    """q(t) from q(0) = 0 with q'(0) = 1 [s]."""
+    """q after q(0) = 0, q̇(0) = 1 [s]."""
     impulse_rate: FloatArray
-    """Its derivative."""
+    """Its derivative [1]."""
     step: FloatArray
-    """q(t) from rest under w = 1 from t = 0 on [s²]; its derivative is `impulse`."""
+    """q from rest under w = 1 [s²]; its derivative is `impulse`."""
 
 
-def oscillate(eigenvalues: ArrayLike, alpha: float, beta: float, time: float) -> Oscillation:
-    """Return the responses at a time, in all four damping cases.
+class Kernels(NamedTuple):
+    """All that a piecewise linear load needs, each of the broadcast shape of the arguments."""
+
+    free: FloatArray
+    free_rate: FloatArray
+    impulse: FloatArray
+    impulse_rate: FloatArray
+    step: FloatArray
+    """As in `Oscillation`."""
+    ramp: FloatArray
+    """q from rest under w = t [s³]; its derivative is `step`."""
+    parabola: FloatArray
+    """q from rest under w = t²/2 [s⁴]; its derivative is `ramp`."""
+
+
+def oscillate(
+    eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, time: ArrayLike
+) -> Oscillation:
+    """Return the responses of q̈ + (α + βλ) q̇ + λ q = w.
 
     Parameters
     ----------
-    eigenvalues : array_like, shape (n,)
-        λ [1/s²], at least 0.
-    alpha : float
-        Damping proportional to mass [1/s], at least 0.
-    beta : float
-        Damping proportional to stiffness [s], at least 0.
-    time : float
-        t [s], at least 0.
+    eigenvalues : array_like of float, shape (n,)
+        λ ≥ 0 [1/s²].
+    alpha : array_like of float
+        Mass-proportional damping α ≥ 0 [1/s]; one for all, or one for each mode (with β = 0, a
+        damping ratio ζ of its own is α = 2ζ√λ).
+    beta : array_like of float
+        Stiffness-proportional damping β ≥ 0 [s].
+    time : array_like of float
+        t ≥ 0 [s]. All four broadcast against each other.
 
     Returns
     -------
     Oscillation
-        Free, impulse and step responses.
+        Free, impulse and step responses and rates. Rounding is of the order of 1e-16 (1 + √λ t)
+        of the largest value each could take: the phase of an undamped oscillation is no better
+        known.
+
+    Raises
+    ------
+    InputError
+        If a value is negative or not finite.
 
     Examples
     --------
-    >>> import math
-    >>> round(float(oscillate([4.0], 0.0, 0.0, math.pi / 4).impulse[0]), 12)
-    0.5
+    >>> response = oscillate([4.0], 0.0, 0.0, np.pi / 2)  # half a period of ω = 2
+    >>> response.free.round(12), response.step.round(12)
+    (array([-1.]), array([0.5]))
     """
-    value = np.atleast_1d(np.asarray(eigenvalues, dtype=np.float64))
-    half = 0.5 * (alpha + beta * value)
-    square = _minus_square_root_squared(half, value)
-    over = square >= 0.0
-    d = np.sqrt(np.where(over, square, 0.0))
-    omega = np.sqrt(np.where(over, 0.0, -square))
-    fast = half + d
-    slow = np.divide(value, fast, out=np.zeros_like(value), where=fast > 0.0)
-    slow = np.where(over, slow, half)  # both decay rates are h where it swings
-
-    decay = np.exp(-slow * time)
-    shape = np.where(over, exprel(-2.0 * d * time), np.sinc(omega * time / np.pi))
-    impulse = time * decay * shape
-    swing = decay * np.where(over, 1.0, np.cos(omega * time))
-    free = swing + slow * impulse
-    last = np.where(over, np.exp(-np.where(over, fast, 0.0) * time), swing)
-    impulse_rate = last - slow * impulse
-    largest = np.maximum(fast, np.sqrt(value))
-    return Oscillation(
-        free=free,
-        free_rate=-value * impulse,
-        impulse=impulse,
-        impulse_rate=impulse_rate,
-        step=_step(value, half, fast, slow, over, largest, free, impulse, time),
+    stiffness, a, b, t = _checked_all(
+        (eigenvalues, alpha, beta, time), ("eigenvalues", "alpha", "beta", "time")
     )
+    return Oscillation(*kernels(stiffness, (a + b * stiffness) / 2, t)[:5])
 
 
-def damping_ratio(eigenvalues: ArrayLike, alpha: float, beta: float) -> FloatArray:
-    """Return h / sqrt(λ) of each mode.
+def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -> Kernels:
+    """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked.
 
     Parameters
     ----------
-    eigenvalues : array_like, shape (n,)
-        λ [1/s²].
-    alpha, beta : float
-        Damping proportional to mass [1/s] and to stiffness [s].
+    stiffness : ndarray of float64
+        λ ≥ 0 [1/s²].
+    half : ndarray of float64
+        h ≥ 0 [1/s].
+    time : ndarray of float64 or float
+        t ≥ 0 [s]; the three broadcast against each other.
+
+    Returns
+    -------
+    Kernels
+        Responses at t.
+    """
+    spring, h, t = np.broadcast_arrays(stiffness, half, time)
+    over = h > np.sqrt(spring)
+    if over.all():
+        return _overdamped(h, spring, t)
+    if not over.any():
+        return _underdamped(h, spring, t)
+    result = Kernels(*np.empty((7, *t.shape)))
+    for case, response in ((over, _overdamped), (~over, _underdamped)):
+        for whole, part in zip(result, response(h[case], spring[case], t[case]), strict=True):
+            whole[case] = part
+    return result
+
+
+def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> FloatArray:
+    """Return ζ = h / √λ of each mode.
+
+    Parameters
+    ----------
+    eigenvalues : array_like of float, shape (n,)
+        λ ≥ 0 [1/s²].
+    alpha, beta : array_like of float
+        Damping α [1/s] and β [s], not negative.
 
     Returns
     -------
     ndarray of float64, shape (n,)
-        NaN for a rigid mode, which has no frequency to compare its decay with.
+        ζ; NaN for a rigid mode, which has no critical damping to compare with.
+
+    Raises
+    ------
+    InputError
+        If a value is negative or not finite.
     """
-    value = np.asarray(eigenvalues, dtype=np.float64)
-    half, root = 0.5 * (alpha + beta * value), np.sqrt(value)
-    return np.divide(half, root, out=np.full_like(value, np.nan), where=value > 0.0)
+    stiffness, a, b = _checked_all((eigenvalues, alpha, beta), ("eigenvalues", "alpha", "beta"))
+    h, omega = (a + b * stiffness) / 2, np.sqrt(stiffness)
+    return np.divide(h, omega, out=np.full(h.shape, np.nan), where=omega > 0)
 
 
-def regime(eigenvalues: ArrayLike, alpha: float, beta: float) -> list[str]:
-    """Return how each mode moves.
+def regime(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> list[str]:
+    """Return the kind of motion of each mode.
 
     Parameters
     ----------
-    eigenvalues : array_like, shape (n,)
-        λ [1/s²].
-    alpha, beta : float
-        Damping proportional to mass [1/s] and to stiffness [s].
+    eigenvalues : array_like of float, shape (n,)
+        λ ≥ 0 [1/s²].
+    alpha, beta : array_like of float
+        Damping α [1/s] and β [s], not negative.
 
     Returns
     -------
     list of str
-        ``"rigid"``, ``"underdamped"``, ``"critical"`` (to 1e-9) or ``"overdamped"``.
+        ``"rigid"`` (λ = 0), ``"underdamped"``, ``"critical"`` (ζ = 1 within 1e-9) or
+        ``"overdamped"``.
+
+    Raises
+    ------
+    InputError
+        If a value is negative or not finite.
     """
-    names = []
-    for ratio in damping_ratio(eigenvalues, alpha, beta):
-        if np.isnan(ratio):
-            names.append("rigid")
-        elif abs(ratio - 1.0) <= 1e-9:
-            names.append("critical")
-        else:
-            names.append("underdamped" if ratio < 1.0 else "overdamped")
-    return names
-
-
-def _minus_square_root_squared(half: FloatArray, value: FloatArray) -> FloatArray:
-    """Return h² - λ as (h - sqrt λ)(h + sqrt λ), which keeps its digits near critical damping."""
-    root = np.sqrt(value)
-    return (half - root) * (half + root)
-
-
-def _step(
-    value: FloatArray,
-    half: FloatArray,
-    fast: FloatArray,
-    slow: FloatArray,
-    over: NDArray[np.bool_],
-    largest: FloatArray,
-    free: FloatArray,
-    impulse: FloatArray,
-    time: float,
-) -> FloatArray:
-    early = largest * time <= _SERIES
-    closed_over = np.divide(
-        time * exprel(-slow * time) - impulse, fast, out=np.zeros_like(value), where=over & ~early
+    zeta = damping_ratio(eigenvalues, alpha, beta)
+    kinds = np.select(
+        [np.isnan(zeta), abs(zeta - 1) <= CRITICAL, zeta < 1],
+        ["rigid", "critical", "underdamped"],
+        "overdamped",
     )
-    closed_under = np.divide(1.0 - free, value, out=np.zeros_like(value), where=~over & ~early)
-    closed = np.where(over, closed_over, closed_under)
-    # P'' + 2 h P' + λ P = 1, term by term: a[n+2] (n+2)(n+1) = -2 h (n+1) a[n+1] - λ a[n].
-    h, v = np.where(early, half * time, 0.0), np.where(early, value * time * time, 0.0)
-    before, term = np.zeros_like(value), np.full_like(value, 0.5)
-    series = term.copy()
-    for n in range(1, _TERMS):
-        before, term = term, (-2.0 * h * (n + 1) * term - v * before) / ((n + 2) * (n + 1))
-        series += term
-    return np.where(early, series * time * time, closed)
+    return [str(kind) for kind in kinds]
+
+
+def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[FloatArray]:
+    arrays = []
+    for value, name in zip(values, names, strict=True):
+        array = np.atleast_1d(np.asarray(value, dtype=np.float64))
+        if not (np.isfinite(array) & (array >= 0)).all():
+            raise InputError(
+                "this is negative or not finite", key=name, value=value, allowed="0 and above"
+            )
+        arrays.append(array)
+    return list(np.broadcast_arrays(*arrays))
+
+
+def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
+    omega = np.sqrt(stiffness)
+    d = np.sqrt(h - omega) * np.sqrt(h + omega)
+    fast = h + d
+    slow = stiffness / fast
+    decay = np.exp(-slow * t)
+    impulse = t * decay * exprel(-2 * d * t)
+    free = decay + slow * impulse
+    # Ṡ + r₁ S = exp(-r₂ t): no other form of Ṡ is free of a difference of exponentials.
+    impulse_rate = np.exp(-fast * t) - slow * impulse
+    # Integrals of Ṡ + r₂ S = exp(-r₁ t): those of the exponential are t φ₁, t² φ₂, t³ φ₃.
+    first, second, third = _exponential_integrals(slow * t)
+    step = (t * first - impulse) / fast
+    ramp = (t * t * second - step) / fast
+    parabola = (t * t * t * third - ramp) / fast
+    integrals = _early(fast * t, h, stiffness, t, [step, ramp, parabola])
+    return Kernels(free, -stiffness * impulse, impulse, impulse_rate, *integrals)
+
+
+def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
+    omega = np.sqrt(stiffness)
+    # At critical damping rounding may leave h above √λ by its last place.
+    phase = np.sqrt(np.maximum(omega - h, 0.0) * (omega + h)) * t
+    decay = np.exp(-h * t)
+    # Not np.sinc: its factor π costs digits of a large phase.
+    sinc = np.divide(np.sin(phase), phase, out=np.ones_like(phase), where=phase > 0)
+    impulse = t * decay * sinc
+    swing = decay * np.cos(phase)
+    free = swing + h * impulse
+    # λ S₂ = 1 - C, and integrals of it: λ S₃ = t - S - 2h S₂, λ S₄ = t²/2 - S₂ - 2h S₃.
+    late = omega * t > SHORT
+    step = np.divide(1 - free, stiffness, out=np.zeros_like(t), where=late)
+    ramp = np.divide(t - impulse - 2 * h * step, stiffness, out=np.zeros_like(t), where=late)
+    rest = t * t / 2 - step - 2 * h * ramp
+    parabola = np.divide(rest, stiffness, out=np.zeros_like(t), where=late)
+    integrals = _early(omega * t, h, stiffness, t, [step, ramp, parabola])
+    return Kernels(free, -stiffness * impulse, impulse, swing - h * impulse, *integrals)
+
+
+def _early(
+    phase: FloatArray, h: FloatArray, stiffness: FloatArray, t: FloatArray, late: list[FloatArray]
+) -> FloatArray:
+    """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small.
+
+    Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on
+    T[k+1] (k + 1) k = -2h t k T[k] - λ t² T[k-1].
+    """
+    result = np.stack(late)
+    early = phase <= SHORT
+    if early.any():
+        t = t[early]
+        damping, spring = 2 * h[early] * t, stiffness[early] * t * t
+        term = np.stack([t * t / 2, t**3 / 6, t**4 / 24])
+        order = np.array([[2.0], [3.0], [4.0]])
+        previous, total = np.zeros_like(term), term.copy()
+        for k in range(TERMS):
+            power = order + k
+            previous, term = (
+                term,
+                -(power * damping * term + spring * previous) / (power * (power + 1)),
+            )
+            total += term
+        result[:, early] = total
+    return result
+
+
+def _exponential_integrals(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, the integrals of the exponential."""
+    first = exprel(-x)
+    small = x < 1.0
+    safe = np.where(small, 1.0, x)
+    second = (1.0 - first) / safe
+    third = (0.5 - second) / safe
+    if small.any():
+        z = -x[small]
+        # Horner's scheme for Σ zⁿ / (n + 3)!; 1/21! is below rounding.
+        total = np.ones_like(z)
+        for n in range(18, 0, -1):
+            total = 1.0 + total * z / (n + 3)
+        third[small] = total / 6.0
+        second[small] = 0.5 + z * third[small]
+    return first, second, third

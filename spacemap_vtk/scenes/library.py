@@ -58,6 +58,7 @@ def find(scene: str | Path) -> Path:
         return named
     raise InputError(
         f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
-        allowed="a scene (.toml), a draft (.wif), or one of " + ", ".join(names()),
+        allowed="a scene (.toml), a draft (.wif), a mesh (as .ply), or one of "
+        + ", ".join(names()),
         cure=suggestion(str(scene), names()),
     )

@@ -9,7 +9,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
@@ -30,6 +30,8 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
 }
 #: Full opening of the lens, in degrees, and the share of the picture left free at each edge.
 _VIEW_ANGLE, _MARGIN = 24.0, 0.06
+#: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
+_OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
 _SAMPLES = 2
 
@@ -67,8 +69,7 @@ class Picture:
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         extent = _motion_extent(scene, times)
-        cloth = scene.weave.fabric.cloth
-        self._yarn = max(cloth.warp_diameter, cloth.weft_diameter)
+        self._relief = _relief(scene)
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
@@ -107,7 +108,7 @@ class Picture:
         if shaded:
             camera = plotter.camera
             pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
-            light *= contact_shade(_depth(plotter), self._yarn, self._yarn / pixel)[:, :, None]
+            light *= contact_shade(_depth(plotter), self._relief, self._relief / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
 
     def _plotter(
@@ -119,12 +120,12 @@ class Picture:
         aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
         add_lights(plotter)
         if panel in ("fabric", "both"):
-            plotter.add_actor(_fabric(scene), reset_camera=False)
+            plotter.add_actor(_solid(scene), reset_camera=False)
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
             plotter.add_actor(_lines(edges, view.cage_color), reset_camera=False)
-            if scene.modal.fixed:
+            if scene.mover is scene.response and scene.modal.fixed:
                 plotter.add_actor(_supports(scene, view.support_color), reset_camera=False)
         plotter.enable_anti_aliasing("msaa", multi_samples=4)
         return plotter
@@ -207,25 +208,59 @@ def _depth(plotter: pv.Plotter) -> NDArray[np.float32]:
     return distance.astype(np.float32)
 
 
-def _fabric(scene: Scene) -> vtkActor:
+def _relief(scene: Scene) -> float:
+    """Return the size of the scene's relief in m, by which its contact shadows are made."""
+    if scene.source is scene.weave:
+        cloth = scene.weave.fabric.cloth
+        return float(max(np.max(cloth.warp_diameter), np.max(cloth.weft_diameter)))
+    return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()
+
+
+def _solid(scene: Scene) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(scene.surface.GetOutputPort())
-    mapper.SetScalarModeToUseCellFieldData()
-    mapper.SelectColorArray("color")
-    mapper.SetColorModeToDirectScalars()
     actor = vtkActor()
     actor.SetMapper(mapper)
     surface = actor.GetProperty()
+    found = _colors(scene.polygons)
+    if found is None:
+        mapper.ScalarVisibilityOff()
+        surface.SetColor(*(c / 255 for c in scene.view.object_color))
+    else:
+        on_points, name = found
+        if on_points:
+            mapper.SetScalarModeToUsePointFieldData()
+        else:
+            mapper.SetScalarModeToUseCellFieldData()
+        mapper.SelectColorArray(name)
+        mapper.SetColorModeToDirectScalars()
     surface.SetAmbient(0.22)
     surface.SetDiffuse(0.9)
     surface.SetSpecular(0.12)
     surface.SetSpecularPower(18.0)
+    # for objects of lines or points alone
+    surface.SetLineWidth(2.0 * _SAMPLES)
+    surface.SetPointSize(3.0 * _SAMPLES)
     return actor
+
+
+def _colors(data: vtkPolyData) -> tuple[bool, str] | None:
+    """Return whether colours lie on points, and the name of their array."""
+    for on_points, arrays in ((False, data.GetCellData()), (True, data.GetPointData())):
+        for i in range(arrays.GetNumberOfArrays()):
+            array = arrays.GetArray(i)
+            if (
+                array is not None
+                and array.GetDataTypeAsString() == "unsigned char"
+                and array.GetNumberOfComponents() in (3, 4)
+            ):
+                return on_points, array.GetName()
+    return None
 
 
 def _cage_edges(scene: Scene) -> vtkAlgorithm:
     moved = vtkWarpVector()
-    moved.SetInputConnection(scene.response.GetOutputPort())
+    moved.SetInputConnection(scene.mover.GetOutputPort())
     moved.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
     edges = vtkExtractEdges()
     edges.SetInputConnection(moved.GetOutputPort())

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
+from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.motion_reader import MotionReader
+from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import FilePath, Parameterised, suggestion
@@ -27,9 +31,11 @@ SECTIONS: dict[str, type[Parameterised]] = {
     cls.section: cls
     for cls in (
         WeaveSource,
+        ObjectSource,
         TetraCage,
         ModalSolver,
         ModalResponse,
+        MotionReader,
         BarycentricWarp,
         PatchTessellator,
         View,
@@ -37,12 +43,16 @@ SECTIONS: dict[str, type[Parameterised]] = {
     )
 }
 #: The sections that make a scene move; one of them is enough.
-_MOTION = {"cage", "modal", "response", "warp"}
+_MOTION = {"cage", "modal", "response", "motion", "warp"}
+#: What a motion out of a file takes the place of.
+_COMPUTED = ("cage", "modal", "response")
 
 
 class Scene:
     """A pipeline, connected, with its view and animation.
 
+    The object is a fabric, or with a section ``[object]`` any mesh. With a section ``[motion]`` the
+    cage and its motion come from a file, and none of the stages that compute them is connected.
     Without any of the sections ``[cage]``, ``[modal]``, ``[response]`` and ``[warp]`` the fabric
     is still, and none of those stages is connected.
 
@@ -70,9 +80,11 @@ class Scene:
     def __init__(self, values: Mapping[str, Any], file: Path | None = None) -> None:
         self.file = file
         self.weave = WeaveSource()
+        self.object = ObjectSource()
         self.cage = TetraCage()
         self.modal = ModalSolver()
         self.response = ModalResponse()
+        self.motion = MotionReader()
         self.warp = BarycentricWarp()
         self.surface = PatchTessellator()
         self.view = View()
@@ -80,7 +92,13 @@ class Scene:
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
         self.moves = bool(_MOTION & values.keys())
+        #: What is deformed: `weave`, or `object` where the scene has that section.
+        self.source: Stage = self.object if "object" in values else self.weave
+        #: What moves the cage: `response`, or `motion` where the scene has that section.
+        self.mover: Stage = self.motion if "motion" in values else self.response
         with self._naming_file():
+            _refuse_both(values, "object", ("weave",))
+            _refuse_both(values, "motion", _COMPUTED)
             for name, value in values.items():
                 if name == "title":
                     self._set_title(value)
@@ -95,7 +113,8 @@ class Scene:
         Parameters
         ----------
         scene : str or Path
-            A ``.toml`` scene, a ``.wif`` draft, or the name of a scene that comes with the program.
+            A ``.toml`` scene, a ``.wif`` draft, a mesh such as ``model.ply``, or the name of a
+            scene that comes with the program.
 
         Returns
         -------
@@ -110,6 +129,8 @@ class Scene:
         path = library.find(scene)
         if path.suffix.lower() == ".wif":
             return cls({"weave": {"draft": path.name}}, path)
+        if path.suffix.lower() in OBJECT_ENDINGS:
+            return cls({"object": {"file": path.name}}, path)
         try:
             values = tomllib.loads(path.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -125,8 +146,10 @@ class Scene:
     @property
     def stages(self) -> list[Stage]:
         """The stages that are connected, from source to surface."""
-        motion = [self.cage, self.modal, self.response, self.warp] if self.moves else []
-        return [self.weave, *motion, self.surface]
+        if not self.moves:
+            return [self.source, self.surface]
+        computed = [self.cage, self.modal] if self.mover is self.response else []
+        return [self.source, *computed, self.mover, self.warp, self.surface]
 
     @property
     def warnings(self) -> list[str]:
@@ -160,6 +183,12 @@ class Scene:
         part = self._part(section)
         with _naming_section(section):
             part.configure(**{key: value})
+        if part is self.object and self.source is not part:
+            self.source = self.object
+            self._connect()
+        if part is self.motion and self.mover is not part:
+            self.mover = self.motion
+            self._connect()
         if section in _MOTION and not self.moves:
             self.moves = True
             self._connect()
@@ -205,19 +234,28 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, or the animation
-            has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the damping
+            contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
-            with _naming_section("weave"):
-                self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+            if self.source is self.object:
+                with _naming_section("object"):
+                    self.object.load()
+            else:
+                self._check_weave()
+            with _naming_section("response"):
+                _ = self.response.damping
             with _naming_section("animation"):
                 self.animation.frame_times()
 
+    def _check_weave(self) -> None:
+        with _naming_section("weave"):
+            self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+
     @property
-    def patches(self) -> vtkUnstructuredGrid:
-        """The Bézier patches, moved if the scene moves, as of the last update."""
-        return (self.warp if self.moves else self.weave).GetOutputDataObject(0)
+    def patches(self) -> vtkPointSet:
+        """The Bézier patches or the object, moved if the scene moves, as of the last update."""
+        return (self.warp if self.moves else self.source).GetOutputDataObject(0)
 
     @property
     def deformed_cage(self) -> vtkUnstructuredGrid:
@@ -228,7 +266,13 @@ class Scene:
                 key="cage",
                 cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
             )
-        return self.response.GetOutputDataObject(0)
+        return self.mover.GetOutputDataObject(0)
+
+    @property
+    def draft(self) -> WifDraft:
+        """The draft of the weave; needs no update."""
+        with self._naming_file(), _naming_section("weave"):
+            return self.weave.wif
 
     @property
     def polygons(self) -> vtkPolyData:
@@ -268,13 +312,14 @@ class Scene:
 
     def _connect(self) -> None:
         if not self.moves:
-            self.surface.SetInputConnection(self.weave.GetOutputPort())
+            self.surface.SetInputConnection(self.source.GetOutputPort())
             return
-        self.cage.SetInputConnection(self.weave.GetOutputPort())
-        self.modal.SetInputConnection(self.cage.GetOutputPort())
-        self.response.SetInputConnection(self.modal.GetOutputPort())
-        self.warp.SetInputConnection(0, self.weave.GetOutputPort())
-        self.warp.SetInputConnection(1, self.response.GetOutputPort())
+        if self.mover is self.response:
+            self.cage.SetInputConnection(self.source.GetOutputPort())
+            self.modal.SetInputConnection(self.cage.GetOutputPort())
+            self.response.SetInputConnection(self.modal.GetOutputPort())
+        self.warp.SetInputConnection(0, self.source.GetOutputPort())
+        self.warp.SetInputConnection(1, self.mover.GetOutputPort())
         self.surface.SetInputConnection(self.warp.GetOutputPort())
 
     @contextmanager
@@ -294,3 +339,14 @@ def _naming_section(section: str) -> Iterator[None]:
     except SpacemapError as error:
         error.section = section
         raise
+
+
+def _refuse_both(values: Mapping[str, Any], section: str, others: Iterable[str]) -> None:
+    """Refuse sections that would have no effect beside another."""
+    for other in others:
+        if section in values and other in values:
+            raise InputError(
+                f"a scene with [{section}] has no [{other}]",
+                key=other,
+                cure=f"Remove one of the two: [{section}] takes the place of [{other}].",
+            )

@@ -18,7 +18,8 @@ class View(Parameterised):
 
     show = Choice(
         "fabric",
-        "What is drawn: the fabric, the cage's edges, both in one place, or both side by side.",
+        "What is drawn: the fabric or object, the cage's edges, both in one place, or both side "
+        "by side.",
         ["fabric", "cage", "both", "side by side"],
     )
     camera = Choice(
@@ -38,7 +39,8 @@ class View(Parameterised):
     background_top = Color("#dfe6ee", "Colour of the background, at the top.")
     cage_color = Color("#39424e", "Colour of the cage's edges.")
     support_color = Color("#d9642c", "Colour of the cage's fixed vertices.")
-    shadows = Flag(True, "Soft shadow where yarns meet.")
+    object_color = Color("#b9c4cf", "Colour of an object that has none of its own.")
+    shadows = Flag(True, "Soft shadow where yarns meet, or an object has folds.")
 
 
 class Animation(Parameterised):

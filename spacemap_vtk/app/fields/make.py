@@ -39,4 +39,7 @@ def make(parameter: Parameter[Any]) -> Editor:
     Editor
         Showing nothing yet.
     """
+    component: Any = getattr(parameter, "component", None)
+    if parameter.kind == "series" and component.kind in ("real", "integer"):
+        return NumberEditor(parameter)
     return _EDITORS.get(parameter.kind, TextEditor)(parameter)

@@ -10,17 +10,21 @@ from PySide6.QtWidgets import QLineEdit, QSlider, QVBoxLayout
 
 from spacemap_vtk.app.fields.editor import Editor, written_from
 from spacemap_vtk.app.fields.span import STEPS, Span, span_of
-from spacemap_vtk.parameters import Real
+from spacemap_vtk.parameters import Parameter, Real
 
 _bursts = itertools.count(1)
 
 
 class NumberEditor(Editor):
-    """A number with its unit; the slider sets it while it is dragged."""
+    """A number with its unit; the slider sets it while it is dragged.
 
-    def __init__(self, parameter: Real) -> None:
+    Also for a series of numbers, whose slider rests while there are several.
+    """
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
-        self.real = parameter
+        component: Any = getattr(parameter, "component", parameter)
+        self.real: Real = component
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.slider = QSlider(Qt.Orientation.Horizontal)
@@ -44,11 +48,11 @@ class NumberEditor(Editor):
 
     def show_value(self, value: Any) -> None:
         """Show it in the line, and on the slider unless that is being dragged."""
-        self._value = value
-        self._shown = "" if value is None else self.real.show(value)
+        self._value = value if isinstance(value, (int, float)) else None
+        self._shown = "" if value is None else self.parameter.show(value)
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(self._shown)
-        self.slider.setEnabled(value is not None)
+        self.slider.setEnabled(self._value is not None)
         if not self.slider.isSliderDown():
             self._place_slider()
 

@@ -1,0 +1,85 @@
+"""Lowest modes: ours beside scipy's eigsh, in one run, each in a process of its own.
+
+python benchmarks/eigen.py [divisions [modes]]
+
+Clamped at one side, consistent mass. Divisions are "n" for a cube of n x n x n hexahedra, or
+"n,m,k". Memory is what the process takes beyond the matrices. For one core, set
+OPENBLAS_NUM_THREADS=1. "30,30,31" is the cube of 89,280 degrees of freedom.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import time
+
+import numpy as np
+import scipy.sparse.linalg as sla
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.modal import lanczos
+from spacemap_vtk.modal.eigen import solve_modes
+from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+
+
+def peak() -> float:
+    """Return the most memory that the process has held, in MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def solve(method: str, divisions: tuple[int, ...], count: int) -> dict[str, object]:
+    """Solve one problem by one method."""
+    bounds = (0.0, 1.0, 0.0, divisions[1] / divisions[0], 0.0, divisions[2] / divisions[0])
+    points, tetrahedra = lattice(bounds, divisions)  # type: ignore[arg-type]
+    stiffness, mass = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
+    free = np.repeat(points[:, 1] < points[:, 1].max(), 3)
+    before, start = peak(), time.perf_counter()
+    if method == "eigsh":
+        k, m = stiffness[free][:, free].tocsc(), mass[free][:, free].tocsc()
+        values, modes = sla.eigsh(k, count, m, sigma=-lanczos.shift(k.tocsr(), m.tocsr()))
+        order = np.argsort(values)
+        values, modes = values[order], modes[:, order]
+    else:
+        values, shapes = solve_modes(stiffness, mass, free, count)
+        modes = shapes.reshape(count, -1).T[free]
+    seconds, megabytes = time.perf_counter() - start, peak() - before
+    k, m = stiffness[free][:, free], mass[free][:, free]
+    force = k @ modes
+    residual = np.linalg.norm(force - (m @ modes) * values, axis=0) / np.linalg.norm(force, axis=0)
+    return {
+        "dof": int(free.sum()),
+        "seconds": seconds,
+        "megabytes": megabytes,
+        "residual": float(residual.max()),
+        "orthonormality": float(abs(modes.T @ (m @ modes) - np.eye(count)).max()),
+        "values": values.tolist(),
+    }
+
+
+def main() -> None:
+    """Run both methods and print a table."""
+    if len(sys.argv) > 3:
+        divisions = tuple(int(n) for n in sys.argv[2].split(","))
+        print(json.dumps(solve(sys.argv[1], divisions, int(sys.argv[3]))))
+        return
+    numbers = [int(n) for n in (sys.argv[1] if len(sys.argv) > 1 else "12").split(",")]
+    divisions = numbers * 3 if len(numbers) == 1 else numbers
+    count = sys.argv[2] if len(sys.argv) > 2 else "30"
+    found = {}
+    print(f"{'':10}{'dof':>9}{'s':>9}{'MB':>9}{'residual':>11}{'SᵀMS - I':>11}")
+    for method in ("spacemap", "eigsh"):
+        command = [sys.executable, __file__, method, ",".join(map(str, divisions)), count]
+        answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        found[method] = row = json.loads(answer)
+        print(
+            f"{method:10}{row['dof']:9}{row['seconds']:9.2f}{row['megabytes']:9.0f}"
+            f"{row['residual']:11.1e}{row['orthonormality']:11.1e}"
+        )
+    ours, theirs = (np.array(found[method]["values"]) for method in found)
+    print(f"largest relative difference of eigenvalues {abs(ours / theirs - 1).max():.1e}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""``mesh.spacemap``: space mapping on any pyvista mesh.
+
+pyvista finds this module by its entry point group ``pyvista.accessors``, and imports it when
+``mesh.spacemap`` is first asked for; importing it by hand does the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import ArrayLike
+from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+
+from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.filters.arrays import add_array, array_of
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_response import ModalResponse
+from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.tetra_cage import TetraCage
+from spacemap_vtk.filters.volume import tetrahedral
+from spacemap_vtk.parameters import suggestion
+
+
+@pv.register_dataset_accessor("spacemap", pv.DataSet)
+class SpacemapAccessor:
+    """Space mapping on a mesh: the mesh rides along with a coarse cage that moves.
+
+    Parameters
+    ----------
+    mesh : pyvista.DataSet
+        Any mesh; one without points of its own (an image) becomes an unstructured grid.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> import spacemap_vtk.accessor
+    >>> cage = pv.Box(level=2).delaunay_3d()
+    >>> bent = pv.Sphere(radius=0.5).spacemap.deform(cage, 0.5 * cage.points)
+    >>> round(bent.length / pv.Sphere(radius=0.5).length, 6)
+    1.5
+    """
+
+    def __init__(self, mesh: Any) -> None:
+        self._mesh = mesh
+
+    def deform(self, cage: Any, displacement: str | ArrayLike = "displacement", **warp: Any) -> Any:
+        """Return the mesh, moved with a cage.
+
+        Parameters
+        ----------
+        cage : pyvista.DataSet
+            A mesh with a volume; cells that are no tetrahedra are split.
+        displacement : str or array_like, shape (n_points, 3)
+            Displacement of the cage's points, or the name of the point array that holds it.
+        **warp : object
+            Parameters of `spacemap_vtk.BarycentricWarp`.
+
+        Returns
+        -------
+        pyvista.DataSet
+            A new mesh with all arrays, turned normals, and a point array ``displacement``.
+
+        Raises
+        ------
+        InputError
+            If the cage has no such array, or it is of another size.
+        GeometryError
+            If the cage has no volume, or a point is not finite.
+        """
+        volume = tetrahedral(_with_points(cage), "the cage")
+        if isinstance(displacement, str):
+            data = volume.grid.GetPointData()
+            values = array_of(data, displacement, "deform")
+        else:
+            values = np.asarray(displacement, dtype=np.float64)
+            if values.shape != (cage.GetNumberOfPoints(), 3):
+                raise InputError(
+                    f"a displacement of shape {values.shape}",
+                    key="displacement",
+                    allowed=f"({cage.GetNumberOfPoints()}, 3): a row for each point of the cage",
+                )
+            values = values[volume.points]
+        moving = vtkUnstructuredGrid()
+        moving.ShallowCopy(volume.grid)
+        add_array(moving.GetPointData(), "displacement", np.array(values, dtype=np.float64))
+        stage = BarycentricWarp(**warp)
+        stage.SetInputDataObject(0, _with_points(self._mesh))
+        stage.SetInputDataObject(1, moving)
+        stage.update()
+        return pv.wrap(stage.GetOutputDataObject(0))
+
+    def modal(self, **parameters: Any) -> BarycentricWarp:
+        """Return a live pipeline in which the mesh swings in a cage round it.
+
+        ``swing = mesh.spacemap.modal(fixed="-z")`` gives the last of four connected stages;
+        ``plotter.add_mesh(swing)`` draws it, ``swing.update(time=0.1)`` moves it, and
+        ``swing.upstream()`` yields the others.
+
+        Parameters
+        ----------
+        **parameters : object
+            Parameters of `spacemap_vtk.TetraCage`, `spacemap_vtk.ModalSolver`,
+            `spacemap_vtk.ModalResponse` and `spacemap_vtk.BarycentricWarp`, by name.
+
+        Returns
+        -------
+        BarycentricWarp
+            Run once, at time 0.
+
+        Raises
+        ------
+        UnknownNameError
+            If none of the four has a parameter of that name.
+        SpacemapError
+            If a stage refuses its input.
+        """
+        stages: list[Stage] = [TetraCage(), ModalSolver(), ModalResponse(), BarycentricWarp()]
+        for name, value in parameters.items():
+            owners = [stage for stage in stages if name in stage.parameters]
+            if not owners:
+                known = [known for stage in stages for known in stage.parameters]
+                raise UnknownNameError(
+                    "no stage has a parameter of that name",
+                    key=name,
+                    allowed=", ".join(known),
+                    cure=suggestion(name, known),
+                )
+            owners[0].configure(**{name: value})
+        cage, modal, response, warp = stages
+        source = vtkTrivialProducer()
+        source.SetOutput(_with_points(self._mesh))
+        cage.SetInputConnection(source.GetOutputPort())
+        modal.SetInputConnection(cage.GetOutputPort())
+        response.SetInputConnection(modal.GetOutputPort())
+        warp.SetInputConnection(0, source.GetOutputPort())
+        warp.SetInputConnection(1, response.GetOutputPort())
+        warp.update(time=0.0)
+        assert isinstance(warp, BarycentricWarp)
+        return warp
+
+
+def _with_points(mesh: Any) -> Any:
+    return mesh if isinstance(mesh, vtkPointSet) else mesh.cast_to_unstructured_grid()

@@ -1,0 +1,138 @@
+"""Results kept on disk by content: what was solved once is not solved again.
+
+An entry is one file of arrays under a digest of all that they depend on, so that it is never out of
+date. It is written whole or not at all; one that cannot be read, or is not what was stored, counts
+as missing and is replaced. The folder holds at most `LARGEST` bytes: the entries longest unused go
+first. A cache that fails, on a full or read-only disk, is no reason for the program to.
+
+The environment variable SPACEMAP_CACHE names another folder, or ``off``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Environment variable that names the folder, or switches the cache off.
+VARIABLE = "SPACEMAP_CACHE"
+
+#: Bytes that all entries together may take.
+LARGEST = 2**30
+
+#: Part of the names of entries: another one, when what is stored changes its meaning.
+_FORMAT = "1"
+
+
+def folder() -> Path | None:
+    """Return where entries lie.
+
+    Returns
+    -------
+    Path or None
+        The folder, which need not exist yet; None where the cache is off.
+    """
+    chosen = os.environ.get(VARIABLE, "")
+    if chosen.lower() in ("off", "0", "no", "false"):
+        return None
+    if chosen:
+        return Path(chosen)
+    try:
+        import platformdirs
+    except ImportError:  # ParaView's own Python
+        try:
+            home = Path.home()
+        except RuntimeError:
+            return None
+        if sys.platform == "win32":
+            return Path(os.environ.get("LOCALAPPDATA", home)) / "spacemap_vtk" / "Cache"
+        if sys.platform == "darwin":
+            return home / "Library" / "Caches" / "spacemap_vtk"
+        return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "spacemap_vtk"
+    return Path(platformdirs.user_cache_dir("spacemap_vtk", appauthor=False))
+
+
+def load(key: str) -> dict[str, NDArray[Any]] | None:
+    """Return the arrays of an entry.
+
+    Parameters
+    ----------
+    key : str
+        Digest of what they depend on: letters, digits, ``-``.
+
+    Returns
+    -------
+    dict of ndarray, or None
+        None if there is no such entry, or it is damaged.
+    """
+    place = folder()
+    if place is None:
+        return None
+    path = _path(place, key)
+    try:
+        # Every member of the archive carries a checksum, which reading it checks.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
+            arrays = {name: entry[name] for name in entry.files}
+        os.utime(path)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+        with contextlib.suppress(OSError):
+            path.unlink()
+        return None
+    return arrays
+
+
+def store(key: str, **arrays: NDArray[Any]) -> None:
+    """Keep arrays, in place of an entry of the same key.
+
+    Parameters
+    ----------
+    key : str
+        Digest of what they depend on: letters, digits, ``-``.
+    **arrays : ndarray
+        What to keep, by name.
+    """
+    place = folder()
+    size = sum(array.nbytes for array in arrays.values())
+    if place is None or size > LARGEST / 2:
+        return
+    temporary = None
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(suffix=".part", dir=place)
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+        os.replace(temporary, _path(place, key))
+        _shrink(place)
+    except OSError:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+
+
+def _path(place: Path, key: str) -> Path:
+    return place / f"{key}-{_FORMAT}.npz"
+
+
+def _shrink(place: Path) -> None:
+    """Remove the entries longest unused until the rest fits."""
+    entries = []
+    for path in [*place.glob("*.npz"), *place.glob("*.part")]:
+        with contextlib.suppress(OSError):
+            status = path.stat()
+            entries.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in entries)
+    for _, size, path in sorted(entries):
+        if total <= LARGEST:
+            return
+        with contextlib.suppress(OSError):
+            path.unlink()
+            total -= size

@@ -1,0 +1,139 @@
+"""Which hexahedra of a lattice an object touches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+_PAIRS = 2**17  # pairs of a triangle and a hexahedron that are looked at together
+_SLACK = 1e-9  # of an edge: what lies on a face touches both sides
+
+
+def touched(
+    points: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    origin: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    divisions: Sequence[int],
+) -> NDArray[np.bool_]:
+    """Return the hexahedra that points lie in or triangles pass through.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        In m, inside the box.
+    triangles : (F, 3) int64
+        Point numbers; a segment names its second end twice.
+    origin, spacing : (3,) float64
+        Lowest corner of the box, and edges of a hexahedron, in m.
+    divisions : sequence of 3 int
+        Hexahedra along x, y and z.
+
+    Returns
+    -------
+    (nz, ny, nx) bool
+        True where touched.
+
+    Notes
+    -----
+    Triangle and box are told apart by separating axes (T. Akenine-Möller, "Fast 3D Triangle-Box
+    Overlap Testing", J. Graphics Tools 6, 2001): exact, and no triangle is too large.
+    """
+    counts = np.asarray(divisions, dtype=np.int64)
+    result = np.zeros(counts[::-1], dtype=np.bool_)
+    places = (points - origin) / spacing
+    for offset in (-_SLACK, _SLACK):
+        x, y, z = np.clip(np.floor(places + offset).astype(np.int64), 0, counts - 1).T
+        result[z, y, x] = True
+    corners = places[triangles]  # (F, 3, 3)
+    low = np.clip(np.floor(corners.min(axis=1) - _SLACK).astype(np.int64), 0, counts - 1)
+    high = np.clip(np.floor(corners.max(axis=1) + _SLACK).astype(np.int64), 0, counts - 1)
+    extent = high - low + 1
+    sizes = extent.prod(axis=1)
+    # those inside one hexahedron have been counted with their points
+    large = np.flatnonzero(sizes > 1)
+    ends = np.cumsum(sizes[large])
+    begin = 0
+    while begin < len(large):
+        done = ends[begin - 1] if begin else 0
+        end = max(begin + 1, int(np.searchsorted(ends, done + _PAIRS, side="right")))
+        which = large[begin:end]
+        triangle = np.repeat(which, sizes[which])
+        within = np.arange(len(triangle)) - np.repeat(
+            np.cumsum(sizes[which]) - sizes[which], sizes[which]
+        )
+        within, x = np.divmod(within, extent[triangle, 0])
+        z, y = np.divmod(within, extent[triangle, 1])
+        cell = low[triangle] + np.stack((x, y, z), axis=1)
+        open_ = ~result[cell[:, 2], cell[:, 1], cell[:, 0]]
+        cell, triangle = cell[open_], triangle[open_]
+        cell = cell[_overlap(corners[triangle] - (cell + 0.5)[:, None])]
+        result[cell[:, 2], cell[:, 1], cell[:, 0]] = True
+        begin = end
+    return result
+
+
+def _overlap(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether triangles (n, 3, 3) overlap the unit box round the origin.
+
+    Their own boxes do already.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    axes = [normal]
+    for edge in edges.transpose(1, 0, 2):
+        axes += [np.cross(unit, edge) for unit in np.eye(3)]
+    result = np.ones(len(corners), dtype=np.bool_)
+    for axis in axes:
+        along = np.einsum("nij,nj->ni", corners, axis)
+        reach = (0.5 + _SLACK) * np.abs(axis).sum(axis=1)
+        result &= (along.min(axis=1) <= reach) & (along.max(axis=1) >= -reach)
+    return result
+
+
+def grown(kept: NDArray[np.bool_], margin: int, fill: bool) -> NDArray[np.bool_]:
+    """Return the hexahedra of a carved cage.
+
+    Parameters
+    ----------
+    kept : (nz, ny, nx) bool
+        Those that the object touches.
+    margin : int
+        Layers to add around them, corners included.
+    fill : bool
+        Add those that they enclose.
+
+    Returns
+    -------
+    (nz, ny, nx) bool
+        As large as `kept`.
+    """
+    if margin:
+        kept = ndimage.binary_dilation(kept, np.ones((3, 3, 3)), iterations=margin)
+    result: NDArray[np.bool_] = ndimage.binary_fill_holes(kept) if fill else kept
+    return result
+
+
+def pieces(kept: NDArray[np.bool_]) -> tuple[list[int], int]:
+    """Return how many hexahedra each piece has, and how many pieces hang together at all.
+
+    Parameters
+    ----------
+    kept : (nz, ny, nx) bool
+        The cage.
+
+    Returns
+    -------
+    sizes : list of int
+        Hexahedra of the pieces that hang together by faces, the largest first.
+    loose : int
+        Pieces where edges and corners count too. If there are fewer than sizes, some of those
+        hang on hinges.
+    """
+    labels, _ = ndimage.label(kept)
+    sizes = np.sort(np.bincount(labels.ravel())[1:])[::-1]
+    _, loose = ndimage.label(kept, np.ones((3, 3, 3)))
+    return sizes.tolist(), int(loose)

@@ -1,0 +1,26 @@
+"""Commands for the programs that the filters run in: paraview."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from spacemap_vtk.paraview import environment
+
+
+def paraview(
+    *, check: Annotated[bool, Parameter(negative="", help="Try it in pvpython.")] = False
+) -> None:
+    """Print the ParaView plugin's place, and the environment to start ParaView with.
+
+    The lines are for a shell: eval "$(spacemap paraview)" and then paraview.
+    """
+    if check:
+        print(environment.check())
+        return
+    print(f"# plugin: {environment.PLUGIN}")
+    for name, value in environment.variables().items():
+        rest = f'"${{{name}:+:${name}}}"' if name == "PYTHONPATH" else ""
+        print(f"export {name}={shlex.quote(value)}{rest}")

@@ -1,0 +1,144 @@
+"""Commands about a cage's motion: modes, plot."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.output import check_output, whole_file
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import parse_quantity
+
+SHEET_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
+
+
+def modes(
+    scene: str,
+    /,
+    *,
+    plot: Annotated[
+        Path | None, Parameter(help="Also draw a sheet of the first mode shapes: .png or .jpg.")
+    ] = None,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Print the vibration modes of a scene's cage: frequency, damping, and the mass each moves.
+
+    The effective masses along x, y and z are shares of the mass that can move; a column Σ adds
+    them up. Where the modes hold less than 90 % along an axis with a load, take more of them.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file or name of a scene.
+    """
+    if plot is not None:
+        check_output(plot, SHEET_FORMATS)
+    chosen = opened(scene, set_)
+    with progress(chosen, "Solving", 1, quiet):
+        figures = report.modes(chosen)
+    if plot is not None:
+        _draw_sheet(chosen, plot, min(len(figures["modes"]), 12), quiet)
+    if json_:
+        print_json(figures)
+        return
+    table = Table(
+        title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
+        f"tetrahedra, {figures['dof']} degrees of freedom",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+    )
+    headings = (
+        "mode",
+        "f [Hz]",
+        "ratio",
+        "regime",
+        "x",
+        "Σx",
+        "y",
+        "Σy",
+        "z",
+        "Σz",
+    )
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for number, mode in enumerate(figures["modes"]):
+        ratio = mode["damping_ratio"]
+        shares = zip(mode["effective_mass_share"], mode["cumulative_mass_share"], strict=True)
+        table.add_row(
+            str(number),
+            f"{mode['frequency_hz']:.5g}",
+            "–" if not math.isfinite(ratio) else f"{ratio:.3g}",
+            mode["regime"],
+            *(f"{100 * share:.1f}" for pair in shares for share in pair),
+        )
+    table.caption = "x, y, z: effective mass in % of what can move; Σ: with those above it"
+    Console().print(table)
+    tell_warnings(chosen, quiet)
+
+
+def plot(
+    scene: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"], help="File to write.")],
+    point: Annotated[
+        str | None,
+        Parameter(
+            help="Position at rest, as in 1mm,0,0.2mm; by default where the first mode moves most."
+        ),
+    ] = None,
+    quantity: Annotated[
+        Literal["displacement", "velocity", "acceleration"], Parameter(help="What is plotted.")
+    ] = "displacement",
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Plot how a point of the cage moves over time, and its frequency response below.
+
+    The time goes from 0 to response.duration. The frequency response is that to all loads of the
+    scene as sines in phase.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file or name of a scene.
+    output : Path
+        A .png, .jpg, .pdf or .svg file.
+    """
+    check_output(output, {**SHEET_FORMATS, ".pdf": "document", ".svg": "drawing"})
+    chosen = opened(scene, set_)
+    place = None
+    if point is not None:
+        words = point.split(",")
+        if len(words) != 3:
+            raise InputError("not a point", key="--point", value=point, allowed="x,y,z")
+        place = [parse_quantity(word, "m") for word in words]
+    from spacemap_vtk.scenes.plots import motion_plot
+
+    with progress(chosen, "Plotting", 1, quiet), whole_file(output) as file:
+        motion_plot(chosen, file, place, quantity)
+    tell_warnings(chosen, quiet)
+
+
+def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
+    from PIL import Image
+
+    from spacemap_vtk.scenes.plots import mode_sheet
+
+    with progress(scene, "Drawing shapes", count, quiet) as tell:
+        image = mode_sheet(scene, tell)
+    with whole_file(file) as path:
+        Image.fromarray(image).save(path)

@@ -1,0 +1,84 @@
+"""How a deformed mesh turns and stretches: what becomes of directions that ride along."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def deformation_gradients(
+    vertices: NDArray[np.float64],
+    tetrahedra: NDArray[np.integer[Any]],
+    displacement: NDArray[Any],
+) -> NDArray[np.float64]:
+    """Return the gradient F of the affine map of each tetrahedron.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        At rest, in m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+    displacement : (V, 3)
+        In m.
+
+    Returns
+    -------
+    (T, 3, 3) float64
+        dx'/dx; the identity in a flat tetrahedron, which has no map.
+    """
+    rest = vertices[tetrahedra]
+    shift = np.asarray(displacement, dtype=np.float64)[tetrahedra]
+    edges = rest[:, 1:] - rest[:, :1]  # (T, 3, 3), one edge a row
+    moved = shift[:, 1:] - shift[:, :1]
+    volume = np.linalg.det(edges)
+    size = np.abs(edges).max(axis=(1, 2))
+    flat = np.abs(volume) <= 1e-12 * size**3
+    edges[flat] = np.eye(3)
+    moved[flat] = 0.0
+    # edges F^T = moved edges
+    return np.eye(3) + np.linalg.solve(edges, moved).transpose(0, 2, 1)
+
+
+def cofactors(gradients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cofactor matrix, det(F) F^-T, by which the normals of surfaces change.
+
+    Parameters
+    ----------
+    gradients : (n, 3, 3) float64
+        F.
+
+    Returns
+    -------
+    (n, 3, 3) float64
+        Exists for singular F too.
+    """
+    a, b, c = gradients[:, 0], gradients[:, 1], gradients[:, 2]
+    return np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)), axis=1)
+
+
+def turned_normals(
+    normals: NDArray[Any], cofactor: NDArray[np.float64], which: NDArray[np.integer[Any]]
+) -> NDArray[np.float32]:
+    """Return unit normals of a deformed surface.
+
+    Parameters
+    ----------
+    normals : (n, 3)
+        At rest.
+    cofactor : (T, 3, 3) float64
+        `cofactors` of each tetrahedron.
+    which : (n,) int
+        The tetrahedron of each point.
+
+    Returns
+    -------
+    (n, 3) float32
+        Of length 1; a normal that has no direction any more stays as it was.
+    """
+    turned = np.einsum("nij,nj->ni", cofactor[which], normals)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    good = length > 1e-30
+    return np.where(good, turned / np.where(good, length, 1.0), normals).astype(np.float32)

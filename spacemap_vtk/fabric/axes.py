@@ -1,0 +1,126 @@
+"""From a drawdown and a cloth to the axes of all yarns."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.arcs import arc_axes
+from spacemap_vtk.fabric.axis import Axes, sampled
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.spline import spline_axes
+
+
+def checked(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.bool_]:
+    """Return a drawdown as a matrix, and refuse one that is none.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        First pick and first end first; True: the end lies over the pick.
+    cloth : Cloth
+        What will be woven.
+
+    Returns
+    -------
+    (picks, ends) bool
+        The same.
+
+    Raises
+    ------
+    InputError
+        The drawdown is no matrix, or a yarn has no length (one crossing and no overhang).
+    """
+    over = np.asarray(drawdown, dtype=bool)
+    if over.ndim != 2 or over.size == 0:
+        raise InputError(
+            f"a drawdown is a matrix of at least one pick and one end, not one of {over.shape}",
+            key="drawdown",
+            cure="Give a row for each pick and a column for each end",
+        )
+    if cloth.overhang == 0.0 and min(over.shape) == 1:
+        raise InputError(
+            "a yarn with one crossing needs an overhang",
+            key="overhang",
+            value=0.0,
+            allowed="more than 0 m",
+        )
+    return over
+
+
+def axes(drawdown: ArrayLike, cloth: Cloth) -> tuple[Axes, Axes]:
+    """Return the axes of warp and weft.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        First pick and first end first; True: the end lies over the pick.
+    cloth : Cloth
+        Its measures.
+
+    Returns
+    -------
+    warp, weft : Axes
+        Ends and picks, first first.
+
+    Raises
+    ------
+    InputError
+        See `checked`; or the cloth has measures for another number of yarns.
+    """
+    over = checked(drawdown, cloth)
+    warp, weft = cloth.yarns("warp", over.shape[1]), cloth.yarns("weft", over.shape[0])
+    past = [family.overhang for family in cloth.families]
+    share = cloth.share
+    if cloth.axis == "spline":
+        return (
+            spline_axes(over.T, warp, weft, share, past[0]),
+            spline_axes(~over, weft, warp, 1.0 - share, past[1]),
+        )
+    return (
+        arc_axes(over.T, warp, weft, share, past[0], cloth.exact),
+        arc_axes(~over, weft, warp, 1.0 - share, past[1], cloth.exact),
+    )
+
+
+def axis_points(
+    drawdown: ArrayLike, cloth: Cloth, samples: int = 8
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return points on the exact axes of the yarns, which the patches approximate.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        As for `axes`.
+    cloth : Cloth
+        As for `axes`.
+    samples : int
+        Points on each part of an axis (arc or straight), its end not counted; at least 1, even for
+        flattened yarns. Crossings are always among them.
+
+    Returns
+    -------
+    points : (n, 3) float64
+        In metres, in order along each yarn.
+    yarn : (n,) int32
+        Yarn of each point, the ends first, then the picks.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> points, yarn = axis_points([[1]], cloth, samples=1)
+    >>> points[yarn == 0].round(9).tolist()
+    [[0.0, -0.1, 0.05], [0.0, 0.0, 0.05], [0.0, 0.1, 0.05]]
+    """
+    result, owners, first_yarn = [], [], 0
+    for number, family in enumerate(axes(drawdown, cloth)):
+        part, station, fraction = sampled(family, samples)
+        points = np.empty((len(part), 3))
+        points[:, 1 - number], points[:, 2], _ = family.at(part, station, fraction)
+        yarn = station - part
+        points[:, number] = family.lateral[yarn]
+        result.append(points)
+        owners.append((first_yarn + yarn).astype(np.int32))
+        first_yarn += len(family.parts)
+    return np.concatenate(result), np.concatenate(owners)

@@ -1,0 +1,147 @@
+"""Axes of yarns, cut into parts.
+
+Invariant that everything above relies on: part q of a family, on its yarn y, runs from station
+q + y to station q + y + 1.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.fabric.bezier import bernstein
+from spacemap_vtk.fabric.cloth import Yarns
+
+
+class Axes(NamedTuple):
+    """The axes of one family, cut into parts; stations are the parts' ends."""
+
+    radius: NDArray[np.float64]
+    """(yarns,) Half the height of each yarn's section."""
+    lateral: NDArray[np.float64]
+    """(yarns,) Position of the plane in which each yarn runs."""
+    parts: NDArray[np.int64]
+    """(yarns,) Number of parts."""
+    along: NDArray[np.float64]
+    """(stations,) Position along the yarn."""
+    height: NDArray[np.float64]
+    """(stations,) Position in z."""
+    angle: NDArray[np.float64]
+    """(stations,) Slope of the axis, in radians."""
+    length: NDArray[np.float64]
+    """(parts,)"""
+    curvature: NDArray[np.float64]
+    """(2, parts) At start and end of each part, above 0 where the axis turns upwards."""
+    reach: NDArray[np.float64]
+    """(2, parts) Handles of the cubic that stands for each part, at its start and end."""
+    weight: NDArray[np.float64]
+    """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
+    cubic: bool
+    """Whether parts are these cubics, and not arcs and straights."""
+
+    @property
+    def owner(self) -> NDArray[np.int64]:
+        """(parts,) Yarn of each part."""
+        return np.repeat(np.arange(len(self.parts)), self.parts)
+
+    @property
+    def last(self) -> NDArray[np.int64]:
+        """(yarns,) Last station of each yarn."""
+        return np.cumsum(self.parts) + np.arange(len(self.parts))
+
+    def at(
+        self, part: NDArray[np.int64], station: NDArray[np.int64], fraction: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return places on the axes.
+
+        Parameters
+        ----------
+        part, station : (n,) int64
+            Part of each place, and the station at which that starts.
+        fraction : (n,) float64
+            How far along the part, from 0 to 1.
+
+        Returns
+        -------
+        along, height, angle : (n,) float64
+            In m, m and radians.
+        """
+        place, slope = (self.along, self.height), self.angle
+        if self.cubic:
+            weights = bernstein(3, fraction).T
+            hodograph = bernstein(2, fraction).T
+            found, speed = [], []
+            for values, direction in zip(place, (np.cos, np.sin), strict=True):
+                a, d = values[station], values[station + 1]
+                b = a + self.reach[0, part] * direction(slope[station])
+                c = d - self.reach[1, part] * direction(slope[station + 1])
+                found.append(sum(w * v for w, v in zip(weights, (a, b, c, d), strict=True)))
+                speed.append(
+                    sum(w * v for w, v in zip(hodograph, (b - a, c - b, d - c), strict=True))
+                )
+            return found[0], found[1], np.arctan2(speed[1], speed[0])
+        s, k, a = self.length[part] * fraction, self.curvature[0, part], slope[station]
+        # chord of an arc of angle k s: 2 sin(k s / 2) / k long, in the direction of its middle
+        chord, middle = s * np.sinc(0.5 * k * s / pi), a + 0.5 * k * s
+        straight = k == 0.0
+        along, height = (
+            np.where(
+                straight,
+                (1.0 - fraction) * values[station] + fraction * values[station + 1],
+                values[station] + chord * direction(middle),
+            )
+            for values, direction in zip(place, (np.cos, np.sin), strict=True)
+        )
+        return along, height, a + k * s
+
+
+def crossing_heights(
+    upper: NDArray[np.bool_], own: Yarns, crossed: Yarns, share: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how far apart axes are at each crossing, and where the family's own are.
+
+    Parameters
+    ----------
+    upper : (yarns, crossings) bool
+        Whether the yarn lies above the one that it crosses.
+    own, crossed : Yarns
+        The family, and the one that it crosses.
+    share : float
+        Share of the distance that the family takes.
+
+    Returns
+    -------
+    arc, height : (yarns, crossings) float64
+        Distance of the axes, and height of the family's own, in m.
+    """
+    arc = 0.5 * (own.diameter[:, None] + crossed.diameter)
+    return arc, np.where(upper, share, -share) * arc
+
+
+def sampled(
+    family: Axes, samples: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return places all along the axes of a family, yarn by yarn.
+
+    Parameters
+    ----------
+    family : Axes
+        Warp or weft.
+    samples : int
+        Places on each part, its end not counted.
+
+    Returns
+    -------
+    part, station : (n,) int64
+        Part of each place, and the station at which that starts; their difference is the yarn.
+    fraction : (n,) float64
+        How far along the part; 1 at the end of a yarn, else less.
+    """
+    count = np.full(len(family.length), samples)
+    count[np.cumsum(family.parts) - 1] += 1
+    part = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(part)) - (np.cumsum(count) - count)[part]
+    return part, (np.arange(len(count)) + family.owner)[part], step / samples

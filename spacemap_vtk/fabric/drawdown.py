@@ -1,0 +1,233 @@
+"""Drawdowns: matrices that say which yarn lies on top at each crossing.
+
+A drawdown has a row for each pick (weft yarn) and a column for each end (warp yarn), first pick
+and first end first; True: the end lies over the pick. Seen from above (from +z) the first pick is
+at the bottom and the first end at the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.errors import InputError
+
+
+def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> NDArray[np.bool_]:
+    """Return the drawdown that a user wrote as rows of 0 and 1.
+
+    Parameters
+    ----------
+    matrix : sequence of str, or of sequences of int
+        A row for each pick, the first pick first: ``"0101"`` or ``[0, 1, 0, 1]``.
+
+    Returns
+    -------
+    (picks, ends) bool
+        True where a 1 stands: the end lies over the pick.
+
+    Raises
+    ------
+    InputError
+        No row, an empty row, rows of different lengths, or something that is neither 0 nor 1; the
+        row is named, counted from 1.
+
+    Examples
+    --------
+    >>> from_matrix(["10", [0, 1]]).tolist()
+    [[True, False], [False, True]]
+    """
+    # one string is a sequence of strings: it would be read as a cloth of one end
+    if isinstance(matrix, str) or not isinstance(matrix, (Sequence, np.ndarray)) or not len(matrix):
+        raise InputError(
+            "a drawdown needs at least one row", key="matrix", value=matrix, allowed='["10", "01"]'
+        )
+    result: list[list[object]] = []
+    for number, row in enumerate(matrix, start=1):
+        if not isinstance(row, (str, Sequence, np.ndarray)) or not len(row):
+            raise _bad_row(number, row, "is no row of 0 and 1")
+        cells = [{"0": 0, "1": 1}.get(c, c) for c in row] if isinstance(row, str) else list(row)
+        for column, cell in enumerate(cells, start=1):
+            if not np.isscalar(cell) or cell not in (0, 1):
+                raise _bad_row(number, row, f"has {cell!r} at end {column}")
+        if result and len(cells) != len(result[0]):
+            raise _bad_row(number, row, f"has {len(cells)} ends, but row 1 has {len(result[0])}")
+        result.append(cells)
+    return np.array(result, dtype=bool)
+
+
+def tile(matrix: ArrayLike, ends: int, picks: int) -> NDArray[np.bool_]:
+    """Repeat a drawdown over a cloth, and cut it off at its far edges.
+
+    Parameters
+    ----------
+    matrix : (m, n) array_like
+        One repeat.
+    ends, picks : int
+        Size of the cloth.
+
+    Returns
+    -------
+    (picks, ends) bool
+        ``matrix[j % m, i % n]`` at pick j and end i.
+
+    Raises
+    ------
+    InputError
+        A size below 1, or no matrix.
+
+    Examples
+    --------
+    >>> rows(tile([[1, 0], [0, 1]], 3, 3))
+    ['101', '010', '101']
+    """
+    unit = as_drawdown(matrix)
+    at_least_one(ends=ends, picks=picks)
+    return unit[np.arange(picks)[:, None] % len(unit), np.arange(ends) % unit.shape[1]]
+
+
+def repeat(drawdown: ArrayLike) -> tuple[int, int]:
+    """Return the size of the smallest repeat of a drawdown.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth, which may end in the middle of a repeat.
+
+    Returns
+    -------
+    ends, picks : int
+        The smallest size for which ``tile(drawdown[:picks, :ends], ...)`` is the drawdown again.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.patterns import plain
+    >>> repeat(plain(7, 7))
+    (2, 2)
+    """
+    matrix = as_drawdown(drawdown)
+    return _period(matrix.T), _period(matrix)
+
+
+def floats(drawdown: ArrayLike) -> tuple[int, int]:
+    """Return the longest floats of a cloth, on either side of it.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth.
+
+    Returns
+    -------
+    warp, weft : int
+        The largest number of neighbouring picks that an end crosses on one side of the cloth, and
+        of ends that a pick crosses. 1 is plain weave.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.patterns import twill
+    >>> floats(twill(3, 1, 8, 8))
+    (3, 3)
+    """
+    matrix = as_drawdown(drawdown)
+    return _longest_run(matrix.T), _longest_run(matrix)
+
+
+def rows(drawdown: ArrayLike) -> list[str]:
+    """Return a drawdown as text, the inverse of `from_matrix`.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        The cloth.
+
+    Returns
+    -------
+    list of str
+        A string of 0 and 1 for each pick, the first pick and the first end first.
+
+    Examples
+    --------
+    >>> rows([[True, False]])
+    ['10']
+    """
+    digits = as_drawdown(drawdown).astype(np.uint8) + ord("0")
+    return [row.tobytes().decode("ascii") for row in digits]
+
+
+def as_drawdown(drawdown: ArrayLike) -> NDArray[np.bool_]:
+    """Return a drawdown as an array, checked.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        True or 1: the end lies over the pick.
+
+    Returns
+    -------
+    (picks, ends) bool
+        C-contiguous; the same array where it is one already.
+
+    Raises
+    ------
+    InputError
+        If it is no matrix with at least one pick and one end.
+    """
+    matrix = np.ascontiguousarray(drawdown, dtype=bool)
+    # ascontiguousarray makes (1,) of a bare number
+    if matrix.ndim != 2 or matrix.size == 0:
+        raise InputError(
+            f"a drawdown is a matrix of at least one pick and one end, not one of {matrix.shape}",
+            key="drawdown",
+            cure="Give a row for each pick and a column for each end",
+        )
+    return matrix
+
+
+def at_least_one(**counts: int) -> None:
+    """Refuse numbers of yarns below 1, and what is no whole number.
+
+    Parameters
+    ----------
+    **counts : int
+        By the name that the message gives.
+
+    Raises
+    ------
+    InputError
+        Names the first.
+    """
+    for key, count in counts.items():
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+            raise InputError(
+                "not a number of yarns", key=key, value=count, allowed="a whole number from 1 on"
+            )
+
+
+def _bad_row(number: int, row: object, what: str) -> InputError:
+    return InputError(
+        f"row {number} {what}",
+        key="matrix",
+        value=row,
+        allowed="rows of 0 and 1, all of the same length",
+    )
+
+
+def _period(lines: NDArray[np.bool_]) -> int:
+    """Return the period of the lines by the failure function of Knuth, Morris and Pratt."""
+    words = [line.tobytes() for line in np.packbits(lines, axis=1)]
+    border = [0] * len(words)
+    for i in range(1, len(words)):
+        k = border[i - 1]
+        while k and words[i] != words[k]:
+            k = border[k - 1]
+        border[i] = k + 1 if words[i] == words[k] else 0
+    return len(words) - border[-1]
+
+
+def _longest_run(lines: NDArray[np.bool_]) -> int:
+    starts = np.ones(lines.shape, dtype=bool)
+    np.not_equal(lines[:, 1:], lines[:, :-1], out=starts[:, 1:])
+    return int(np.diff(np.flatnonzero(starts), append=lines.size).max())

@@ -1,0 +1,313 @@
+"""What ModalResponse keeps of ModalSolver's output: modes, loads on them, residual vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.arrays import array_of, tetrahedra_of
+from spacemap_vtk.filters.load import Load
+from spacemap_vtk.filters.modal_model import model_of, static_displacements
+from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.modal import loads as forces
+from spacemap_vtk.modal.elements import shape_functions
+from spacemap_vtk.modal.kinematics import rotation_operator
+from spacemap_vtk.modal.model import Model
+from spacemap_vtk.modal.stress import strain_operator
+from spacemap_vtk.modal.timefunctions import TimeFunction
+from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
+from spacemap_vtk.units import format_quantity
+
+FloatArray = NDArray[np.float64]
+
+_OWNER = "ModalResponse (put a ModalSolver before it)"
+
+
+class Pattern(NamedTuple):
+    """Forces on the vertices, with their factor over time."""
+
+    parts: tuple[tuple[str, float], ...]
+    """Name and size of each elementary pattern that it is a sum of."""
+    function: TimeFunction
+    """The factor."""
+    moves_base: FloatArray | None = None
+    """The displacement of the base [m], for which the pattern is the mass times it."""
+
+
+class Basis(NamedTuple):
+    """The shapes that a cage moves in."""
+
+    eigenvalues: FloatArray
+    """(n + k,): of the modes and of the residual vectors."""
+    shapes: FloatArray
+    """(n + k, 3V)."""
+
+
+class CageModes:
+    """The modes of a cage, and whatever follows from them without a load's time function.
+
+    Elementary patterns (gravity along an axis, a unit traction on a side, …) and their static
+    solutions are kept by name, so that another size of a load solves nothing.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        ModalSolver's output.
+
+    Raises
+    ------
+    InputError
+        If an array is missing.
+    """
+
+    def __init__(self, grid: vtkUnstructuredGrid) -> None:
+        data = grid.GetPointData()
+        self.eigenvalues: FloatArray = array_of(grid.GetFieldData(), "eigenvalues", _OWNER)
+        shapes = [array_of(data, MODE_NAME.format(k), _OWNER) for k in range(len(self.eigenvalues))]
+        self.shapes: FloatArray = np.stack(shapes).reshape(len(shapes), -1)
+        self.nodal_mass: FloatArray = array_of(data, "nodal_mass", _OWNER)
+        self.model: Model = model_of(grid)
+        self._tetrahedra = tetrahedra_of(grid)
+        self._grid = data
+        self._forces: dict[str, FloatArray] = {}
+        self._statics: dict[str, FloatArray] = {}
+        self._bases: dict[tuple[str, ...], Basis] = {}
+
+    @property
+    def complete(self) -> bool:
+        """Whether these are all modes there are."""
+        return len(self.eigenvalues) >= int(self.model.free.sum())
+
+    @cached_property
+    def rotation(self) -> csr_matrix:
+        """Displacements to the rotation of each tetrahedron, (3T, 3V)."""
+        return rotation_operator(self.model.points, self._tetrahedra)
+
+    @cached_property
+    def strain(self) -> csr_matrix:
+        """Displacements to the strain of each tetrahedron, (6T, 3V)."""
+        return strain_operator(self.model.points, self.model.cells)
+
+    @cached_property
+    def effective_masses(self) -> FloatArray:
+        """Of each mode along x, y and z [kg], (n, 3)."""
+        return participation(self.shapes, self.nodal_mass) ** 2
+
+    @cached_property
+    def movable_mass(self) -> FloatArray:
+        """What the effective masses of all modes sum to, (3,) in kg."""
+        return movable_mass(self.model.mass, self.model.free)
+
+    def pattern(self, load: Load) -> Pattern:
+        """Return the pattern of a load.
+
+        Parameters
+        ----------
+        load : Load
+            A checked load.
+
+        Returns
+        -------
+        Pattern
+            Its elementary patterns are known to `force` from now on.
+
+        Raises
+        ------
+        InputError
+            If its side has no face, its array does not exist, or nothing holds the base it moves.
+        """
+        action, value = load.action, getattr(load, load.action)
+        if action.startswith("base") and self.model.free.all():
+            raise InputError(
+                "nothing is fixed, so there is no base to move",
+                key=f"loads.{action}",
+                value=value,
+                cure='Fix the cage ([modal] fixed = "+y")',
+            )
+        if action == "base_displacement":
+            base = np.array(value)
+            return Pattern(_axes("mass", value), load.function, base)
+        if action in ("gravity", "base_acceleration"):
+            sign = 1.0 if action == "gravity" else -1.0
+            return Pattern(_axes("mass", [sign * v for v in value]), load.function)
+        if action in ("pressure", "traction"):
+            where = forces.wall(self.model.points, self.model.cells, load.on)
+            stress = -value * where.normal if action == "pressure" else value
+            for axis, unit in enumerate(np.eye(3)):
+                self._forces.setdefault(
+                    f"{load.on} {axis}",
+                    forces.traction(len(self.nodal_mass), where, unit).ravel(),
+                )
+            return Pattern(_axes(load.on, stress), load.function)
+        if action == "force":
+            vertex = forces.nearest(self.model.points, load.at)
+            return Pattern(_axes(f"vertex {vertex}", value), load.function)
+        values = array_of(self._grid, load.array, "ModalResponse").astype(np.float64)
+        if values.shape != self.model.points.shape:
+            raise InputError(
+                f"the point array has shape {values.shape}",
+                key="loads.array",
+                value=load.array,
+                allowed=f"{self.model.points.shape}",
+            )
+        self._forces[f"array {load.array}"] = values.ravel()
+        return Pattern(((f"array {load.array}", 1.0),), load.function)
+
+    def gravity(self, acceleration: Sequence[float], function: TimeFunction) -> Pattern:
+        """Return the pattern of gravity.
+
+        Parameters
+        ----------
+        acceleration : sequence of float, shape (3,)
+            In m/s².
+        function : TimeFunction
+            Its factor.
+
+        Returns
+        -------
+        Pattern
+            Without parts along axes where it is zero.
+        """
+        return Pattern(_axes("mass", acceleration), function)
+
+    def force(self, pattern: Pattern) -> FloatArray:
+        """Return a pattern's forces.
+
+        Parameters
+        ----------
+        pattern : Pattern
+            From `pattern` or `gravity`.
+
+        Returns
+        -------
+        ndarray of float64, shape (3V,)
+            In N; those on held components go into the supports.
+        """
+        total = np.zeros(self.shapes.shape[1])
+        for name, size in pattern.parts:
+            total += size * self._elementary(name)
+        return total
+
+    def basis(self, patterns: Sequence[Pattern], residual: bool) -> Basis:
+        """Return the shapes that a cage under some loads moves in.
+
+        Parameters
+        ----------
+        patterns : sequence of Pattern
+            The loads.
+        residual : bool
+            Whether to add a residual vector for each elementary pattern.
+
+        Returns
+        -------
+        Basis
+            The modes first.
+        """
+        names = tuple(sorted({name for pattern in patterns for name, _ in pattern.parts}))
+        if not residual or self.complete or not names:
+            return Basis(self.eigenvalues, self.shapes)
+        if names not in self._bases:
+            free = self.model.free
+            new = [name for name in names if name not in self._statics]
+            if new:
+                load = np.stack([self._elementary(name) * free for name in new], axis=1)
+                self._statics.update(
+                    zip(new, static_displacements(self.model, load).T, strict=True)
+                )
+            values, shapes = residual_modes(
+                self.shapes,
+                self.eigenvalues,
+                self.model.stiffness,
+                self.model.mass,
+                np.stack([self._elementary(name) * free for name in names], axis=1),
+                np.stack([self._statics[name] for name in names], axis=1),
+            )
+            # One at a time: a basis of a large cage is large.
+            self._bases = {
+                names: Basis(
+                    np.concatenate([self.eigenvalues, values]),
+                    np.concatenate([self.shapes, shapes]),
+                )
+            }
+        return self._bases[names]
+
+    def weights(self, place: FloatArray) -> FloatArray:
+        """Return how much each vertex counts in the motion of a point.
+
+        Parameters
+        ----------
+        place : ndarray of float64, shape (3,)
+            Position at rest [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (V,)
+            Values of the shape functions there; they sum to 1.
+
+        Raises
+        ------
+        InputError
+            If the point lies outside the cage.
+        """
+        cells, points = self.model.cells, self.model.points
+        where = locate([place], points, cells[:, :4], threads=1)
+        if where.outside:
+            low, high = (
+                [float(f"{x:.6g}") for x in end] for end in (points.min(axis=0), points.max(axis=0))
+            )
+            distance = format_quantity(where.largest_distance, "m")
+            raise InputError(
+                f"the point lies outside the cage, by {distance}",
+                key="point",
+                value=[float(x) for x in place],
+                allowed=f"a point inside; the cage's box goes from {low} to {high} m",
+            )
+        functions = where.weights[:1]
+        if cells.shape[1] == 10:
+            functions = shape_functions(functions)
+        result = np.zeros(len(self.model.points))
+        result[cells[where.tetrahedron[0]]] = functions[0]
+        return result
+
+    def loaded_axes(self, patterns: Sequence[Pattern]) -> NDArray[np.bool_]:
+        """Return along which axes the loads have a resultant.
+
+        Parameters
+        ----------
+        patterns : sequence of Pattern
+            The loads.
+
+        Returns
+        -------
+        ndarray of bool, shape (3,)
+            True where the resultant of one of them is over a hundredth of its forces' sizes.
+        """
+        loaded = np.zeros(3, dtype=bool)
+        for pattern in patterns:
+            force = (self.force(pattern) * self.model.free).reshape(-1, 3)
+            loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
+        return loaded
+
+    def _elementary(self, name: str) -> FloatArray:
+        if name not in self._forces:
+            kind, _, axis = name.rpartition(" ")
+            unit = np.eye(3)[int(axis)]
+            if kind == "mass":
+                force = forces.on_mass(self.nodal_mass, unit)
+            else:
+                force = np.zeros_like(self.model.points)
+                force[int(kind.removeprefix("vertex "))] = unit
+            self._forces[name] = force.ravel()
+        return self._forces[name]
+
+
+def _axes(kind: str, vector: Sequence[float] | FloatArray) -> tuple[tuple[str, float], ...]:
+    return tuple((f"{kind} {axis}", float(v)) for axis, v in enumerate(vector) if v != 0.0)

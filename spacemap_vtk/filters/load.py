@@ -1,0 +1,299 @@
+"""A load on a cage as a user writes it: one thing that acts, and its time function."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal import timefunctions
+from spacemap_vtk.modal.supports import SIDES
+from spacemap_vtk.modal.timefunctions import TimeFunction
+from spacemap_vtk.parameters import (
+    Choice,
+    Flag,
+    Parameter,
+    Parameterised,
+    Real,
+    Text,
+    Vector,
+)
+
+#: What can act, of which a load has exactly one, and where each may act.
+ACTIONS = {
+    "pressure": "on",
+    "traction": "on",
+    "force": "at",
+    "array": "",
+    "gravity": "",
+    "base_acceleration": "",
+    "base_displacement": "",
+}
+#: The keys of each time function, those it cannot do without first.
+TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "step": ((), ("start",)),
+    "pulse": (("length",), ("start",)),
+    "ramp": (("rise",), ("start",)),
+    "table": (("times", "values"), ("start",)),
+    "harmonic": (("frequency",), ("phase", "steady")),
+    "periodic": (("times", "values"), ("steady",)),
+}
+
+
+class Series(Parameter[Any]):
+    """A list of numbers.
+
+    Parameters
+    ----------
+    help : str
+        One sentence for every surface that shows the parameter.
+    component : Real
+        What each number must be.
+    """
+
+    kind = "series"
+    annotation = "sequence of float"
+
+    def __init__(self, help: str, *, component: Real) -> None:
+        super().__init__(None, help, unit=component.unit)
+        self.component = component
+
+    def convert(self, value: Any) -> tuple[float, ...]:
+        """Return a tuple of checked numbers."""
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InputError("not a list")
+        return tuple(self.component.convert(component) for component in value)
+
+    @property
+    def allowed(self) -> str:
+        """The components in words."""
+        return f"a list, each {self.component.allowed}"
+
+
+class Load(Parameterised):
+    """Something that acts on a cage: a pressure, a force, a moving base …, and its time function.
+
+    A load has exactly one of ``pressure``, ``traction``, ``force``, ``array``, ``gravity``,
+    ``base_acceleration`` and ``base_displacement``; the first two act ``on`` a side, a force acts
+    ``at`` a point. Its time function multiplies it.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.filters.load import Load
+    >>> load = Load(pressure="20 Pa", on="+z", time="ramp", rise="0.1 s")
+    >>> load.function.value(0.05)
+    0.5
+    """
+
+    section = "response.loads"
+
+    pressure = Real(None, "Pressure on a side; a positive one pushes into the cage.", unit="Pa")
+    traction = Vector(None, "Force per area of a side.", component=Real(0.0, "", unit="Pa"))
+    force = Vector(None, "Force on a vertex.", component=Real(0.0, "", unit="N"))
+    array = Text("", "Name of a point array of the cage: a force in N on each vertex.")
+    gravity = Vector(
+        None,
+        "Acceleration of gravity, beside that of the response.",
+        component=Real(0.0, "", unit="m/s2"),
+    )
+    base_acceleration = Vector(
+        None,
+        "Acceleration of all supports together; displacements are relative to them.",
+        component=Real(0.0, "", unit="m/s2"),
+    )
+    base_displacement = Vector(
+        None,
+        "Displacement of all supports together; displacements include it.",
+        component=Real(0.0, "", unit="m"),
+    )
+    on = Choice("", "Side of the cage's bounding box.", ["", *SIDES])
+    at = Vector(
+        None, "The force acts on the vertex nearest to it.", component=Real(0.0, "", unit="m")
+    )
+    time = Choice(
+        "step",
+        "Factor over time: 1 from start on; 1 for a length; from 0 to 1; linear between points; "
+        "sin(2πft + phase); linear between points, repeated.",
+        list(TIMES),
+    )
+    start = Real(None, "When it begins.", unit="s", minimum=0.0)
+    length = Real(None, "How long a pulse lasts.", unit="s", above=0.0)
+    rise = Real(None, "How long a ramp rises.", unit="s", above=0.0)
+    times = Series(
+        "Times of a table; a time given twice is a jump. The last is the period of a periodic one.",
+        component=Real(0.0, "", unit="s", minimum=0.0),
+    )
+    values = Series("Factor at each of the times.", component=Real(0.0, ""))
+    frequency = Real(None, "Frequency of a harmonic load.", unit="1/s", above=0.0)
+    phase = Real(None, "Phase of a harmonic load; 90 degrees make a cosine.", unit="deg")
+    steady = Flag(False, "A harmonic or periodic load has been going on for ever.")
+
+    _sealed = False
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        given = [name for name in ACTIONS if getattr(self, name) not in (None, "")]
+        if len(given) != 1:
+            raise InputError(
+                f"it has {' and '.join(given) or 'nothing that acts'}",
+                allowed="exactly one of " + ", ".join(ACTIONS),
+            )
+        self._action = given[0]
+        self._check_place()
+        self._check_time()
+        self._function = self._made()
+        self._sealed = True
+
+    @property
+    def action(self) -> str:
+        """Which of `ACTIONS` it is."""
+        return self._action
+
+    @property
+    def function(self) -> TimeFunction:
+        """Its factor over time."""
+        return self._function
+
+    def _check_place(self) -> None:
+        wanted = ACTIONS[self.action]
+        for key in ("on", "at"):
+            there = getattr(self, key) not in (None, "")
+            if key == wanted and not there:
+                raise InputError(
+                    f"a {self.action} needs a place", key=key, allowed=self.parameter(key).allowed
+                )
+            if key != wanted and there:
+                raise InputError(f"a {self.action} has no such place", key=key)
+
+    def _check_time(self) -> None:
+        needed, possible = TIMES[self.time]
+        for key in sorted({key for pair in TIMES.values() for keys in pair for key in keys}):
+            there = getattr(self, key) not in (None, False)
+            if key in needed and not there:
+                raise InputError(
+                    f'time = "{self.time}" needs it', key=key, allowed=self.parameter(key).allowed
+                )
+            if there and key not in needed + possible:
+                raise InputError(
+                    f'time = "{self.time}" has no such value',
+                    key=key,
+                    allowed=", ".join(needed + possible),
+                )
+
+    def _made(self) -> TimeFunction:
+        start = self.start or 0.0
+        if self.time == "pulse":
+            return timefunctions.pulse(self.length, start)
+        if self.time == "ramp":
+            return timefunctions.ramp(self.rise, start)
+        if self.time == "table":
+            return timefunctions.table(self.times, self.values, start)
+        if self.time == "periodic":
+            return timefunctions.periodic(self.times, self.values, steady=self.steady)
+        if self.time == "harmonic":
+            phase = math.radians(self.phase or 0.0)
+            return timefunctions.harmonic(self.frequency, phase, steady=self.steady)
+        return timefunctions.step(start)
+
+    def _parameter_changed(self) -> None:
+        if self._sealed:
+            raise InputError(
+                "a load cannot be changed", cure="Assign a new list of loads to the response"
+            )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self._sealed:
+            raise InputError(
+                "a load cannot be changed",
+                key=name,
+                cure="Assign a new list of loads to the response",
+            )
+        super().__setattr__(name, value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Load) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(tuple(sorted(self._values.items())))
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value!r}" for name, value in self._values.items())
+        return f"Load({values})"
+
+
+class Loads(Parameter[tuple[Load, ...]]):
+    """Any number of loads, as `Load`, as tables of its keys, or as TOML's text for such a list.
+
+    A scene file writes them as ``[[response.loads]]``.
+    """
+
+    kind = "loads"
+    annotation = "sequence of Load or dict"
+    #: What each of them is; its parameters are declared there.
+    record = Load
+
+    def check(self, value: Any) -> tuple[Load, ...]:
+        """Return checked loads; an error names load and key, not the whole list."""
+        try:
+            return self.convert(value)
+        except InputError as error:
+            error.key = self.name + (error.key or "")
+            if error.key == self.name and error.allowed is None:
+                error.allowed = self.allowed
+            raise
+
+    def convert(self, value: Any) -> tuple[Load, ...]:
+        """Return checked loads."""
+        if isinstance(value, str):
+            value = _from_text(value)
+        if isinstance(value, (Load, Mapping)):
+            value = [value]
+        if not isinstance(value, Iterable):
+            raise InputError("not a list of loads")
+        loads = []
+        for number, item in enumerate(value):
+            if isinstance(item, Load):
+                loads.append(item)
+            elif isinstance(item, Mapping):
+                try:
+                    loads.append(Load(**item))
+                except InputError as error:
+                    error.key = f"[{number}]" + (f".{error.key}" if error.key else "")
+                    raise
+            else:
+                raise InputError("this is no load", key=f"[{number}]", value=item)
+        return tuple(loads)
+
+    @property
+    def allowed(self) -> str:
+        """Their keys."""
+        return f"a list of tables, each with one of {', '.join(ACTIONS)}, and any of " + ", ".join(
+            name for name in Load.parameters if name not in ACTIONS
+        )
+
+    def show(self, value: tuple[Load, ...]) -> str:
+        """Return TOML's spelling."""
+        tables = [
+            "{" + ", ".join(f"{name} = {_toml(v)}" for name, v in load._values.items()) + "}"
+            for load in value
+        ]
+        return "[" + ", ".join(tables) + "]"
+
+
+def _from_text(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text or '[]'}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not a list of tables: {error}") from None
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)

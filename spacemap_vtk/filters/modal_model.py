@@ -1,0 +1,100 @@
+"""The mechanical model of a cage, written into ModalSolver's output and read from it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk import cache
+from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.modal.model import Model, digest_of
+
+
+def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
+    """Write what a model is made of beside mesh: supports and material.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        The mesh. It gets the point arrays ``fixed`` (uint8, 1 where a vertex is held in some
+        direction), ``fixed_components`` (uint8, three components, 1 where held) and
+        ``nodal_mass`` (kg), and the field arrays ``elasticity`` (Pa, six rows of six),
+        ``density`` (kg/m³) and ``lumped`` (uint8).
+    model : Model
+        What to write.
+    """
+    held = (~model.free).reshape(-1, 3).astype(np.uint8)
+    data = grid.GetPointData()
+    add_array(data, "fixed", held.max(axis=1))
+    add_array(data, "fixed_components", held)
+    add_array(data, "nodal_mass", model.nodal_mass)
+    field = grid.GetFieldData()
+    add_array(field, "elasticity", model.elasticity)
+    add_array(field, "density", np.array([model.density]))
+    add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
+
+
+def model_of(grid: vtkUnstructuredGrid) -> Model:
+    """Return the mechanical model that a cage's modes were computed with.
+
+    While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
+    otherwise they are made when they are first asked for.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        ModalSolver's output, or a file made from it.
+
+    Returns
+    -------
+    Model
+        Matrices, supports and static solutions.
+
+    Raises
+    ------
+    InputError
+        If an array is missing.
+    """
+    owner = "ModalResponse (put a ModalSolver before it)"
+    field = grid.GetFieldData()
+    return Model(
+        points_of(grid).astype(np.float64, copy=False),
+        elements_of(grid),
+        array_of(field, "elasticity", owner),
+        float(array_of(field, "density", owner)[0]),
+        array_of(grid.GetPointData(), "fixed_components", owner) != 0,
+        bool(array_of(field, "lumped", owner)[0]),
+    )
+
+
+def static_displacements(model: Model, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return static displacements, from the user's cache folder where they were solved before.
+
+    Parameters
+    ----------
+    model : Model
+        The cage.
+    forces : ndarray of float64, shape (3V, m)
+        Forces on the vertices [N], a column for each load.
+
+    Returns
+    -------
+    ndarray of float64, shape (3V, m)
+        What `Model.solve` returns.
+    """
+    # For the unit modulus: another one changes neither the entry nor, but for its size, the answer.
+    keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]
+    result = np.empty(forces.shape)
+    missing = []
+    for column, key in enumerate(keys):
+        kept = (cache.load(key) or {}).get("displacement")
+        if kept is None or kept.shape != (len(forces),) or kept.dtype != np.float64:
+            missing.append(column)
+        else:
+            result[:, column] = kept / model.modulus
+    if missing:
+        result[:, missing] = model.solve(forces[:, missing])
+        for column in missing:
+            cache.store(keys[column], displacement=result[:, column] * model.modulus)
+    return result

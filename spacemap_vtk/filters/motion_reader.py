@@ -1,0 +1,160 @@
+"""MotionReader: a cage that moves as another program has computed it."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkInformation
+from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters.arrays import (
+    add_array,
+    array_of,
+    points_of,
+    tetrahedra_of,
+    to_cells,
+    to_points,
+)
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.kept import Connectivity
+from spacemap_vtk.filters.series import KINDS, Series, open_series
+from spacemap_vtk.filters.volume import Volume, tetrahedral
+from spacemap_vtk.parameters import FilePath, Flag, Real, Text
+
+#: Steps whose displacement is held: two are needed between them, more for going back.
+_HELD = 8
+
+
+class MotionReader(Stage):
+    """Read a mesh that moves over time, in place of ModalSolver and ModalResponse.
+
+    The mesh is that of the first step, split into tetrahedra where it is not of them; the motion is
+    linear in time between steps, and stands still before the first and after the last.
+
+    Notes
+    -----
+    The mesh may be a .pvd collection, a series of .vtu or .vtk files (``step_*.vtu``, with times
+    where the files hold a field ``TimeValue``, or a ParaView ``.series`` file), a .vtkhdf file, or
+    Exodus. CalculiX's results come as .pvd from ccx2paraview, with the array ``U``.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.filters.motion_reader import MotionReader
+    >>> MotionReader(file="results.pvd", array="U", scale=0.001).array
+    'U'
+    """
+
+    section = "motion"
+
+    file = FilePath(
+        None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"
+    )
+    array = Text("displacement", "Name of the point array with the displacement.")
+    moving_points = Flag(
+        False, "Take the displacement from the coordinates, which move, and not from an array."
+    )
+    scale = Real(
+        1.0,
+        "Factor on all lengths: 0.001 for a result that counts in millimetres.",
+        above=0.0,
+    )
+
+    _opened: tuple[Any, Series] | None = None
+    _first: tuple[Any, Volume, Connectivity, NDArray[np.float64]] | None = None
+    _steps: dict[int, NDArray[np.float64]]
+
+    def __init__(self, **values: Any) -> None:
+        self._steps = {}
+        super().__init__(**values)
+
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
+        """Return the times of the first and the last step."""
+        if self.file is None:
+            return None  # ParaView asks before its user can name one; `run` refuses
+        times = self._series().times
+        return times[0], times[-1]
+
+    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
+        """Return the times of all steps."""
+        return [] if self.file is None else self._series().times
+
+    def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
+        """Interpolate between the two steps around `time`."""
+        series = self._series()
+        volume = self._mesh(series)
+        times = series.times
+        after = bisect_right(times, time)
+        if after == 0 or after == len(times) or times[after - 1] == time:
+            displacement = self._displacement(series, max(after - 1, 0))
+        else:
+            share = (time - times[after - 1]) / (times[after] - times[after - 1])
+            displacement = (1.0 - share) * self._displacement(series, after - 1)
+            displacement += share * self._displacement(series, after)
+        for note in volume.notes:
+            self.warn(note)
+        # arrays of the first step's own would be stale at any other
+        output.SetPoints(volume.grid.GetPoints())
+        output.SetCells(VTK_TETRA, volume.grid.GetCells())
+        add_array(output.GetPointData(), "displacement", displacement)
+
+    def _series(self) -> Series:
+        if self.file is None:
+            raise InputError("no file is named", key="file", allowed=KINDS)
+        state = (self.file, self.file.stat().st_mtime_ns) if self.file.is_file() else (self.file, 0)
+        if self._opened is None or self._opened[0] != state:
+            self._first = None
+            self._opened = state, open_series(self.file)
+        return self._opened[1]
+
+    def _mesh(self, series: Series) -> Volume:
+        key = self.array, self.moving_points, self.scale
+        if self._first is None or self._first[0] != key:
+            self._steps.clear()
+            data = series.read(0)
+            volume = tetrahedral(data, str(series.file))
+            rest = self.scale * points_of(volume.grid)
+            cells = tetrahedra_of(volume.grid)
+            volume.grid.SetPoints(to_points(rest))
+            volume.grid.SetCells(VTK_TETRA, to_cells(cells))
+            self._first = key, volume, Connectivity(data), rest
+        return self._first[1]
+
+    def _displacement(self, series: Series, step: int) -> NDArray[np.float64]:
+        if step not in self._steps:
+            if len(self._steps) >= _HELD:
+                del self._steps[next(iter(self._steps))]
+            self._steps[step] = self._read(series, step)
+        return self._steps[step]
+
+    def _read(self, series: Series, step: int) -> NDArray[np.float64]:
+        assert self._first is not None
+        _, volume, cells, rest = self._first
+        where = f"{series.file}, step {step} (t = {series.times[step]:g} s)"
+        data: vtkPointSet = series.read(step)
+        if not isinstance(data, vtkUnstructuredGrid) or not cells.matches(data):
+            raise GeometryError(
+                f"{where}: its cells are not those of the first step",
+                cure="Only a mesh whose topology stays can move a cage; remesh or cut the series.",
+            )
+        if self.moving_points:
+            moved = points_of(data).astype(np.float64)
+            if len(moved) <= volume.points.max(initial=0):
+                raise GeometryError(f"{where}: it has only {len(moved)} points")
+            result = self.scale * moved[volume.points] - rest
+        else:
+            values = array_of(data.GetPointData(), self.array, f"MotionReader, in {where},")
+            if values.ndim != 2 or values.shape[1] != 3:
+                raise InputError(
+                    f'{where}: the array "{self.array}" has shape {values.shape}',
+                    key="array",
+                    allowed="three components for each point",
+                )
+            result = self.scale * values.astype(np.float64)[volume.points]
+        if not np.isfinite(result).all():
+            bad = int(np.argmin(np.isfinite(result).all(axis=1)))
+            raise InputError(f"{where}: the displacement of point {bad} is not finite")
+        return result

@@ -1,0 +1,111 @@
+"""ObjectSource: any mesh out of a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.vtkCommonCore import vtkInformationVector
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonTransforms import vtkTransform
+from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.reading import merged, read_blocks
+from spacemap_vtk.parameters import FilePath, Real, Vector
+
+
+class ObjectSource(Stage):
+    """Read an object: a surface, a volume, lines or points, in any format that pyvista reads.
+
+    Arrays, texture coordinates and colours are kept. The blocks of a multi-block are merged, with
+    a cell array ``block``. The object is scaled about the origin, then turned about x, y and z in
+    this order, then moved.
+
+    Notes
+    -----
+    The output is vtkPolyData where the file holds nothing else, and vtkUnstructuredGrid otherwise.
+    pyvista is imported for formats that VTK's own readers do not cover.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.filters.object_source import ObjectSource
+    >>> ObjectSource(file="model.ply", scale=0.001, rotate=(90, 0, 0)).rotate
+    (90.0, 0.0, 0.0)
+    """
+
+    section = "object"
+    output = "vtkPointSet"
+
+    file = FilePath(None, "The mesh to read.", automatic="none, which is an error")
+    scale = Real(
+        1.0, "Factor on all lengths: 0.001 for a file that counts in millimetres.", above=0.0
+    )
+    rotate = Vector(
+        (0.0, 0.0, 0.0),
+        "Angles of the turns about x, y and z.",
+        component=Real(0.0, "", unit="deg"),
+    )
+    place = Vector(
+        (0.0, 0.0, 0.0),
+        "Where the file's origin comes to lie.",
+        component=Real(0.0, "", unit="m"),
+    )
+
+    _kept: tuple[tuple[Path, int, int], vtkPointSet] | None = None
+
+    def load(self) -> vtkPointSet:
+        """Read the file, once as long as it does not change.
+
+        Returns
+        -------
+        vtkPointSet
+            As it stands in the file.
+
+        Raises
+        ------
+        InputError
+            If there is no file, or it cannot be read, or holds no finite points.
+        """
+        if self.file is None:
+            raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
+        if not self.file.is_file():
+            self._kept = None
+            read_blocks(self.file)  # says what is wrong
+        state = self.file.stat()
+        key = self.file, state.st_mtime_ns, state.st_size
+        if self._kept is None or self._kept[0] != key:
+            self._kept = key, merged(read_blocks(self.file), self.file)
+        return self._kept[1]
+
+    def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
+        """Put the object in its place."""
+        data = self.load()
+        if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
+            output.ShallowCopy(data)
+            return
+        transform = vtkTransform()
+        transform.PostMultiply()
+        transform.Scale(self.scale, self.scale, self.scale)
+        transform.RotateX(self.rotate[0])
+        transform.RotateY(self.rotate[1])
+        transform.RotateZ(self.rotate[2])
+        transform.Translate(self.place)
+        mover = vtkTransformFilter()  # normals and vectors turn as well
+        mover.SetTransform(transform)
+        mover.SetInputData(data)
+        mover.Update()
+        output.ShallowCopy(mover.GetOutput())
+
+    def _request_data_object(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        try:
+            data = self.load()
+        except Exception:
+            data = vtkPolyData()  # `run` meets the same error, where it can be told
+        info = out_info.GetInformationObject(0)
+        made = info.Get(vtkDataObject.DATA_OBJECT())
+        if made is None or made.GetClassName() != data.GetClassName():
+            info.Set(vtkDataObject.DATA_OBJECT(), data.NewInstance())

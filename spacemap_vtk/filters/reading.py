@@ -1,0 +1,282 @@
+"""Meshes out of files, with errors in words in place of VTK's print."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet
+from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
+
+from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
+from spacemap_vtk.filters.arrays import add_array
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkFieldData
+
+#: Endings of files that hold an object; pyvista reads more, by the name of a scene's file.
+OBJECT_ENDINGS = (
+    *(".stl", ".ply", ".obj", ".vtp", ".vtu", ".vtk", ".gltf", ".glb", ".vtm", ".vtmb", ".vtkhdf"),
+    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".g", ".byu", ".facet", ".e", ".ex2", ".exo"),
+    *(".case", ".cas", ".cgns", ".msh", ".inp", ".off", ".3ds", ".wrl", ".dae", ".fbx", ".nas"),
+)
+
+
+#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
+_HARMLESS = "InformationKey"
+_OWN_READERS = {
+    ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
+    ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
+    ".vts": ("vtkIOXML", "vtkXMLStructuredGridReader"),
+    ".vtr": ("vtkIOXML", "vtkXMLRectilinearGridReader"),
+    ".vti": ("vtkIOXML", "vtkXMLImageDataReader"),
+    ".vtk": ("vtkIOLegacy", "vtkGenericDataObjectReader"),
+    ".stl": ("vtkIOGeometry", "vtkSTLReader"),
+    ".obj": ("vtkIOGeometry", "vtkOBJReader"),
+    ".ply": ("vtkIOPLY", "vtkPLYReader"),
+}
+
+
+@contextmanager
+def quiet_vtk(path: Path) -> Iterator[None]:
+    """Turn what VTK prints as an error while a file is read into an exception.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+
+    Yields
+    ------
+    None
+        While the window of messages is another.
+
+    Raises
+    ------
+    InputError
+        If VTK reported an error.
+    """
+    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
+    try:
+        yield
+    finally:
+        vtkOutputWindow.SetInstance(usual)
+        vtkLogger.SetStderrVerbosity(verbosity)
+    errors = [
+        " ".join(text.split("):")[-1].split())
+        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
+        if text.startswith("ERROR") and _HARMLESS not in text
+    ]
+    if errors:
+        raise InputError(
+            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
+            cure="Write the file again, whole.",
+        )
+
+
+def read_blocks(path: Path) -> Any:
+    """Read a file, with VTK for its commonest formats and pyvista for the rest.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    vtkDataObject
+        A data set or a multi-block.
+
+    Raises
+    ------
+    InputError
+        If it is missing, of an unknown format, or damaged.
+    MissingLibraryError
+        If pyvista, or what it needs for that format, is not installed.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}", key="file")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty", key="file")
+    if path.suffix.lower() == ".ply":
+        check_ply(path)
+    if path.suffix.lower() in _OWN_READERS:
+        # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
+        # harmless message.
+        module, name = _OWN_READERS[path.suffix.lower()]
+        with quiet_vtk(path):
+            reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
+            reader.SetFileName(str(path))
+            reader.Update()
+            made = reader.GetOutputDataObject(0)
+        if made is None:
+            raise InputError(f"{path}: VTK found nothing in it", key="file")
+        return made
+    try:
+        import pyvista as pv
+    except ImportError:
+        raise MissingLibraryError(
+            f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
+        ) from None
+    try:
+        with quiet_vtk(path):
+            return pv.read(path)
+    except InputError:
+        raise
+    except ImportError as error:
+        raise MissingLibraryError(f"{path}: {error}") from None
+    except Exception as error:
+        # pyvista's and meshio's own: unknown endings, broken headers, missing parts
+        raise InputError(
+            f"{path}: cannot be read: {' '.join(str(error).split())[:200]}",
+            allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
+        ) from None
+
+
+def check_ply(path: Path) -> None:
+    """Refuse a PLY file that is shorter than its header says: VTK's reader crashes on it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If it has no header, or too few bytes or lines.
+    """
+    content = path.read_bytes()
+    header, end, body = content.partition(b"end_header")
+    lines = [line.split() for line in header.decode("latin-1").splitlines()]
+    if not content.startswith(b"ply") or not end:
+        raise InputError(f"{path}: no PLY file: it does not begin with a PLY header", key="file")
+    sizes: list[list[int]] = []  # count of elements, least bytes of one
+    for words in lines:
+        if words[:1] == ["element"] and words[-1].isdigit():
+            sizes.append([int(words[-1]), 0])
+        elif words[:1] == ["property"] and sizes:
+            # of a list, its count alone is certain
+            kind = words[2] if words[1] == "list" else words[1]
+            sizes[-1][1] += _PLY_BYTES.get(kind, 1)
+    if ["format", "ascii", "1.0"] in lines:
+        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(n for n, _ in sizes)
+    else:
+        short = len(body) < sum(count * size for count, size in sizes)
+        # faces of a surface have at least three corners of a byte each
+        faces = [n for n, _ in sizes[1:2]]
+        short |= len(body) < sum(n * s for n, s in sizes) + 3 * sum(faces)
+    if short:
+        raise InputError(
+            f"{path}: truncated: it holds less than its header promises",
+            key="file",
+            cure="Write the file again, whole.",
+        )
+
+
+_PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+
+
+def merged(data: Any, path: Path) -> vtkPointSet:
+    """Return one point set out of whatever a file holds.
+
+    Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, so that
+    none is lost, and the cell array ``block`` numbers the blocks.
+
+    Parameters
+    ----------
+    data : vtkDataObject
+        A data set or a multi-block.
+    path : Path
+        Its file, for messages.
+
+    Returns
+    -------
+    vtkPointSet
+        vtkPolyData where all is of that type, else vtkUnstructuredGrid.
+
+    Raises
+    ------
+    GeometryError
+        If there are no points, or some are not finite.
+    """
+    blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
+    if not blocks:
+        raise GeometryError(f"{path}: there are no points in it")
+    surfaces = all(block.IsA("vtkPolyData") for block in blocks)
+    if len(blocks) > 1:
+        copies = [block.NewInstance() for block in blocks]
+        for number, (copy, block) in enumerate(zip(copies, blocks, strict=True)):
+            copy.ShallowCopy(block)
+            values = np.full(block.GetNumberOfCells(), number, dtype=np.int32)
+            add_array(copy.GetCellData(), "block", values)
+        _fill_up([(copy.GetPointData(), copy.GetNumberOfPoints()) for copy in copies])
+        _fill_up([(copy.GetCellData(), copy.GetNumberOfCells()) for copy in copies])
+        blocks = copies
+    if surfaces and len(blocks) == 1:
+        result = blocks[0]
+    else:
+        append: Any = vtkAppendPolyData() if surfaces else vtkAppendFilter()
+        for block in blocks:
+            append.AddInputData(block)
+        append.Update()
+        result = append.GetOutput()
+        result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
+    _name_roles(result)
+    finite = np.isfinite(vtk_to_numpy(result.GetPoints().GetData())).all(axis=1)
+    if not finite.all():
+        raise GeometryError(
+            f"{path}: {np.count_nonzero(~finite)} of {len(finite)} points are not finite, the "
+            f"first is number {np.argmin(finite)}",
+            cure="Remove or repair them; a mesh program's cleaning does that.",
+        )
+    return result
+
+
+def _name_roles(data: vtkPointSet) -> None:
+    """Mark glTF's normals and texture coordinates, which its reader leaves as plain arrays."""
+    table = data.GetPointData()
+    if table.GetNormals() is None and table.HasArray("NORMAL"):
+        table.SetActiveNormals("NORMAL")
+    if table.GetTCoords() is None and table.HasArray("TEXCOORD_0"):
+        table.SetActiveTCoords("TEXCOORD_0")
+
+
+def _leaves(data: Any) -> Iterator[vtkDataSet]:
+    if isinstance(data, vtkCompositeDataSet):
+        for index in range(data.GetNumberOfBlocks()):
+            yield from _leaves(data.GetBlock(index))
+    elif isinstance(data, vtkDataSet):
+        yield data
+
+
+def _fill_up(tables: list[tuple[vtkFieldData, int]]) -> None:
+    """Give every table every array; those of different sizes under one name stay as they are."""
+    patterns: dict[str, Any] = {}
+    for table, _ in tables:
+        for i in range(table.GetNumberOfArrays()):
+            array = table.GetArray(i)
+            if array is not None and array.GetName():
+                patterns.setdefault(array.GetName(), array)
+    for name, pattern in patterns.items():
+        kind = vtk_to_numpy(pattern).dtype if pattern.GetNumberOfTuples() else np.dtype(float)
+        components = pattern.GetNumberOfComponents()
+        for table, count in tables:
+            if not table.HasArray(name):
+                shape = (count, components) if components > 1 else (count,)
+                add_array(table, name, np.full(shape, np.nan if kind.kind == "f" else 0, kind))

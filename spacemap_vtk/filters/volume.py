@@ -1,0 +1,145 @@
+"""Volume meshes of any cells, as linear tetrahedra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
+
+from spacemap_vtk.cage import split
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.filters.arrays import add_array, points_of, to_array, to_cells, to_points
+
+Cells = NDArray[np.integer[Any]]
+
+
+def _whole(cells: Cells) -> Cells:
+    return cells
+
+
+def _voxels(cells: Cells) -> Cells:
+    return split.split_hexahedra(cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
+
+
+# For each of VTK's types: number of corners, how they are split.
+_KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+    **dict.fromkeys((10, 24, 71, 78), (4, _whole)),
+    **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.split_hexahedra)),
+    **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.split_wedges)),
+    **dict.fromkeys((14, 27, 37, 74, 81), (5, split.split_pyramids)),
+    11: (8, _voxels),
+}
+_QUADRATIC_TETRA = 24
+# Points, lines and polygons, straight and curved: they have no volume.
+_NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
+
+
+@dataclass
+class Volume:
+    """Linear tetrahedra made of a mesh.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        The tetrahedra, with the point arrays of the mesh.
+    points : ndarray of int64, shape (n,)
+        Number in the mesh of each point.
+    notes : list of str
+        What was changed.
+    """
+
+    grid: vtkUnstructuredGrid
+    points: NDArray[np.int64]
+    notes: list[str] = field(default_factory=list)
+
+
+def tetrahedral(data: vtkPointSet, what: str) -> Volume:
+    """Split the cells of a mesh into linear tetrahedra.
+
+    Parameters
+    ----------
+    data : vtkPointSet
+        A mesh with tetrahedra, hexahedra, voxels, wedges and pyramids, linear or of higher order.
+        Quadratic tetrahedra become eight each; of other curved cells the corners are used.
+    what : str
+        Its name, for messages.
+
+    Returns
+    -------
+    Volume
+        Points keep their numbers, unless some belong to no tetrahedron: those are left out, and
+        the point array ``original_point`` tells the old numbers.
+
+    Raises
+    ------
+    GeometryError
+        If there is nothing with a volume, or a cell of another kind.
+    """
+    if not isinstance(data, vtkUnstructuredGrid) or data.GetNumberOfCells() == 0:
+        raise GeometryError(
+            f"{what} is no volume mesh: it is a {data.GetClassName()} of "
+            f"{data.GetNumberOfCells()} cells",
+            allowed="tetrahedra, hexahedra, wedges, pyramids",
+            cure='A surface can be filled with method = "tetwild".',
+        )
+    types = np.array([data.GetCellType(i) for i in range(data.GetNumberOfCells())])
+    others = sorted(set(types.tolist()) - _KINDS.keys() - _NO_VOLUME)
+    if others:
+        raise GeometryError(
+            f"{what} has cells of VTK's types {others}",
+            allowed="tetrahedra, hexahedra, wedges, pyramids, linear or of higher order",
+        )
+    vertices = points_of(data).astype(np.float64)
+    if not np.isfinite(vertices).all():
+        bad = int(np.argmin(np.isfinite(vertices).all(axis=1)))
+        raise GeometryError(f"{what}: point {bad} is not finite", cure="Repair the mesh.")
+    parts, notes = [], []
+    flat_cells = int(np.isin(types, list(_NO_VOLUME)).sum())
+    if flat_cells:
+        notes.append(f"{what}: {flat_cells} cells without a volume were left out")
+    starts, numbers = _offsets(data), vtk_to_numpy(data.GetCells().GetConnectivityArray())
+    solid = {kind for kind in set(types.tolist()) if kind in _KINDS}
+    for kind in sorted(solid):
+        corners, cut = _KINDS[kind]
+        if solid == {_QUADRATIC_TETRA}:
+            # beside other curved cells they would not conform
+            corners, cut = 10, split.split_quadratic_tetrahedra
+        rows = starts[:-1][types == kind]
+        parts.append(cut(numbers[rows[:, None] + np.arange(corners)].astype(np.int64)))
+    if not parts:
+        raise GeometryError(f"{what} has no cells with a volume")
+    tetrahedra, inverted, flat = split.mended(vertices, np.concatenate(parts))
+    if not len(tetrahedra):
+        raise GeometryError(
+            f"{what}: all {flat} tetrahedra are flat", allowed="at least one with a volume"
+        )
+    if inverted and solid <= {10, 24, 71, 78}:
+        notes.append(f"{what}: {inverted} inverted tetrahedra were turned")
+    if flat:
+        notes.append(f"{what}: {flat} flat tetrahedra were left out")
+    used = np.unique(tetrahedra)
+    grid = vtkUnstructuredGrid()
+    kept: NDArray[np.int64] = np.arange(len(vertices))
+    if len(used) < len(vertices):
+        kept = used.astype(np.int64)
+        tetrahedra = np.searchsorted(used, tetrahedra)
+        notes.append(f"{what}: {len(vertices) - len(used)} points of no tetrahedron were left out")
+    grid.SetPoints(to_points(vertices[kept]))
+    grid.SetCells(VTK_TETRA, to_cells(tetrahedra))
+    for i in range(data.GetPointData().GetNumberOfArrays()):
+        array = data.GetPointData().GetArray(i)
+        if array is not None and array.GetName():
+            values = vtk_to_numpy(array)
+            grid.GetPointData().AddArray(to_array(values[kept], array.GetName()))
+    if len(kept) < len(vertices):
+        add_array(grid.GetPointData(), "original_point", kept)
+    return Volume(grid, kept, notes)
+
+
+def _offsets(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    return vtk_to_numpy(grid.GetCells().GetOffsetsArray()).astype(np.int64)

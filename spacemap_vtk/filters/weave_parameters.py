@@ -1,0 +1,145 @@
+"""Kinds of parameters that only a weave has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric import draft, pattern_names
+from spacemap_vtk.fabric.yarn import linear_density
+from spacemap_vtk.parameters import Color, Parameter, Real
+
+
+class Pattern(Parameter[Any]):
+    """A weave: its name, or a 0/1 matrix."""
+
+    kind = "pattern"
+    annotation = "str or sequence of rows"
+    allowed = (
+        pattern_names.GRAMMAR
+        + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
+    )
+
+    def convert(self, value: Any) -> Any:
+        """Return a name in its usual spelling, or a tuple of strings of 0 and 1."""
+        if isinstance(value, str):
+            return pattern_names.canonical(value)
+        if not isinstance(value, Iterable):
+            raise InputError("not a weave")
+        return tuple(draft.rows(draft.from_matrix(list(value))))
+
+    def show(self, value: Any) -> str:
+        """Return the name or the rows."""
+        return f'"{value}"' if isinstance(value, str) else str(list(value))
+
+
+class YarnCount(Real):
+    """The linear density of a yarn, in any system of yarn counts."""
+
+    def convert(self, value: Any) -> float:
+        """Return kg/m."""
+        return float(super().convert(linear_density(value) if isinstance(value, str) else value))
+
+    @property
+    def allowed(self) -> str:
+        """The systems, with examples."""
+        return (
+            'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"), or in kg/m, '
+            + self.range
+        )
+
+
+class Series(Parameter[Any]):
+    """One value for all yarns of a family, or a list of values that is repeated over them.
+
+    Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
+
+    Parameters
+    ----------
+    component : Parameter
+        What each value must be; its default and help are those of the whole.
+    automatic : str
+        What ``None``, the default, stands for.
+    """
+
+    kind = "series"
+
+    def __init__(self, component: Parameter[Any], *, automatic: str) -> None:
+        super().__init__(None, component.help, unit=component.unit, automatic=automatic)
+        self.component = component
+        self.annotation = f"{component.annotation}, or a list of such"
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.component.__set_name__(owner, name)
+        super().__set_name__(owner, name)
+
+    def convert(self, value: Any) -> Any:
+        """Return a checked value, or a tuple of several."""
+        if isinstance(value, str) and "," in value:
+            value = [item.strip() for item in value.split(",")]
+        try:
+            return self.component.convert(value)
+        except InputError:
+            # a list of one value is none; three numbers are one colour
+            if isinstance(value, str) or not isinstance(value, Iterable):
+                raise
+        items = []
+        for number, item in enumerate(value, start=1):
+            try:
+                items.append(self.component.convert(item))
+            except InputError as error:
+                raise InputError(f"value {number}: {error.message}", cure=error.cure) from None
+        if not items:
+            raise InputError("an empty list")
+        return items[0] if len(set(items)) == 1 else tuple(items)
+
+    @property
+    def allowed(self) -> str:
+        """What each value may be."""
+        return f"{self.component.allowed}; or a list of such, repeated over the yarns"
+
+    def show(self, value: Any) -> str:
+        """Return the value, or the list with commas."""
+        if value is None:
+            return self.automatic
+        several = self.several(value)
+        return ", ".join(self.component.show(item) for item in several or (value,))
+
+    def several(self, value: Any) -> tuple[Any, ...] | None:
+        """Tell a list from a single value.
+
+        Parameters
+        ----------
+        value : object
+            A checked value.
+
+        Returns
+        -------
+        tuple or None
+            The items of a list; None for a single value.
+        """
+        # a colour is a tuple itself
+        is_list = isinstance(value, tuple) and not (
+            isinstance(self.component, Color) and isinstance(value[0], int)
+        )
+        return value if is_list else None
+
+
+def repeat_of(pattern: Any) -> NDArray[np.bool_]:
+    """Return one repeat of a pattern.
+
+    Parameters
+    ----------
+    pattern : str or tuple of str
+        A value that `Pattern` has checked.
+
+    Returns
+    -------
+    (picks, ends) bool
+        Its drawdown.
+    """
+    return pattern_names.named(pattern) if isinstance(pattern, str) else draft.from_matrix(pattern)

@@ -1,0 +1,100 @@
+"""How much a cage is damped: α and β, from two measured ratios, or one ratio for all modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.units import format_quantity
+
+FloatArray = NDArray[np.float64]
+
+
+class Damping(NamedTuple):
+    """Damping of the modes, 2h = α + βλ + 2ζ√λ."""
+
+    alpha: float = 0.0
+    """Proportional to mass [1/s]."""
+    beta: float = 0.0
+    """Proportional to stiffness [s]."""
+    ratio: float = 0.0
+    """ζ of every mode that has a frequency."""
+
+    def alphas(self, eigenvalues: FloatArray) -> FloatArray:
+        """Return what acts like an α of each mode's own: α + 2ζ√λ.
+
+        Parameters
+        ----------
+        eigenvalues : ndarray of float64, shape (n,)
+            λ [1/s²].
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            In 1/s.
+        """
+        return self.alpha + 2.0 * self.ratio * np.sqrt(eigenvalues)
+
+    def halves(self, eigenvalues: FloatArray) -> FloatArray:
+        """Return h of each mode, its rate of decay where it swings.
+
+        Parameters
+        ----------
+        eigenvalues : ndarray of float64, shape (n,)
+            λ [1/s²].
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            In 1/s.
+        """
+        return 0.5 * (self.alphas(eigenvalues) + self.beta * eigenvalues)
+
+
+def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:
+    """Return the α and β that give two frequencies given damping ratios.
+
+    Parameters
+    ----------
+    pairs : sequence of tuple of float
+        Two pairs of frequency [Hz] and ratio ζ.
+
+    Returns
+    -------
+    Damping
+        With ζ = α / (2ω) + βω / 2 at both frequencies.
+
+    Raises
+    ------
+    InputError
+        If the frequencies are equal, or α or β would be negative: damping would then feed energy
+        to some frequencies.
+
+    Examples
+    --------
+    >>> damping = rayleigh([(1.0, 0.02), (10.0, 0.02)])
+    >>> round(damping.alpha, 4), round(damping.beta, 6)
+    (0.2285, 0.000579)
+    """
+    (first, low), (second, high) = sorted(pairs)
+    if first == second:
+        raise InputError(
+            f"two ratios at one frequency, {first:g} Hz", cure="Give two different frequencies"
+        )
+    one, two = 2 * math.pi * first, 2 * math.pi * second
+    spread = two * two - one * one
+    alpha = 2 * one * two * (low * two - high * one) / spread
+    beta = 2 * (high * two - low * one) / spread
+    if alpha < 0 or beta < 0:
+        least, most = low * first / second, low * second / first
+        raise InputError(
+            f"no α and β of at least 0 give {low:g} at {format_quantity(first, 'Hz')} and "
+            f"{high:g} at {format_quantity(second, 'Hz')}",
+            allowed=f"with the first, a second ratio from {least:.4g} to {most:.4g}",
+        )
+    return Damping(alpha, beta)

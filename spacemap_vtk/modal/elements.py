@@ -1,0 +1,132 @@
+"""Reference tetrahedra: the integrals of their shape functions, exact and without quadrature.
+
+Every shape function here is a form in the barycentric coordinates L: linear, N_a = L_a, or
+quadratic, N_a = Lᵀ Q_a L (made homogeneous by Σ L = 1, which changes no gradient, for Σ ∇L = 0).
+In a straight-sided tetrahedron ∇L is constant and products of L integrate in closed form,
+
+    ∫ Π L_i^m_i dV = 6 V Π m_i! / (3 + Σ m_i)!        (Zienkiewicz and Taylor, volume 1)
+
+so that both matrices of an element are sums over constants.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+#: The corners that each midpoint of a quadratic tetrahedron lies between: VTK's order, and
+#: Abaqus's and CalculiX's.
+EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
+
+
+class Element(NamedTuple):
+    """A tetrahedron of n nodes, of unit volume.
+
+    Parameters
+    ----------
+    products : ndarray of float64, shape (n, n)
+        ∫ N_a N_b / V.
+    slopes : ndarray of float64, shape (4, 4, n, n)
+        ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
+    lumps : ndarray of float64, shape (n,)
+        Each node's share of a lumped mass: the diagonal of the consistent one, scaled to the
+        mass. Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976) 245.
+    """
+
+    products: FloatArray
+    slopes: FloatArray
+    lumps: FloatArray
+
+
+def element(nodes: int) -> Element:
+    """Return the reference tetrahedron with a number of nodes.
+
+    Parameters
+    ----------
+    nodes : int
+        4 or 10, corners first, then the midpoints of `EDGES`.
+
+    Returns
+    -------
+    Element
+        Its integrals.
+    """
+    return _ELEMENTS[nodes]
+
+
+def shape_functions(weights: FloatArray) -> FloatArray:
+    """Return the ten shape functions of quadratic tetrahedra.
+
+    Parameters
+    ----------
+    weights : ndarray of float64, shape (n, 4)
+        Barycentric coordinates; negative ones extrapolate.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 10)
+        N_a = L_a (2 L_a - 1) at corners, 4 L_a L_b at midpoints; they sum to 1.
+    """
+    corners = weights * (2 * weights - 1)
+    middles = 4 * weights[:, EDGES[:, 0]] * weights[:, EDGES[:, 1]]
+    return np.concatenate([corners, middles], axis=1)
+
+
+def shape_slopes(weights: FloatArray) -> FloatArray:
+    """Return the derivatives of the ten shape functions to the barycentric coordinates.
+
+    Parameters
+    ----------
+    weights : ndarray of float64, shape (n, 4)
+        Barycentric coordinates.
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 10, 4)
+        ∂N_a/∂L_i; times the gradients of L they are the gradients of N.
+    """
+    slopes = np.zeros((len(weights), 10, 4))
+    slopes[:, range(4), range(4)] = 4 * weights - 1
+    for middle, (a, b) in enumerate(EDGES, start=4):
+        slopes[:, middle, a] = 4 * weights[:, b]
+        slopes[:, middle, b] = 4 * weights[:, a]
+    return slopes
+
+
+def _integral(*factors: int) -> float:
+    """Return ∫ L_i L_j … / V for the given indices."""
+    powers = [factors.count(i) for i in range(4)]
+    return 6 * math.prod(map(math.factorial, powers)) / math.factorial(3 + len(factors))
+
+
+def _linear() -> Element:
+    products = np.array([[_integral(a, b) for b in range(4)] for a in range(4)])
+    eye = np.eye(4)
+    return Element(products, np.einsum("ai,bj->ijab", eye, eye), np.full(4, 0.25))
+
+
+def _quadratic() -> Element:
+    forms = np.zeros((10, 4, 4))
+    for a in range(4):  # 2 L_a² - L_a Σ L
+        forms[a, a, a] = 2.0
+        forms[a, a, :] -= 0.5
+        forms[a, :, a] -= 0.5
+    for middle, (a, b) in enumerate(EDGES, start=4):
+        forms[middle, a, b] = forms[middle, b, a] = 2.0
+    fourth = np.zeros((4,) * 4)
+    for index in itertools.product(range(4), repeat=4):
+        fourth[index] = _integral(*index)
+    products = np.einsum("aij,bkl,ijkl->ab", forms, forms, fourth)
+    second = np.array([[_integral(i, j) for j in range(4)] for i in range(4)])
+    slopes = 4 * np.einsum("aip,bjq,pq->ijab", forms, forms, second)
+    lumps = np.diag(products) / np.trace(products)
+    return Element(products, slopes, lumps)
+
+
+_ELEMENTS = {4: _linear(), 10: _quadratic()}

@@ -1,0 +1,311 @@
+"""Time functions of loads, in the two forms that have exact responses: linear pieces, and a sine.
+
+A function is a factor without unit; what it multiplies (a pressure, a base acceleration …) carries
+the unit. It begins at t = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+class Pieces(NamedTuple):
+    """A piecewise linear function, with jumps or without.
+
+    Before the first time it is zero; after the last its last piece goes on, or, with a period, it
+    repeats from the first time, which is then 0.
+    """
+
+    times: FloatArray
+    """(k,), ascending, the start of each piece [s]; the first is 0."""
+    values: FloatArray
+    """(k,), at the start of each piece."""
+    slopes: FloatArray
+    """(k,), along each piece [1/s]."""
+    period: float | None = None
+    """After which it repeats [s]."""
+    steady: bool = False
+    """Of a periodic function: it has been going on for ever."""
+
+    def phase(self, time: float) -> tuple[int, float]:
+        """Return how many periods lie before a time, and the time since the last of them.
+
+        Parameters
+        ----------
+        time : float
+            In s, at least 0.
+
+        Returns
+        -------
+        count : int
+            0 without a period.
+        rest : float
+            In s. A time that rounding alone keeps from the start of a piece counts as its start:
+            3 periods of 0.1 s are 0.30000000000000004 s to some and 0.3 s to others.
+        """
+        count, rest, slack = 0, time, 4e-16 * time
+        if self.period is not None:
+            rest = math.fmod(time, self.period)
+            count = round((time - rest) / self.period)
+            if self.period - rest <= slack:
+                return count + 1, 0.0
+        k = int(np.searchsorted(self.times, rest))
+        for start in self.times[max(0, k - 1) : k + 1]:
+            if abs(start - rest) <= slack:
+                return count, float(start)
+        return count, rest
+
+    def value(self, time: float) -> float:
+        """Return the factor at a time, after the jump if there is one.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        float
+            The factor.
+        """
+        if time < 0.0:
+            return 0.0
+        _, time = self.phase(time)
+        k = int(np.searchsorted(self.times, time, side="right")) - 1
+        return float(self.values[k] + self.slopes[k] * (time - self.times[k]))
+
+    def slope(self, time: float) -> float:
+        """Return the rate of change at a time, after the jump if there is one.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        float
+            In 1/s.
+        """
+        if time < 0.0:
+            return 0.0
+        _, time = self.phase(time)
+        return float(self.slopes[np.searchsorted(self.times, time, side="right") - 1])
+
+
+class Sine(NamedTuple):
+    """The factor sin(Ωt + φ), from t = 0 on."""
+
+    omega: float
+    """Ω [rad/s], above 0."""
+    phase: float = 0.0
+    """φ [rad]."""
+    steady: bool = False
+    """It has been going on for ever, so that its response is steady from the first."""
+
+    def value(self, time: float) -> float:
+        """Return the factor at a time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        float
+            The factor; zero before t = 0 unless it is steady.
+        """
+        return math.sin(self.omega * time + self.phase) if time >= 0.0 or self.steady else 0.0
+
+    def slope(self, time: float) -> float:
+        """Return the rate of change at a time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        float
+            In 1/s.
+        """
+        rate = self.omega * math.cos(self.omega * time + self.phase)
+        return rate if time >= 0.0 or self.steady else 0.0
+
+
+TimeFunction = Pieces | Sine
+
+
+def step(start: float = 0.0) -> Pieces:
+    """Return 0 before a time and 1 from it on.
+
+    Parameters
+    ----------
+    start : float
+        In s.
+
+    Returns
+    -------
+    Pieces
+        The function.
+    """
+    return _from_zero([start], [1.0], [0.0])
+
+
+def pulse(length: float, start: float = 0.0) -> Pieces:
+    """Return 1 for a while, 0 before and after.
+
+    Parameters
+    ----------
+    length, start : float
+        In s.
+
+    Returns
+    -------
+    Pieces
+        The function.
+    """
+    return _from_zero([start, start + length], [1.0, 0.0], [0.0, 0.0])
+
+
+def ramp(rise: float, start: float = 0.0) -> Pieces:
+    """Return a function that rises from 0 to 1 and stays there.
+
+    Parameters
+    ----------
+    rise : float
+        How long it rises [s].
+    start : float
+        When it begins to [s].
+
+    Returns
+    -------
+    Pieces
+        The function.
+    """
+    return _from_zero([start, start + rise], [0.0, 1.0], [1.0 / rise, 0.0])
+
+
+def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -> Pieces:
+    """Return a function that is linear between given points.
+
+    Parameters
+    ----------
+    times : sequence of float, shape (k,)
+        Not descending, from 0 on [s]; a time given twice is a jump.
+    values : sequence of float, shape (k,)
+        The first holds from `start` on, the last to the end.
+    start : float
+        Added to the times [s].
+
+    Returns
+    -------
+    Pieces
+        The function.
+
+    Raises
+    ------
+    InputError
+        If there are not as many values as times, or the times descend or start before 0.
+    """
+    t, v = _checked_table(times, values)
+    spans = np.diff(t)
+    # A jump is a piece of no length: it is left out, and the next piece starts with its value.
+    lasts = np.append(spans > 0, True)
+    slopes = np.append(np.diff(v)[spans > 0] / spans[spans > 0], 0.0)
+    t, v = t[lasts], v[lasts]
+    if t[0] > 0.0:
+        t, v, slopes = np.r_[0.0, t], np.r_[v[0], v], np.r_[0.0, slopes]
+    return _from_zero(t + start, v, slopes)
+
+
+def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = False) -> Pieces:
+    """Return a function that is linear between given points and repeats.
+
+    Parameters
+    ----------
+    times : sequence of float, shape (k,)
+        From 0 to the period [s]; a time given twice is a jump.
+    values : sequence of float, shape (k,)
+        At the times.
+    steady : bool
+        Whether it has been going on for ever.
+
+    Returns
+    -------
+    Pieces
+        With the last time as its period.
+
+    Raises
+    ------
+    InputError
+        If it is no table, does not start at 0 or has no length.
+    """
+    t, v = _checked_table(times, values)
+    if t[0] != 0.0 or t[-1] <= 0.0:
+        raise InputError(
+            f"a period from {t[0]:g} s to {t[-1]:g} s",
+            key="times",
+            allowed="times from 0 to the period, which is above 0",
+        )
+    spans = np.diff(t)
+    whole = spans > 0
+    return Pieces(
+        t[:-1][whole], v[:-1][whole], np.diff(v)[whole] / spans[whole], float(t[-1]), steady
+    )
+
+
+def harmonic(frequency: float, phase: float = 0.0, *, steady: bool = False) -> Sine:
+    """Return sin(2πft + φ).
+
+    Parameters
+    ----------
+    frequency : float
+        F [Hz], above 0.
+    phase : float
+        Φ [rad]; a quarter turn makes a cosine.
+    steady : bool
+        Whether it has been going on for ever.
+
+    Returns
+    -------
+    Sine
+        The function.
+    """
+    return Sine(2 * math.pi * frequency, phase, steady)
+
+
+def _checked_table(
+    times: Sequence[float], values: Sequence[float]
+) -> tuple[FloatArray, FloatArray]:
+    t, v = np.asarray(times, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    if t.ndim != 1 or t.shape != v.shape or len(t) == 0:
+        raise InputError(
+            f"{t.size} times and {v.size} values", key="values", allowed="one value for each time"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(v).all()) or t[0] < 0 or (np.diff(t) < 0).any():
+        raise InputError("the times descend", key="times", allowed="ascending times from 0 s on")
+    return t, v
+
+
+def _from_zero(
+    times: Sequence[float] | FloatArray,
+    values: Sequence[float] | FloatArray,
+    slopes: Sequence[float] | FloatArray,
+) -> Pieces:
+    """Return the pieces, with one of zeros before them if they start late."""
+    t, v, s = (np.asarray(x, dtype=np.float64) for x in (times, values, slopes))
+    if t[0] > 0.0:
+        t, v, s = np.r_[0.0, t], np.r_[0.0, v], np.r_[0.0, s]
+    return Pieces(t, v, s)

@@ -1,0 +1,73 @@
+"""Where the plugin is, and what ParaView must be started with to find it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+
+_HERE = Path(__file__).resolve().parent
+PLUGIN = _HERE / "plugin.py"
+
+
+def variables() -> dict[str, str]:
+    """Return the environment that makes ParaView load the plugin at its start.
+
+    Returns
+    -------
+    dict of str to str
+        PYTHONPATH leads to the folder with the shim that ParaView 5.11 needs and to nothing else:
+        a virtual environment's packages would take the place of ParaView's own.
+    """
+    return {
+        "PYTHONPATH": str(_HERE / "startup"),
+        "PV_PLUGIN_CONFIG_FILE": str(_HERE / "plugins.xml"),
+    }
+
+
+def process_environment() -> dict[str, str]:
+    """Return this process's environment, changed so that ParaView loads the plugin.
+
+    Returns
+    -------
+    dict of str to str
+        For `subprocess.run`.
+    """
+    return {**os.environ, **variables()}
+
+
+def check() -> str:
+    """Load the plugin in the installed ParaView and run its pipeline there.
+
+    Returns
+    -------
+    str
+        One line with versions and what the plugin offers.
+
+    Raises
+    ------
+    MissingLibraryError
+        If there is no ``pvpython``.
+    SpacemapError
+        If the plugin does not work there; the message has what ParaView printed.
+    """
+    pvpython = shutil.which("pvpython")
+    if pvpython is None:
+        raise MissingLibraryError(
+            "pvpython is not on the PATH",
+            cure='On Debian or Ubuntu: "apt-get install paraview python3-paraview"; '
+            "elsewhere add ParaView's folder bin to PATH.",
+        )
+    done = subprocess.run(
+        [pvpython, str(_HERE / "check.py")],
+        env=process_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0 or done.stderr:
+        raise SpacemapError(f"{pvpython} cannot use {PLUGIN}: {done.stderr or done.stdout}")
+    return done.stdout.strip()

@@ -1,0 +1,165 @@
+"""The stages as ParaView runs them: setters for its properties, messages in its output window.
+
+ParaView calls no `update`, which would raise what went wrong. A hosted stage says it in the output
+window and hands on its last good output, so that a mistaken value leaves the picture as it was.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+
+from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector, vtkOutputWindow
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
+
+import spacemap_vtk
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.filters.base import Cancelled, Stage
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.paraview.properties import command, property_of
+from spacemap_vtk.paraview.proxies import FileType, proxy_xml
+from spacemap_vtk.paraview.scene_reader import SceneReader
+
+_REQUEST_DATA = vtkDemandDrivenPipeline.REQUEST_DATA()
+_NOT_GENERATED = vtkDemandDrivenPipeline.DATA_NOT_GENERATED()
+
+
+class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
+    """What is the same for every stage in ParaView; stands before the stage's class."""
+
+    #: What ParaView looks for.
+    _pvsm_proxy_xml: ClassVar[str]
+
+    _error: BaseException | None
+    _last: vtkDataObject | None = None
+    _said: frozenset[str] = frozenset()
+    _observed: bool = False
+
+    def ProcessRequest(
+        self,
+        request: vtkInformation,
+        in_info: tuple[vtkInformationVector, ...],
+        out_info: vtkInformationVector,
+    ) -> int:
+        """Answer a request; what goes wrong is said, and the last good output stays.
+
+        Parameters
+        ----------
+        request : vtkInformation
+            What is asked for.
+        in_info : tuple of vtkInformationVector
+            Of each input port.
+        out_info : vtkInformationVector
+            Of the output.
+
+        Returns
+        -------
+        int
+            1, or 0 where there is nothing good to hand on.
+        """
+        if not self._observed:
+            # ParaView has put an executive of its own in the place of the one that Stage watches.
+            self._observed = True
+            messages = self._vtk_messages
+            self.GetExecutive().AddObserver("ErrorEvent", lambda *event: messages.clear())
+        if any(vector.GetNumberOfInformationObjects() == 0 for vector in in_info):
+            return 0  # ParaView asks before all inputs are chosen
+        done = super().ProcessRequest(request, in_info, out_info)
+        if not done:
+            return self._fail(request, out_info)
+        if request.Has(_REQUEST_DATA):
+            output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+            # What ParaView colours by where nobody has chosen; no matter where there is none.
+            output.GetAttributes(vtkDataObject.CELL).SetActiveScalars("color")
+            self._last = output.NewInstance()
+            self._last.ShallowCopy(output)
+            new = [text for text in self._warnings if text not in self._said]
+            self._said |= set(new)  # each once: an animation would repeat it with every frame
+            for text in new:
+                vtkOutputWindow.GetInstance().DisplayWarningText(f"{_name(self)}: {text}.\n")
+        return done
+
+    def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
+        error, self._error = self._error, None
+        if not isinstance(error, Cancelled):
+            say(self, error)
+        if not request.Has(_REQUEST_DATA) or self._last is None:
+            return 0
+        info = out_info.GetInformationObject(0)
+        info.Get(vtkDataObject.DATA_OBJECT()).ShallowCopy(self._last)
+        info.Remove(_NOT_GENERATED)
+        return 1
+
+
+def say(stage: Stage, error: BaseException | None) -> None:
+    """Show an error in the output window, which pvpython prints.
+
+    Parameters
+    ----------
+    stage : Stage
+        Where it happened.
+    error : BaseException
+        What happened.
+    """
+    text = str(error) or type(error).__name__
+    if not isinstance(error, SpacemapError):
+        text = f"{type(error).__name__}: {text}"
+    vtkOutputWindow.GetInstance().DisplayErrorText(f"{_name(stage)}: {text}\n")
+
+
+def hosted(
+    stage: type[Stage], name: str | None = None, file: FileType | None = None
+) -> type[Hosted]:
+    """Return a stage's class for ParaView.
+
+    Parameters
+    ----------
+    stage : type of Stage
+        With its declared parameters.
+    name : str, optional
+        Name of the new class; by default the stage's.
+    file : FileType, optional
+        Makes a reader of it.
+
+    Returns
+    -------
+    type of Hosted
+        With a setter for each parameter, and the XML under the name that ParaView looks for.
+    """
+    name = name or stage.__name__
+    setters = {command(p): _setter(p) for p in stage.parameters.values()}
+    made = cast(
+        type[Hosted], type(name, (Hosted, stage), {**setters, "__module__": stage.__module__})
+    )
+    label = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    made._pvsm_proxy_xml = proxy_xml(stage, label, f"{__name__}.{name}", file)
+    return made
+
+
+def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
+    name, read = parameter.name, property_of(parameter).read
+
+    def set_parameter(self: Hosted, *values: Any) -> None:
+        try:
+            setattr(self, name, read(*values))
+        except Exception as error:  # crossing VTK, it would be printed with a traceback
+            say(self, error)
+
+    return set_parameter
+
+
+def _name(stage: Stage) -> str:
+    return type(stage).__name__
+
+
+#: Every proxy of the plugin by name.
+PROXIES: dict[str, type[Hosted]] = {
+    **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.__all__},
+    "WIFReader": hosted(WeaveSource, "WIFReader", FileType("draft", "wif", "Weaver's draft")),
+    "SceneReader": hosted(SceneReader, file=FileType("file", "toml", "Space mapping scene")),
+}
+# ParaView finds a class by module and name.
+globals().update(PROXIES)

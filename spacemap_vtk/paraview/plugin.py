@@ -1,0 +1,33 @@
+"""The ParaView plugin: load this file by Tools > Manage Plugins, or see `spacemap paraview`.
+
+It finds the package by its own place, so that ParaView's Python needs nothing on its path: the
+folder that holds an installed spacemap_vtk may hold another numpy or VTK as well.
+"""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+
+def _import_package() -> None:
+    package = Path(__file__).resolve().parents[1]
+    spec = importlib.util.spec_from_file_location(
+        "spacemap_vtk", package / "__init__.py", submodule_search_locations=[str(package)]
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules["spacemap_vtk"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(sys.modules["spacemap_vtk"])
+
+
+if "spacemap_vtk" not in sys.modules:
+    _import_package()
+
+# Only now can it be imported.
+from spacemap_vtk import __version__  # noqa: E402
+from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
+
+# ParaView reads these names, and looks for classes with XML among the module's attributes.
+paraview_plugin_name = "Space mapping"
+paraview_plugin_version = __version__
+globals().update(PROXIES)

@@ -1,0 +1,132 @@
+"""Server-manager XML: how ParaView shows a stage, in which menu, with which properties."""
+
+from __future__ import annotations
+
+import inspect
+from collections import Counter
+from typing import NamedTuple
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.paraview.properties import property_of, title
+
+CATEGORY = "Space mapping"
+#: Parameters that begin with the same word are a group if there are as many as this.
+_SMALLEST_GROUP = 3
+
+
+class FileType(NamedTuple):
+    """What makes a source a reader."""
+
+    parameter: str
+    """Name of the parameter that is the file."""
+    extension: str
+    description: str
+
+
+def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None = None) -> str:
+    """Return the XML that makes a stage known to ParaView.
+
+    Parameters
+    ----------
+    stage : type of Stage
+        The class, with its declared parameters.
+    label : str
+        Its name in the menus; without the spaces, its name in Python.
+    path : str
+        Where ParaView's Python finds the class: module and name.
+    file : FileType, optional
+        Makes a reader of it.
+
+    Returns
+    -------
+    str
+        A ``ServerManagerConfiguration``.
+    """
+    root = Element("ServerManagerConfiguration")
+    group = SubElement(root, "ProxyGroup", name="filters" if stage.inputs else "sources")
+    proxy = SubElement(
+        group,
+        "SourceProxy",
+        {"name": label.replace(" ", ""), "label": label, "class": path},
+        si_class="vtkSIPythonSourceProxy",
+    )
+    text = inspect.cleandoc(stage.__doc__ or label).split("\n\nParameters\n")[0]
+    summary = " ".join(text.split("\n\n")[0].split())
+    documentation = SubElement(proxy, "Documentation", short_help=summary, long_help=summary)
+    documentation.text = " ".join(text.split())
+    for port, (name, kind) in enumerate(zip(stage.input_names, stage.inputs, strict=False)):
+        _input(proxy, port, name, kind)
+    for parameter in stage.parameters.values():
+        xml = property_of(parameter).xml
+        if file is not None and parameter.name == file.parameter:
+            xml.set("name", "FileName")  # by this name ParaView knows which property is the file
+            xml.set("label", "File Name")
+        proxy.append(xml)
+    if stage.time_range is not Stage.time_range:
+        _times(proxy)
+    for heading, members in groups(stage.parameters).items():
+        box = SubElement(proxy, "PropertyGroup", label=heading)
+        for parameter in members:
+            SubElement(box, "Property", name=title(parameter).replace(" ", ""))
+    hints = SubElement(proxy, "Hints")
+    SubElement(hints, "ShowInMenu", category=CATEGORY)
+    if file is not None:
+        SubElement(
+            hints,
+            "ReaderFactory",
+            extensions=file.extension,
+            file_description=file.description,
+        )
+    return tostring(root, encoding="unicode")
+
+
+def groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
+    """Return the parameters that are shown under a heading of their own.
+
+    Parameters
+    ----------
+    parameters : dict of str to Parameter
+        All of a stage.
+
+    Returns
+    -------
+    dict of str to list of Parameter
+        Those declared with a group; of the others, those whose names begin with the same word,
+        as all of the warp do, if they are three or more.
+    """
+    firsts = Counter(name.split("_")[0] for name, p in parameters.items() if not p.group)
+    made: dict[str, list[Parameter]] = {}
+    for name, parameter in parameters.items():
+        first, *rest = name.split("_")
+        heading = parameter.group
+        if not heading and rest and firsts[first] >= _SMALLEST_GROUP:
+            heading = first.capitalize()
+        if heading:
+            made.setdefault(heading, []).append(parameter)
+    return made
+
+
+def _input(proxy: Element, port: int, name: str, kind: str) -> None:
+    xml = SubElement(
+        proxy, "InputProperty", name=name, command="SetInputConnection", port_index=str(port)
+    )
+    allowed = SubElement(xml, "ProxyGroupDomain", name="groups")
+    SubElement(allowed, "Group", name="sources")
+    SubElement(allowed, "Group", name="filters")
+    # A cage round each block would be another cage than one round all.
+    types = SubElement(xml, "DataTypeDomain", name="input_type", composite_data_supported="0")
+    SubElement(types, "DataType", value=kind)
+
+
+def _times(proxy: Element) -> None:
+    """Tell ParaView's clock the times that the stage reports."""
+    for name, helper in (
+        ("TimestepValues", "TimeStepsInformationHelper"),
+        ("TimeRange", "TimeRangeInformationHelper"),
+    ):
+        xml = SubElement(proxy, "DoubleVectorProperty", name=name, information_only="1")
+        if name == "TimestepValues":
+            xml.set("repeatable", "1")
+        SubElement(xml, helper)

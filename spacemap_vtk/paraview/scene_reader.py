@@ -1,0 +1,100 @@
+"""SceneReader: a scene file as a source of ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parameters import Choice, FilePath
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
+
+_TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+
+
+class SceneReader(Stage):
+    """Read a scene file: its pipeline runs inside, at any time.
+
+    The time steps are the frames of the scene's film.
+    """
+
+    section = "scene"
+    #: What `_request_data_object` makes is one; VTK would replace what is not.
+    output = "vtkPointSet"
+
+    file = FilePath(None, "The scene (.toml).", automatic="no scene")
+    show = Choice(
+        "surface",
+        "What the reader gives: the surface, the Bézier patches, or the cage at rest with its "
+        "displacement, which can move other things through BarycentricWarp.",
+        ["surface", "patches", "cage"],
+    )
+
+    _kept: tuple[Path, int, Scene] | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene; read again when the file has changed.
+
+        Raises
+        ------
+        SpacemapError
+            If no file is named, or the scene is refused.
+        """
+        # Here and not above: where ParaView brings Python 3.10 there is no tomllib, and all but
+        # scenes works.
+        from spacemap_vtk.scenes.scene import Scene
+
+        if self.file is None:
+            raise InputError("there is no scene to read", key="file", cure="Name a .toml file.")
+        changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
+        if self._kept is None or self._kept[:2] != (self.file, changed):
+            self._kept = self.file, changed, Scene.read(self.file)
+        return self._kept[2]
+
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
+        """Return the first and the last frame's time of the scene's film."""
+        times = self._times()
+        return (times[0], times[-1]) if times else None
+
+    def run(self, inputs: list[Any], output: vtkDataObject, time: float) -> None:
+        """Run the scene's pipeline to `time`."""
+        scene = self.scene
+        scene.update(time)
+        for text in scene.warnings:
+            self.warn(text)
+        data = {
+            "surface": lambda: scene.polygons,
+            "patches": lambda: scene.patches,
+            "cage": lambda: scene.deformed_cage,
+        }[self.show]()
+        output.ShallowCopy(data)
+
+    def _times(self) -> list[float]:
+        if self.file is None:  # ParaView asks before it has set the file
+            return []
+        return self.scene.animation.frame_times() if self.scene.moves else []
+
+    def _request_data_object(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        kind = vtkPolyData if self.show == "surface" else vtkUnstructuredGrid
+        info = out_info.GetInformationObject(0)
+        made = info.Get(vtkDataObject.DATA_OBJECT())
+        if made is None or made.GetClassName() != kind.__name__:
+            info.Set(vtkDataObject.DATA_OBJECT(), kind())
+
+    def _request_information(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        super()._request_information(in_info, out_info)
+        times = self._times()
+        if times:
+            out_info.GetInformationObject(0).Set(_TIME_STEPS, times, len(times))

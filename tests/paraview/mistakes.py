@@ -1,0 +1,72 @@
+"""A bad value is said in the output window, and the last good state stays."""
+
+import sys
+
+from paraview import simple
+from pipeline import bounds, connected
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+# pvpython's own go through the window that is replaced here: a failed assertion would be silent.
+sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
+window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+vtkOutputWindow.SetInstance(window)
+
+
+def said() -> str:
+    """Return what was said since the last call."""
+    global window
+    text = window.GetOutput()
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    return text
+
+
+proxies = connected()
+weave, cage, modal, response, warp, surface = proxies
+surface.UpdatePipeline(0.02)
+good = bounds(surface)
+assert said() == ""
+
+for proxy, name, bad, fine, words in (
+    # refused by its own check: the stage keeps the old value
+    (weave, "Pattern", "nonsense", "plain", "nonsense"),
+    (modal, "PoissonsRatio", 0.7, 0.3, "less than 0.5"),
+    (modal, "Fixed", "+q", "+y", "+q"),
+    (response, "Initial", "asleep", "rest", '"equilibrium"'),
+    (surface, "Subdivisions", 1000, 4, "64"),
+    # refused when it runs: a cloth that cannot be, a file that is not there
+    (weave, "WarpDiameter", "0.7 mm", "", "Make warp_diameter smaller"),
+    (weave, "Draft", "/no/such/file.wif", "", "/no/such/file.wif"),
+):
+    setattr(proxy, name, bad)
+    surface.UpdatePipeline(0.02)
+    text = said()
+    assert words in text, (name, text)
+    assert "\n" not in text.strip(), text
+    assert "Traceback" not in text, text
+    assert bounds(surface) == good, name
+    setattr(proxy, name, fine)
+    surface.UpdatePipeline(0.02)
+    assert said() == "", name
+    assert bounds(surface) == good, name
+
+# Nothing good yet: empty, and said once for each time it is asked for, with no error of VTK's.
+empty = simple.SceneReader(FileName="/no/such/scene.toml")
+empty.UpdatePipeline()
+text = said()
+assert "/no/such/scene.toml" in text, text
+assert "Traceback" not in text, text
+assert "vtk" not in text, text
+assert empty.GetDataInformation().GetNumberOfCells() == 0
+
+# What a stage doubts is a warning, once however many frames there are.
+cage.Divisions = [3, 3, 1]
+for time in (0.01, 0.02, 0.03):
+    surface.UpdatePipeline(time)
+assert said().count("too stiffly") == 1, said()
+# What a stage says of a wrong input: the cage's motion is missing.
+still = simple.BarycentricWarp(Input=weave, Cage=cage)
+still.UpdatePipeline()
+assert "displacement" in said()
+vtkOutputWindow.SetInstance(usual)
+print("mistakes are told and do no harm")

@@ -1,0 +1,73 @@
+"""``mesh.spacemap`` in pyvista."""
+
+from __future__ import annotations
+
+import configparser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import spacemap_vtk.accessor
+from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.scenes.graphics import prepare_offscreen
+
+
+def box() -> pv.ImageData:
+    return pv.ImageData(dimensions=(3, 3, 3), origin=(-1, -1, -1))
+
+
+@pytest.mark.parametrize("make", [pv.Sphere, lambda: pv.ImageData(dimensions=(2, 2, 2))])
+def test_deform_with_an_array_and_by_name(make: object) -> None:
+    mesh, cage = make(), box()  # type: ignore[operator]
+    before = np.array(mesh.points)
+    cage["u"] = 0.5 * cage.points
+    for moved in (
+        mesh.spacemap.deform(cage, cage["u"]),
+        mesh.spacemap.deform(cage, "u", smooth=True, outside="error"),
+    ):
+        np.testing.assert_allclose(moved.points, 1.5 * before, atol=1e-6)
+        assert "displacement" in moved.point_data
+    np.testing.assert_array_equal(mesh.points, before)
+
+
+def test_deform_refuses_in_words() -> None:
+    cage = box()
+    with pytest.raises(InputError, match=r"shape \(3, 3\); allowed: \(27, 3\)"):
+        pv.Sphere().spacemap.deform(cage, np.zeros((3, 3)))
+    with pytest.raises(InputError, match=r'needs an array "displacement", and the input has none'):
+        pv.Sphere().spacemap.deform(cage)
+    with pytest.raises(InputError, match="no volume mesh"):
+        pv.Sphere().spacemap.deform(pv.Sphere(), np.zeros((842, 3)))
+
+
+def test_modal_is_live_in_a_plotter() -> None:
+    swing = pv.Sphere().spacemap.modal(
+        divisions=(2, 2, 2), fixed="-z", gravity=(0, 0, -100.0), modes=5
+    )
+    prepare_offscreen()
+    plotter = pv.Plotter(off_screen=True, window_size=(80, 60))
+    actor = plotter.add_mesh(swing)
+    first = np.array(actor.GetBounds())
+    swing.update(time=0.02)
+    plotter.render()
+    assert np.abs(np.array(actor.GetBounds()) - first).max() > 1e-4
+    plotter.close()
+    assert [stage.executions for stage in swing.upstream() if hasattr(stage, "executions")] == [
+        *(2, 2, 1, 1)
+    ]
+
+
+def test_modal_refuses_unknown_names() -> None:
+    with pytest.raises(UnknownNameError, match=r'fixd: .*"fixed"'):
+        pv.Sphere().spacemap.modal(fixd="-z")
+
+
+def test_the_entry_point_names_the_module() -> None:
+    config = configparser.ConfigParser()
+    config.read(Path(__file__).parents[1] / "setup.cfg")
+    points = config["options.entry_points"]["pyvista.accessors"]
+    assert points.strip() == f"spacemap = {spacemap_vtk.accessor.__name__}"
+    (found,) = [r for r in pv.registered_accessors() if r.name == "spacemap"]
+    assert found.accessor is spacemap_vtk.accessor.SpacemapAccessor

@@ -1,0 +1,120 @@
+"""Any fabric written as a WIF and woven again from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from spacemap_vtk import WeaveSource
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.settle import settle
+from spacemap_vtk.fabric.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.fabric.wishes import Wishes
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.scene import Scene
+
+REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
+THREADS = ("warp_spacings", "weft_spacings", "warp_thicknesses", "weft_thicknesses")
+ONCE = ("warp_spacing", "weft_spacing", "warp_thickness", "weft_thickness", "title")
+
+
+def same(first: WifDraft, second: WifDraft) -> None:
+    np.testing.assert_array_equal(first.draft.drawdown, second.draft.drawdown)
+    np.testing.assert_array_equal(first.loom.drawdown(), second.loom.drawdown())
+    for name in ("warp_colors", "weft_colors"):
+        np.testing.assert_array_equal(getattr(first.draft, name), getattr(second.draft, name))
+    for name in ONCE:
+        assert getattr(first.draft, name) == getattr(second.draft, name)
+    for name in THREADS:
+        one, other = getattr(first, name), getattr(second, name)
+        assert (one is None) == (other is None)
+        if one is not None:
+            np.testing.assert_array_equal(one, other)
+
+
+def test_a_wif_is_handed_on_as_it_was() -> None:
+    original = read_wif(REAL)
+    found = WeaveSource(draft=REAL).wif
+    same(found, original)
+    assert found.loom == original.loom
+    same(parse_wif(format_wif(found)), original)
+
+
+def test_what_the_user_changes_is_changed() -> None:
+    source = WeaveSource(draft=REAL, ends=70, warp_sett="20 /cm", weft_color="#ff0000")
+    found = parse_wif(format_wif(source.wif))
+    original = read_wif(REAL).draft
+    assert found.draft.drawdown.shape == (62, 70)
+    assert found.draft.warp_spacing == pytest.approx(0.5e-3)
+    assert found.draft.weft_spacing == original.weft_spacing
+    assert found.draft.warp_thickness == original.warp_thickness
+    assert found.draft.weft_colors is not None
+    assert (found.draft.weft_colors == [255, 0, 0]).all()
+    assert original.warp_colors is not None
+    np.testing.assert_array_equal(found.draft.warp_colors, np.resize(original.warp_colors, (70, 3)))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(["plain", "twill 3/1 left", "satin 5/2", "rib 2/1", ["110", "011"]]),
+    st.integers(1, 9),
+    st.integers(1, 9),
+    st.lists(st.floats(0.1e-3, 0.4e-3), min_size=1, max_size=4),
+    st.lists(st.floats(0.95e-3, 1.05e-3), min_size=1, max_size=4),
+    st.sampled_from([None, ["#102030", "#405060", "#ffffff"]]),
+)
+def test_any_fabric_is_woven_again(
+    pattern: Any, ends: int, picks: int, diameters: list[float], spacings: list[float], color: Any
+) -> None:
+    source = WeaveSource(
+        pattern=pattern,
+        ends=ends,
+        picks=picks,
+        warp_diameter=diameters,
+        weft_spacing=spacings,
+        weft_color=color,
+        warp_spacing="1 mm",
+        weft_diameter="0.2 mm",
+    )
+    found = parse_wif(format_wif(source.wif))
+    # a cloth cut out of a repeat may have picks without a binding point
+    assert all("across the cloth" in text for text in found.draft.warnings)
+    same(found, source.wif)
+    fabric, again = source.fabric, settle(found, Wishes())
+    np.testing.assert_array_equal(again.drawdown, fabric.drawdown)
+    np.testing.assert_array_equal(again.warp_colors, fabric.warp_colors)
+    np.testing.assert_array_equal(again.weft_colors, fabric.weft_colors)
+    for name in ("warp_diameter", "weft_diameter", "warp_spacing", "weft_spacing"):
+        if min(ends, picks) > 1:
+            np.testing.assert_allclose(
+                getattr(again.cloth, name) * np.ones(1),
+                getattr(fabric.cloth, name) * np.ones(1),
+                rtol=1e-12,
+            )
+
+
+def test_distances_that_no_spaces_give() -> None:
+    source = WeaveSource(
+        ends=4, warp_spacing=["0.3 mm", "2 mm", "0.3 mm"], warp_diameter=1e-4, weft_diameter=1e-4
+    )
+    source.update()
+    with pytest.raises(InputError, match="cannot hold the distances between the warp yarns"):
+        source.wif  # noqa: B018
+
+
+@pytest.mark.parametrize("name", [*library.names(), str(REAL)])
+def test_every_scene_is_exported_as_a_draft(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "draft.wif"
+    with pytest.raises(SystemExit) as done:
+        main(["export", name, "-o", str(file), "-q"])
+    assert done.value.code == 0
+    found = read_wif(file)
+    assert found.draft.warnings == ()
+    np.testing.assert_array_equal(found.draft.drawdown, Scene.read(name).weave.fabric.drawdown)

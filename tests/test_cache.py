@@ -1,0 +1,222 @@
+"""Kept work: what is not solved again, in a process and from one to the next."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+import spacemap_vtk.filters.modal_solver as module
+from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, cache
+from spacemap_vtk.modal import model as models
+
+
+@pytest.fixture
+def place(monkeypatch, tmp_path):
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Count solutions and assemblies."""
+    counted = {"solved": 0, "assembled": 0}
+    lowest, assemble = module.lowest, models.assemble
+
+    def count(name, function):
+        def counting(*arguments):
+            counted[name] += 1
+            return function(*arguments)
+
+        return counting
+
+    monkeypatch.setattr(module, "lowest", count("solved", lowest))
+    monkeypatch.setattr(models, "assemble", count("assembled", assemble))
+    return counted
+
+
+def solver(**settings):
+    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(3, 3, 2))
+    cage.SetInputConnection(weave.GetOutputPort())
+    made = ModalSolver(**{"modes": 8, **settings})
+    made.SetInputConnection(cage.GetOutputPort())
+    return made
+
+
+def result(made):
+    made.update()
+    grid = made.GetOutputDataObject(0)
+    eigenvalues = vtk_to_numpy(grid.GetFieldData().GetArray("eigenvalues")).copy()
+    names = [f"mode_{k:03d}" for k in range(len(eigenvalues))]
+    return eigenvalues, np.array([vtk_to_numpy(grid.GetPointData().GetArray(n)) for n in names])
+
+
+def test_modulus_and_density_only_scale(calls):
+    made = solver(youngs_modulus=1e6, density=300.0)
+    eigenvalues, shapes = result(made)
+    made.configure(youngs_modulus=3e6, density=700.0)
+    scaled = result(made)
+    assert calls == {"solved": 1, "assembled": 1}
+    fresh = result(solver(youngs_modulus=3e6, density=700.0))
+    np.testing.assert_allclose(scaled[0], fresh[0], rtol=1e-12)
+    np.testing.assert_allclose(scaled[1], fresh[1], rtol=1e-9, atol=1e-9 * abs(fresh[1]).max())
+    np.testing.assert_allclose(scaled[0], eigenvalues * 3 * 300 / 700, rtol=1e-12)
+    np.testing.assert_allclose(scaled[1], shapes * np.sqrt(300 / 700), rtol=1e-12)
+
+
+def test_a_new_support_ratio_or_mass_reuses_the_assembly(calls):
+    made = solver()
+    for change in ({"fixed": "-x"}, {"poissons_ratio": 0.2}, {"mass": "lumped"}):
+        made.configure(**change)
+        made.update()
+    assert calls == {"solved": 3, "assembled": 1}
+
+
+def test_fewer_modes_are_a_part_of_more(calls):
+    made = solver(modes=8)
+    more = result(made)
+    made.modes = 5
+    fewer = result(made)
+    assert calls["solved"] == 1
+    np.testing.assert_array_equal(fewer[1], more[1][:5])
+    made.modes = 9
+    made.update()
+    assert calls["solved"] == 2
+
+
+def test_the_same_scene_again_solves_nothing(place, calls):
+    first = result(solver())
+    assert calls == {"solved": 1, "assembled": 1}
+    again = result(solver())
+    assert calls == {"solved": 1, "assembled": 1}
+    np.testing.assert_array_equal(first[0], again[0])
+    np.testing.assert_array_equal(first[1], again[1])
+    result(solver(youngs_modulus=5e6))
+    result(solver(modes=3))
+    assert calls["solved"] == 1
+    result(solver(modes=9))
+    assert calls["solved"] == 2
+    assert len(list(place.iterdir())) == 1
+
+
+def test_what_changes_the_modes_is_another_entry(place, calls):
+    for number, settings in enumerate(
+        ({}, {"fixed": "-x"}, {"fixed": "+y:xy"}, {"poissons_ratio": 0.2}, {"mass": "lumped"})
+    ):
+        result(solver(**settings))
+        assert calls["solved"] == number + 1
+
+
+@pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "text", "other", "few"])
+def test_a_damaged_entry_is_replaced(place, calls, damage):
+    right = result(solver())
+    (path,) = place.iterdir()
+    content = bytearray(path.read_bytes())
+    if damage == "truncated":
+        path.write_bytes(content[: len(content) // 2])
+    elif damage == "flipped":
+        content[len(content) // 2] ^= 0xFF
+        path.write_bytes(content)
+    elif damage == "empty":
+        path.write_bytes(b"")
+    elif damage == "text":
+        path.write_text("not an archive")
+    elif damage == "other":
+        with path.open("wb") as file:
+            np.savez(file, eigenvalues=np.ones(8), shapes=np.ones((8, 2, 3)))
+    else:
+        with path.open("wb") as file:
+            np.savez(file, shapes=np.ones((8, 2, 3)))
+    again = result(solver())
+    assert calls["solved"] == 2
+    np.testing.assert_array_equal(right[0], again[0])
+    result(solver())
+    assert calls["solved"] == 2
+    assert len(list(place.iterdir())) == 1
+
+
+def test_it_can_be_switched_off(monkeypatch, tmp_path, calls):
+    monkeypatch.setenv("SPACEMAP_CACHE", "off")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    result(solver())
+    result(solver())
+    assert calls["solved"] == 2
+    assert not list(tmp_path.iterdir())
+    assert cache.folder() is None
+
+
+def test_the_folder_is_the_users(monkeypatch, tmp_path):
+    monkeypatch.delenv("SPACEMAP_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    if sys.platform.startswith("linux"):
+        assert cache.folder() == tmp_path / "spacemap_vtk"
+        monkeypatch.setitem(sys.modules, "platformdirs", None)
+        assert cache.folder() == tmp_path / "spacemap_vtk"
+
+
+def test_the_oldest_go_when_it_is_full(place, monkeypatch):
+    monkeypatch.setattr(cache, "LARGEST", 40_000)
+    for number in range(6):
+        cache.store(f"entry{number}", a=np.arange(1000.0))
+        os.utime(place / f"entry{number}-1.npz", (number, number))
+        if number == 3:
+            cache.load("entry1")  # now the latest used
+            os.utime(place / "entry1-1.npz", (3.5, 3.5))
+    kept = {path.name[:6] for path in place.iterdir()}
+    assert kept == {"entry1", "entry3", "entry4", "entry5"}
+    cache.store("large", a=np.zeros(3000))
+    assert cache.load("large") is None
+
+
+def test_a_disk_that_takes_nothing_is_no_error(monkeypatch, tmp_path, calls):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setenv("SPACEMAP_CACHE", str(blocked / "cache"))
+    result(solver())
+    assert calls["solved"] == 1
+    assert cache.load("entry") is None
+
+
+def test_cancelling_works_on_a_cached_solution(place):
+    from spacemap_vtk.errors import SpacemapError
+
+    result(solver())
+    made = solver()
+    made.AddObserver("ProgressEvent", lambda caller, event: caller.SetAbortExecute(1))
+    with pytest.raises(SpacemapError, match="stopped"):
+        made.update()
+
+
+def test_static_displacements_are_kept(place, monkeypatch):
+    from spacemap_vtk.filters.modal_model import model_of, static_displacements
+
+    made = solver()
+    made.update()
+    model = model_of(made.GetOutputDataObject(0))
+    forces = np.random.default_rng(0).standard_normal((len(model.free), 2))
+    first = static_displacements(model, forces)
+    np.testing.assert_allclose(
+        first, model.solve(forces), rtol=1e-12, atol=1e-12 * abs(first).max()
+    )
+    monkeypatch.setattr(models.Model, "solve", None)
+    np.testing.assert_allclose(static_displacements(model, forces), first, rtol=1e-15)
+    np.testing.assert_allclose(static_displacements(model, forces[:, 1:]), first[:, 1:], rtol=1e-15)
+    made.youngs_modulus = 2e6
+    made.update()
+    stiffer = model_of(made.GetOutputDataObject(0))
+    np.testing.assert_allclose(static_displacements(stiffer, forces), first / 2, rtol=1e-12)
+
+
+def test_the_command_line_switches_it_off(place, monkeypatch, capsys):
+    from spacemap_vtk.cli.main import main
+
+    for options, entries in ((["--no-cache"], 0), ([], 1)):
+        monkeypatch.setenv("SPACEMAP_CACHE", str(place))
+        with pytest.raises(SystemExit) as stopped:
+            main(["modes", "plain_weave", "--json", *options])
+        assert stopped.value.code == 0
+        assert len(list(place.glob("modes-*"))) == entries
+    capsys.readouterr()

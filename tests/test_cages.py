@@ -1,0 +1,350 @@
+"""Cages that follow the object: carved, filled by fTetWild, read and split."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
+from spacemap_vtk.cage import split
+from spacemap_vtk.cage.carve import touched
+from spacemap_vtk.embedding.lattice import recognise
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters import tetwild
+from spacemap_vtk.filters.arrays import add_array, tetrahedra_of
+from spacemap_vtk.filters.outline import envelope, outline
+from spacemap_vtk.filters.volume import tetrahedral
+
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+
+def cage_of(mesh: pv.DataSet, **values: object) -> tuple[TetraCage, pv.UnstructuredGrid]:
+    cage = TetraCage(**values)
+    cage.SetInputDataObject(mesh)
+    cage.update()
+    return cage, pv.wrap(cage.GetOutputDataObject(0))
+
+
+def check_mesh(points: np.ndarray, tetrahedra: np.ndarray, closed: bool = True) -> float:
+    """Positive volumes, every face shared by at most two, no vertex unused; return the volume."""
+    a, b, c = (points[tetrahedra[:, i]] - points[tetrahedra[:, 0]] for i in (1, 2, 3))
+    volumes = np.einsum("ij,ij->i", np.cross(a, b), c) / 6
+    assert volumes.min() > 0
+    faces = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
+    assert np.unique(faces, axis=0, return_counts=True)[1].max() <= 2
+    if closed:
+        assert len(np.unique(tetrahedra)) == len(points)
+    return float(volumes.sum())
+
+
+def boundary_area(points: np.ndarray, tetrahedra: np.ndarray) -> float:
+    faces = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
+    unique, counts = np.unique(faces, axis=0, return_counts=True)
+    a, b, c = points[unique[counts == 1]].transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+# --- carved ------------------------------------------------------------------------------------
+
+
+def test_touched_hexahedra_against_many_samples() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 1, (60, 3))
+    triangles = np.arange(60).reshape(-1, 3)
+    triangles[-3:, 2] = triangles[-3:, 1]  # segments
+    counts = np.array([9, 7, 5])
+    found = touched(points, triangles, np.zeros(3), 1 / counts, counts.tolist())
+    weights = rng.dirichlet([0.7] * 3, 20_000)
+    samples = np.einsum("sk,fkc->fsc", weights, points[triangles]).reshape(-1, 3)
+    x, y, z = np.minimum((samples * counts).astype(int), counts - 1).T
+    sampled = np.zeros_like(found)
+    sampled[z, y, x] = True
+    assert (found | ~sampled).all()  # none is missed
+    # what samples have missed is grazed at a corner
+    assert (found & ~sampled).sum() < 0.05 * found.sum()
+
+
+def test_a_large_triangle_touches_hexahedra_that_none_of_its_points_is_in() -> None:
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    found = touched(points, np.array([[0, 1, 2]]), np.zeros(3), np.full(3, 0.1), [10, 10, 10])
+    assert found[1:].sum() == 0
+    # the lower half of a chessboard, its diagonal, and what touches that from the other side
+    x, y = np.meshgrid(np.arange(10), np.arange(10))
+    np.testing.assert_array_equal(found[0], x + y <= 10)
+
+
+def test_a_carved_cage_holds_the_whole_surface() -> None:
+    ring = pv.ParametricTorus(ringradius=1.0, crosssectionradius=0.2)
+    cage, grid = cage_of(ring, method="carved", divisions=(9, 9, 3))
+    tetrahedra = tetrahedra_of(grid)
+    volume = check_mesh(grid.points, tetrahedra)
+    whole = np.prod(np.ptp(np.reshape(ring.bounds, (3, 2)), axis=1))
+    assert ring.volume < volume < 0.75 * whole  # a hole, and no corners
+    assert cage.warnings == ()
+    samples = ring.subdivide(1).points
+    assert locate(ring.points, grid.points, tetrahedra, "error").outside == 0
+    assert locate(samples, grid.points, tetrahedra, "error").outside == 0
+    assert recognise(grid.points, tetrahedra).slots is not None
+    # it can be solved: no vertex without a tetrahedron
+    solver = ModalSolver(modes=7, fixed="")
+    solver.SetInputConnection(cage.GetOutputPort())
+    solver.update()
+    frequencies = pv.wrap(solver.GetOutputDataObject(0)).field_data["frequencies"]
+    assert (frequencies < 1e-3 * frequencies[6]).sum() == 6  # one piece has six rigid modes
+
+
+def test_margin_and_fill() -> None:
+    ball = pv.Sphere(radius=1.0)
+    count = [
+        cage_of(ball, method="carved", divisions=(8, 8, 8), **values)[1].n_cells // 5
+        for values in ({"fill": False}, {}, {"margin": 1}, {"margin": 2})
+    ]
+    assert count == sorted(set(count))
+    _, grid = cage_of(ball, method="carved", divisions=(8, 8, 8), margin=1)
+    # no point of the ball is nearer to the outside than a hexahedron
+    inner, outer = locate(1.24 * ball.points, grid.points, tetrahedra_of(grid)), None
+    assert inner.outside == 0
+    outer = locate(1.9 * ball.points, grid.points, tetrahedra_of(grid))
+    assert outer.outside == ball.n_points
+
+
+def test_each_piece_is_reported() -> None:
+    two = pv.Sphere(radius=0.5).merge(pv.Sphere(radius=0.5, center=(3, 0, 0)))
+    cage, _ = cage_of(two, method="carved", divisions=(8, 2, 2))
+    assert (
+        "2 pieces, of 8, 8 hexahedra; each that is not fixed moves on its own" in cage.warnings[0]
+    )
+    cage, _ = cage_of(two, method="carved", divisions=(8, 2, 2), margin=2)
+    assert cage.warnings == ()
+    diagonal = pv.PolyData(np.array([[0.2, 0.2, 0], [0.8, 0.8, 0], [0, 0, 1], [1, 1, 1.0]]))
+    cage, _ = cage_of(diagonal, method="carved", divisions=(2, 2, 1))
+    assert "2 pieces, of 1, 1 hexahedra; 1 of them hang on an edge" in cage.warnings[0]
+
+
+def test_the_outside_is_told_with_count_and_distance() -> None:
+    ball = pv.Sphere(radius=1.0)
+    _, grid = cage_of(pv.Sphere(radius=0.9), method="carved", divisions=(12, 12, 12))
+    add_array(grid.GetPointData(), "displacement", np.zeros((grid.n_points, 3)))
+    warp = BarycentricWarp()
+    warp.SetInputDataObject(0, ball)
+    warp.SetInputDataObject(1, grid)
+    warp.update()
+    assert " points lie outside the cage, by up to " in warp.warnings[0]
+
+
+# --- tetwild -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(tetwild.CACHE_VARIABLE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def test_a_surface_is_filled_once(cache: Path) -> None:
+    pytest.importorskip("pytetwild")
+    part = pv.Cube(x_length=2.0).triangulate()
+    _, first = cage_of(part, method="tetwild", edge_length=0.6)
+    assert check_mesh(first.points, tetrahedra_of(first)) == pytest.approx(2.0, rel=0.02)
+    _, again = cage_of(part, method="tetwild", edge_length=0.6)
+    np.testing.assert_array_equal(again.points, first.points)
+    np.testing.assert_array_equal(tetrahedra_of(again), tetrahedra_of(first))
+    assert len(list(cache.glob("*"))) == 1
+    _, finer = cage_of(part, method="tetwild", edge_length=0.25)
+    assert finer.n_cells > first.n_cells
+    assert len(list(cache.glob("*"))) == 2
+    # a damaged file is made again
+    for file in cache.glob("*"):
+        file.write_bytes(b"PK")
+    _, third = cage_of(part, method="tetwild", edge_length=0.6)
+    assert check_mesh(third.points, tetrahedra_of(third)) == pytest.approx(2.0, rel=0.02)
+
+
+def test_the_cache_is_bounded(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = np.random.default_rng(0).random((2000, 3)), np.zeros((1, 4), dtype=np.int64)
+    monkeypatch.setattr(tetwild, "CACHE_BYTES", 150_000)
+    for number in range(6):
+        tetwild._write(cache / f"{number}.npz", mesh)
+    kept = list(cache.glob("*"))
+    assert 1 <= len(kept) < 6
+    assert sum(file.stat().st_size for file in kept) <= 150_000
+
+
+def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
+    pytest.importorskip("pytetwild")
+    one = pv.Plane(i_size=1.0, j_size=1.0)
+    crossed = one.merge(one.rotate_x(60).rotate_z(20))
+    shape = outline(crossed)
+    points, triangles = envelope(shape, 0.1)
+    skin = pv.PolyData.from_regular_faces(points, triangles)
+    assert skin.is_manifold
+    away = pv.PolyData(shape[0]).compute_implicit_distance(skin)["implicit_distance"]
+    assert np.abs(away).min() >= 0.1
+    assert np.abs(away).max() <= 0.35
+    cage, grid = cage_of(crossed, method="tetwild", inflate=0.1, edge_length=0.4)
+    assert cage.warnings == ()
+    check_mesh(grid.points, tetrahedra_of(grid))
+    assert locate(shape[0], grid.points, tetrahedra_of(grid), "error").outside == 0
+
+
+def test_surfaces_that_cannot_be_filled(cache: Path) -> None:
+    pytest.importorskip("pytetwild")
+    with pytest.raises(GeometryError, match=r"cage.inflate.*no surface to fill.*inflate"):
+        cage_of(pv.Line(), method="tetwild")
+    cup = pv.Sphere(theta_resolution=12, phi_resolution=12).clip("z")
+    cage, _ = cage_of(cup, method="tetwild", edge_length=0.4)
+    assert "open edges" in cage.warnings[0]
+
+
+def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
+    pytest.importorskip("pytetwild")
+    one = pv.Cube().triangulate()
+    crossing = one.merge(one.translate((0.5, 0.3, 0.2)))
+    cage, grid = cage_of(crossing, method="tetwild", edge_length=0.5)
+    assert cage.warnings == ()
+    # the union of both
+    union = 2.0 - 0.5 * 0.7 * 0.8
+    assert check_mesh(grid.points, tetrahedra_of(grid)) == pytest.approx(union, rel=0.05)
+    fin = one.merge(pv.Triangle([[0.5, -0.5, 0.5], [0.5, 0.5, 0.5], [1.0, 0.0, 0.5]]))
+    cage, grid = cage_of(fin, method="tetwild", edge_length=0.5)
+    assert "2 open edges and 1 branching edges" in cage.warnings[0]
+    volume = check_mesh(grid.points, tetrahedra_of(grid))
+    assert volume == pytest.approx(1.0, rel=0.05)
+
+
+def test_an_object_with_points_that_are_not_finite() -> None:
+    ball = pv.Sphere()
+    ball.points[5] = np.nan
+    for method in ("carved", "tetwild"):
+        with pytest.raises(GeometryError, match="point 5 of the object is not finite"):
+            cage_of(ball, method=method)
+
+
+# --- splitting ---------------------------------------------------------------------------------
+
+
+def scrambled(grid: pv.UnstructuredGrid, seed: int) -> pv.UnstructuredGrid:
+    """The same mesh with its points in another order."""
+    order = np.random.default_rng(seed).permutation(grid.n_points)
+    place = np.argsort(order)
+    cells = grid.cells.copy()
+    starts = np.concatenate(([0], np.cumsum(np.diff(grid.cell_offsets) + 1)[:-1]))
+    points = np.ones(len(cells), dtype=bool)
+    points[starts] = False
+    cells[points] = place[cells[points]]
+    return pv.UnstructuredGrid(cells, grid.celltypes, grid.points[order])
+
+
+def box_of(kind: str) -> pv.UnstructuredGrid:
+    grid = pv.ImageData(dimensions=(4, 3, 3)).cast_to_unstructured_grid()
+    if kind == "voxel":
+        return grid
+    hexahedra = pv.StructuredGrid(
+        *np.meshgrid(np.arange(4.0), np.arange(3.0), np.arange(3.0), indexing="ij")
+    ).cast_to_unstructured_grid()
+    corners = hexahedra.cells.reshape(-1, 9)[:, 1:]
+    if kind == "hexahedron":
+        return hexahedra
+    if kind == "wedge":
+        halves = corners[:, [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]]].reshape(-1, 6)
+        return pv.UnstructuredGrid({pv.CellType.WEDGE: halves}, hexahedra.points)
+    middles = np.arange(len(corners)) + hexahedra.n_points
+    points = np.concatenate((hexahedra.points, hexahedra.points[corners].mean(axis=1)))
+    faces = [[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]]
+    pyramids = np.concatenate(
+        (corners[:, faces], np.broadcast_to(middles[:, None, None], (len(corners), 6, 1))), axis=2
+    )
+    return pv.UnstructuredGrid({pv.CellType.PYRAMID: pyramids.reshape(-1, 5)}, points)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["voxel", "hexahedron", "wedge", "pyramid"])
+def test_split_cells_conform_and_fill_the_box(kind: str, seed: int) -> None:
+    grid = scrambled(box_of(kind), seed)
+    volume = tetrahedral(grid, "it")
+    made = pv.wrap(volume.grid)
+    np.testing.assert_array_equal(made.points, grid.points)  # numbers are kept
+    tetrahedra = tetrahedra_of(made)
+    assert check_mesh(made.points, tetrahedra) == pytest.approx(12.0, rel=1e-12)
+    assert boundary_area(made.points, tetrahedra) == pytest.approx(2 * (6 + 6 + 4), rel=1e-12)
+    assert volume.notes == []
+
+
+def test_quadratic_tetrahedra_become_eight() -> None:
+    linear = tetrahedra_of(cage_of(pv.Cube(), divisions=(2, 2, 2))[1])
+    points = np.array(cage_of(pv.Cube(), divisions=(2, 2, 2))[1].points)
+    edges = linear[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]
+    unique, numbers = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
+    cells = np.concatenate((linear, numbers.reshape(-1, 6) + len(points)), axis=1)
+    points = np.concatenate((points, points[unique].mean(axis=1)))
+    volume = tetrahedral(pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, points), "it")
+    made = pv.wrap(volume.grid)
+    assert made.n_cells == 8 * len(linear)
+    assert check_mesh(made.points, tetrahedra_of(made)) == pytest.approx(1.0, rel=1e-12)
+    assert boundary_area(made.points, tetrahedra_of(made)) == pytest.approx(6.0, rel=1e-12)
+
+
+def test_of_other_curved_cells_the_corners_are_used() -> None:
+    grid = pv.examples.cells.QuadraticHexahedron()
+    grid["number"] = np.arange(20)
+    volume = tetrahedral(grid, "it")
+    made = pv.wrap(volume.grid)
+    assert (made.n_points, made.n_cells) == (8, 6)
+    np.testing.assert_array_equal(made["number"], made["original_point"])
+    assert "12 points of no tetrahedron were left out" in volume.notes[0]
+
+
+# --- files and faults --------------------------------------------------------------------------
+
+
+def test_a_cage_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "cage.vtu"
+    box_of("hexahedron").save(file)
+    cage, grid = cage_of(pv.Sphere(), method="file", file=file)
+    assert grid.n_cells == 6 * 12
+    assert cage.warnings == ()
+    with pytest.raises(InputError, match=r"cage.file.*needs a file"):
+        cage_of(pv.Sphere(), method="file")
+    with pytest.raises(InputError, match="no such file"):
+        cage_of(pv.Sphere(), method="file", file=tmp_path / "none.vtu")
+    pv.Sphere().save(tmp_path / "surface.vtp")
+    with pytest.raises(GeometryError, match=r"no volume mesh.*tetwild"):
+        cage_of(pv.Sphere(), method="file", file=tmp_path / "surface.vtp")
+
+
+def test_inverted_and_flat_tetrahedra_are_mended_and_told() -> None:
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [1, 1, 1.0]])
+    cells = np.array([[0, 1, 2, 3], [1, 2, 3, 5], [0, 1, 2, 4], [0, 1, 1, 3]])
+    cells[1] = cells[1][[1, 0, 2, 3]]
+    volume = tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), "it")
+    assert volume.grid.GetNumberOfCells() == 2
+    assert volume.notes == [
+        "it: 1 inverted tetrahedra were turned",
+        "it: 2 flat tetrahedra were left out",
+        "it: 1 points of no tetrahedron were left out",
+    ]
+    with pytest.raises(GeometryError, match="all 1 tetrahedra are flat"):
+        tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells[2:3]}, points), "it")
+    triangle = pv.UnstructuredGrid({pv.CellType.TRIANGLE: cells[:1, :3]}, points)
+    with pytest.raises(GeometryError, match="no cells with a volume"):
+        tetrahedral(triangle, "it")
+    polyhedron = pv.examples.cells.Polyhedron()
+    with pytest.raises(GeometryError, match=r"types \[42\]"):
+        tetrahedral(polyhedron, "it")
+    points[3] = np.nan
+    with pytest.raises(GeometryError, match="point 3 is not finite"):
+        tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells[:1]}, points), "it")
+
+
+def test_orientation_of_every_split() -> None:
+    rng = np.random.default_rng(0)
+    for cells, cut in (
+        (np.arange(8)[None], split.split_hexahedra),
+        (np.arange(6)[None], split.split_wedges),
+        (np.arange(5)[None], split.split_pyramids),
+    ):
+        assert len(np.unique(cut(rng.permutation(cells.ravel())[None]))) == cells.size

@@ -1,0 +1,119 @@
+"""Motion over time against CalculiX, which solves the same equations with code of its own.
+
+CalculiX integrates the mass of a linear tetrahedron at one point, ρV/16 in every entry; with that
+mass the modes are the same, and *MODAL DYNAMIC is exact for piecewise linear loads.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.modal import timefunctions
+from spacemap_vtk.modal.damping import Damping
+from spacemap_vtk.modal.elasticity import stiffness_and_mass
+from spacemap_vtk.modal.materials import isotropic
+from spacemap_vtk.modal.motion import Drive, Motion
+from spacemap_vtk.modal.tetrahedra import volumes
+
+CCX = shutil.which("ccx")
+pytestmark = pytest.mark.skipif(
+    CCX is None, reason='CalculiX is not installed ("apt-get install calculix-ccx")'
+)
+
+MODULUS, RATIO, DENSITY, FORCE = 1e4, 0.3, 300.0, 0.5
+MODES, STEP, END = 10, 0.02, 1.0
+
+CASES = {
+    # name: *AMPLITUDE, *MODAL DAMPING, our function, our damping
+    "step": ("0., 1., 10., 1.", "RAYLEIGH\n,, 0.8, 2e-4", timefunctions.step(), Damping(0.8, 2e-4)),
+    "table": (
+        "0., 0., 0.2, 1., 0.5, -0.4, 0.6, 0.\n10., 0.",
+        "RAYLEIGH\n,, 0.8, 2e-4",
+        timefunctions.table([0.0, 0.2, 0.5, 0.6], [0.0, 1.0, -0.4, 0.0]),
+        Damping(0.8, 2e-4),
+    ),
+    "direct damping": (
+        "0., 1., 10., 1.",
+        "\n1, 10, 0.04",
+        timefunctions.step(),
+        Damping(ratio=0.04),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_force_on_a_vertex(name: str, tmp_path: Path) -> None:
+    amplitude, damping_card, function, damping = CASES[name]
+    points, cells = lattice((0, 1, 0, 2, 0, 0.4), (2, 4, 1))
+    held = points[:, 1] == 0
+    loaded = int(np.argmax(points @ [1.0, 10.0, 1.0]))
+    times, theirs = calculix(tmp_path, points, cells, held, loaded, amplitude, damping_card)
+    assert len(times) == round(END / STEP)
+
+    stiffness = stiffness_and_mass(points, cells, isotropic(MODULUS, RATIO), DENSITY)[0]
+    mass = np.zeros((len(points),) * 2)
+    for tetrahedron, volume in zip(cells, volumes(points, cells), strict=True):
+        mass[np.ix_(tetrahedron, tetrahedron)] += DENSITY * volume / 16
+    free = np.repeat(~held, 3)
+    k = stiffness[free][:, free].toarray()
+    m = np.kron(mass, np.eye(3))[np.ix_(free, free)]
+    # One point of integration leaves this mass singular: its inverse pencil has the lowest modes.
+    inverse, shapes = la.eigh(m, k)
+    eigenvalues = 1 / inverse[::-1][:MODES]
+    shapes = shapes[:, ::-1][:, :MODES] * np.sqrt(eigenvalues)
+    force = np.zeros(3 * len(points))
+    force[3 * loaded + 2] = FORCE
+    drive = Drive(shapes.T @ force[free], function)
+    motion = Motion(eigenvalues, damping.halves(eigenvalues), [drive])
+    whole = np.zeros((3 * len(points), MODES))
+    whole[free] = shapes
+    ours = np.stack(
+        [whole[3 * loaded : 3 * loaded + 3] @ motion.at(time).position for time in times]
+    )
+    # CalculiX prints seven digits, and its iterative modes have about as many.
+    np.testing.assert_allclose(ours, theirs, atol=2e-6 * abs(theirs).max())
+
+
+def calculix(
+    folder: Path,
+    points: np.ndarray,
+    cells: np.ndarray,
+    held: np.ndarray,
+    loaded: int,
+    amplitude: str,
+    damping: str,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and displacements of the loaded vertex."""
+    cards = ["*NODE, NSET=ALL"]
+    cards += [f"{n}, {x:.17g}, {y:.17g}, {z:.17g}" for n, (x, y, z) in enumerate(points, 1)]
+    cards += ["*ELEMENT, TYPE=C3D4, ELSET=CAGE"]
+    cards += [f"{n}, " + ", ".join(str(v + 1) for v in cell) for n, cell in enumerate(cells, 1)]
+    cards += ["*BOUNDARY", *(f"{v + 1}, 1, 3" for v in np.flatnonzero(held))]
+    cards += ["*MATERIAL, NAME=CLOTH", "*ELASTIC", f"{MODULUS}, {RATIO}", "*DENSITY", f"{DENSITY}"]
+    cards += ["*SOLID SECTION, ELSET=CAGE, MATERIAL=CLOTH"]
+    cards += [f"*NSET, NSET=POINT\n{loaded + 1}", f"*AMPLITUDE, NAME=FACTOR\n{amplitude}"]
+    cards += ["*STEP", "*FREQUENCY, STORAGE=YES", f"{MODES}", "*END STEP"]
+    cards += ["*STEP, INC=100000", "*MODAL DYNAMIC", f"{STEP}, {END}"]
+    cards += [f"*MODAL DAMPING{',' if damping[0] != chr(10) else ''}{damping}"]
+    cards += ["*CLOAD, AMPLITUDE=FACTOR", f"{loaded + 1}, 3, {FORCE}"]
+    cards += ["*NODE PRINT, NSET=POINT, FREQUENCY=1", "U", "*END STEP", ""]
+    (folder / "cage.inp").write_text("\n".join(cards))
+    assert CCX is not None
+    done = subprocess.run(
+        [CCX, "-i", "cage"], cwd=folder, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stdout[-2000:]
+    text = (folder / "cage.dat").read_text()
+    found = re.findall(
+        r"displacements.*?time\s+(\S+)\s+\d+\s+(\S+)\s+(\S+)\s+(\S+)", text, re.DOTALL
+    )
+    table = np.array(found, dtype=np.float64)
+    return table[:, 0], table[:, 1:]

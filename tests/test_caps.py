@@ -1,0 +1,282 @@
+"""Closed, and exact: caps, rational patches, and VTK's opinion of both."""
+
+from __future__ import annotations
+
+import doctest
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from test_weave import grid_of
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import mutable
+from weaves import surface, woven
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric import bezier, draft
+from spacemap_vtk.fabric.axes import axes
+from spacemap_vtk.fabric.bezier import rational_arc
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.tessellation import Tessellation
+from spacemap_vtk.fabric.weave import Weave, axis_points, build
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+
+ROUND = Cloth(
+    warp_diameter=0.25,
+    weft_diameter=0.30,
+    warp_spacing=0.55,
+    weft_spacing=0.60,
+    warp_crimp_height=0.20,
+)
+#: All crimp in the warp, whose arcs turn by nearly 90 degrees.
+STEEP = Cloth(
+    warp_diameter=0.2,
+    weft_diameter=0.3,
+    warp_spacing=0.7,
+    weft_spacing=0.501,
+    warp_crimp_height=0.5,
+)
+FLAT = Cloth(
+    warp_diameter=0.25,
+    weft_diameter=0.30,
+    warp_spacing=0.75,
+    weft_spacing=0.80,
+    warp_section="elliptic",
+    warp_aspect=1.4,
+    weft_section="racetrack",
+    weft_aspect=1.5,
+)
+CLOTHS = {"round": ROUND, "steep": STEEP, "flat": FLAT}
+AREAS = {
+    "round": (pi / 4 * 0.25**2, pi / 4 * 0.30**2),
+    "steep": (pi / 4 * 0.2**2, pi / 4 * 0.3**2),
+    "flat": (pi / 4 * 0.25 * 0.35, pi / 4 * 0.30**2 + 0.30 * 0.15),
+}
+OVER = draft.twill(2, 1, 4, 5)
+
+
+def volumes(made: Weave, nodes: int = 24) -> np.ndarray:
+    """Volume inside each yarn, by the divergence theorem: wrong if a patch is missing."""
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    points, du, dv = surface(made, (x + 1) / 2)
+    flux = np.einsum("puvc,puvc,u,v->p", points, np.cross(du, dv), w / 2, w / 2)
+    return np.bincount(made.yarn, weights=flux / 3)
+
+
+def lengths(cloth: Cloth) -> np.ndarray:
+    return np.concatenate(
+        [
+            np.add.reduceat(family.length, np.cumsum(family.parts) - family.parts)
+            for family in axes(OVER, cloth)
+        ]
+    )
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
+    """By Pappus the volume of a tube is its section times its length."""
+    cloth = replace(CLOTHS[kind], exact=exact)
+    found = volumes(build(OVER, cloth))
+    expected = lengths(cloth) * np.repeat(AREAS[kind], [4, 5])
+    np.testing.assert_allclose(found, expected, rtol=1e-12 if exact else 1e-3)
+    if not exact:
+        assert abs(found / expected - 1).max() > 1e-6
+
+
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_caps_share_the_points_of_their_ring(kind: str) -> None:
+    made = build(OVER, CLOTHS[kind])
+    bare = build(OVER, replace(CLOTHS[kind], caps=False))
+    tubes = made.tube_patches
+    assert np.array_equal(made.patches[:tubes], bare.patches)
+    assert np.array_equal(made.points[: len(bare.points)], bare.points)
+    # an edge of a patch is shared by two, or collapsed into a pole
+    corners = made.patches[:, [[0, 4, 5, 1], [1, 6, 7, 2], [3, 8, 9, 2], [0, 10, 11, 3]]]
+    edges = corners.reshape(-1, 4)
+    poles = edges[(edges == edges[:, :1]).all(axis=1)]
+    edges = edges[(edges != edges[:, :1]).any(axis=1)]
+    ordered = np.where((edges[:, 0] < edges[:, 3])[:, None], edges, edges[:, ::-1])
+    _, count = np.unique(ordered, axis=0, return_counts=True)
+    assert (count == 2).all()
+    assert len(poles) == 2 * 2 * 9
+    # patches of one yarn only
+    of_point = np.full(len(made.points), -1)
+    of_point[made.patches] = made.yarn[:, None]
+    assert np.array_equal(of_point[made.patches], np.repeat(made.yarn[:, None], 16, axis=1))
+
+
+@settings(max_examples=40, deadline=None)
+@given(woven(most=3))
+def test_caps_are_flat_and_face_outwards(case: tuple[np.ndarray, Cloth]) -> None:
+    over, cloth = case
+    made = build(over, cloth)
+    bare = replace(cloth, caps=False)
+    assert len(build(over, bare).patches) == made.tube_patches
+    tessellation = Tessellation(made.patches, (3, 3), 3)
+    positions, normals = tessellation.evaluate(made.points, np.float64)
+    assert np.isfinite(positions).all()
+    assert np.isfinite(normals).all()
+    # the same order of samples as the quads'
+    first = tessellation.quads.reshape(-1, 9, 4)[made.tube_patches :]
+    for patch, quads in enumerate(first, start=made.tube_patches):
+        along = 1 - made.family[patch]
+        place = positions[quads.ravel()]
+        assert np.ptp(place[:, along]) <= 1e-12 * abs(made.points).max()
+        outwards = np.sign(place[0, along])
+        np.testing.assert_allclose(normals[quads.ravel()][:, along], outwards, rtol=0, atol=1e-6)
+
+
+def test_shortest_ends_are_closed() -> None:
+    cloth = replace(FLAT, overhang=0.0)
+    made = build(OVER, cloth)
+    assert np.isfinite(made.points).all()
+    expected = lengths(cloth) * np.repeat(AREAS["flat"], [4, 5])
+    np.testing.assert_allclose(volumes(made), expected, rtol=1e-3)
+    # a single crossing, cut on the flat of the yarn crossed
+    short = replace(FLAT, overhang=0.05)
+    made = build([[1]], short)
+    assert made.points[:, 1].max() == pytest.approx(0.225)
+    np.testing.assert_allclose(volumes(made), 0.1 * np.array(AREAS["flat"]), rtol=1e-3)
+
+
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
+    """Every point of the surface is at the radius from the axis, to rounding."""
+    cloth = replace(CLOTHS[kind], exact=True)
+    made = build(OVER, cloth)
+    assert made.radial_error == 0.0
+    points, *_ = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))
+    aspect = cloth.warp_aspect, cloth.weft_aspect
+    for number, family in enumerate(axes(OVER, cloth)):
+        # seen from each part's own arc: its centre, and the distance from it
+        part = np.arange(len(family.length))
+        station = part + family.owner
+        along, height, angle = (x[station] for x in (family.along, family.height, family.angle))
+        mine = points[made.family[: made.tube_patches] == number]
+        mine = mine.reshape(len(part), -1, 3)
+        k = family.curvature[0][:, None]
+        du = mine[..., 1 - number] - along[:, None]
+        dz = mine[..., 2] - height[:, None]
+        t, n = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        # above the axis, measured from the arc's centre: k q**2 / (1 + sqrt) without cancelling
+        x, y = du * t + dz * n, dz * t - du * n
+        above = (2 * y - k * (x * x + y * y)) / (
+            1 + np.sqrt(1 - 2 * k * y + k * k * (x * x + y * y))
+        )
+        beside = mine[..., number] - family.lateral[family.owner][:, None]
+        radius = family.radius[family.owner][:, None]
+        if cloth.yarns(("warp", "weft")[number], 4 + number).section == "racetrack":
+            beside = np.maximum(abs(beside) - (aspect[number] - 1) * radius, 0)
+        elif aspect[number] > 1:
+            beside = beside / aspect[number]
+        np.testing.assert_allclose(np.hypot(above, beside) / radius, 1, rtol=0, atol=5e-14)
+
+
+def test_exact_cloth_needs_fewer_patches() -> None:
+    exact = build(OVER, replace(STEEP, exact=True))
+    assert exact.tube_patches < build(OVER, STEEP).tube_patches
+    assert exact.weights is not None
+    assert exact.weights.shape == (len(exact.points),)
+    assert exact.weights.min() > 0.5
+    # corners of patches have weight 1, so that neighbours agree
+    assert (exact.weights[exact.patches[: exact.tube_patches, :4]] == 1).all()
+    assert build(OVER, STEEP).weights is None
+
+
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_vtk_agrees_with_rational_patches(kind: str) -> None:
+    made = build(OVER, replace(CLOTHS[kind], exact=True))
+    grid = grid_of(made)
+    weights = numpy_to_vtk(made.weights)
+    weights.SetName("RationalWeights")
+    grid.GetPointData().SetRationalWeights(weights)
+    points, *_ = surface(made, np.array([0.2, 0.7]))
+    for patch in [*range(0, len(made.patches), 37), len(made.patches) - 1]:
+        location, shape = [0.0] * 3, [0.0] * 16
+        grid.GetCell(patch).EvaluateLocation(mutable(0), (0.7, 0.2, 0.0), location, shape)
+        np.testing.assert_allclose(location, points[patch, 1, 0], atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, pi / 3, pi / 2, 2.0])
+def test_rational_arcs_are_arcs(angle: float) -> None:
+    handle, weight = rational_arc(angle)
+    c, s = np.cos(angle), np.sin(angle)
+    net = np.array([[1, 0], [1, handle], [c + handle * s, s - handle * c], [c, s]])
+    t = np.linspace(0, 1, 11)
+    basis = bezier.bernstein(3, t) * [1, weight, weight, 1]
+    points = basis @ net / basis.sum(axis=1)[:, None]
+    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1, atol=1e-15)
+    np.testing.assert_allclose(points[5], [np.cos(angle / 2), np.sin(angle / 2)], atol=1e-15)
+
+
+def test_rational_arcs_stop_at_half_a_turn() -> None:
+    assert doctest.testmod(bezier).failed == 0
+    for angle in (-0.1, pi, 4.0):
+        with pytest.raises(InputError, match="rational"):
+            rational_arc(angle)
+
+
+def test_largest_deviation_is_reported() -> None:
+    """The bound holds, and is not far from what is found."""
+    for cloth in (ROUND, STEEP):
+        made = build(OVER, cloth)
+        axis, yarn = axis_points(OVER, cloth, samples=300)
+        points, *_ = surface(made, np.linspace(0, 1, 9), made.yarn == 1)
+        points = points[:-4].reshape(-1, 3)
+        line = axis[yarn == 1]
+        away = np.array([np.linalg.norm(line - p, axis=1).min() for p in points[::7]])
+        worst = abs(away / (cloth.warp_diameter / 2) - 1).max()
+        assert worst < made.radial_error + 1e-4
+        assert made.radial_error < 2 * worst + 1e-4
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("kind", CLOTHS)
+def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
+    """Positions and normals by the formula of one patch, and the surface exactly round."""
+    made = build(OVER, replace(CLOTHS[kind], exact=True))
+    n = 3
+    tessellation = Tessellation(made.patches, (3, 3), n)
+    positions, normals = tessellation.evaluate(made.points, dtype, made.weights)
+    points, du, dv = surface(made, np.linspace(0, 1, n + 1))
+    corner = tessellation.quads.reshape(-1, n, n, 4)  # [patch, v, u]
+    size = abs(made.points).max()
+    tolerance = 1e-6 if dtype == np.float32 else 1e-14
+    inner = points[:, :n, :n].swapaxes(1, 2)
+    assert abs(positions[corner[..., 0]] - inner).max() < tolerance * size
+    expected = np.cross(du, dv)
+    expected /= np.maximum(np.linalg.norm(expected, axis=-1, keepdims=True), 1e-300)
+    sides = slice(0, made.tube_patches)
+    away = normals[corner[sides, ..., 0]] - expected[sides, :n, :n].swapaxes(1, 2)
+    assert abs(away).max() < 1000 * tolerance
+    assert np.isfinite(normals).all()
+    # arrays are carried over by the same functions: positions come out as positions
+    carried = tessellation.interpolate(made.points, made.weights)
+    assert abs(carried - positions).max() < tolerance * size
+    with pytest.raises(GeometryError, match="weights"):
+        tessellation.evaluate(made.points, dtype, np.zeros(len(made.points)))
+
+
+def test_the_filter_takes_vtks_rational_weights() -> None:
+    made = build([[1]], replace(ROUND, exact=True))
+    grid = grid_of(made)
+    weights = numpy_to_vtk(made.weights)
+    weights.SetName("RationalWeights")
+    grid.GetPointData().SetRationalWeights(weights)
+    mine = numpy_to_vtk(((np.arange(len(made.patches)) < made.tube_patches) & (made.yarn == 0)) * 1)
+    mine.SetName("mine")
+    grid.GetCellData().AddArray(mine)
+    tessellator = PatchTessellator(subdivisions=5)
+    tessellator.SetInputDataObject(grid)
+    tessellator.update()
+    result = tessellator.GetOutputDataObject(0)
+    assert result.GetPointData().GetArray("RationalWeights") is None
+    points = vtk_to_numpy(result.GetPoints().GetData()).astype(float)
+    cells = vtk_to_numpy(result.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+    mine = vtk_to_numpy(result.GetCellData().GetArray("mine")) > 0
+    warp = points[np.unique(cells[mine])]
+    away = np.hypot(warp[:, 0], warp[:, 2] - ROUND.height / 2) / 0.125
+    assert abs(away - 1).max() < 1e-6

@@ -1,0 +1,130 @@
+"""Models: static solutions against direct ones, inertia relief, and what is shared."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal.materials import isotropic
+from spacemap_vtk.modal.model import Model
+
+STEEL = isotropic(2e6, 0.3)
+
+
+def model(divisions=(4, 4, 2), held=None, elasticity=STEEL, density=300.0, lumped=False, z=0.3):
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, z), divisions)
+    if held is None:
+        held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
+    elif callable(held):
+        held = held(points)
+    return Model(points, tetrahedra, elasticity, density, held, lumped)
+
+
+def nothing(points):
+    return np.zeros(points.shape, bool)
+
+
+@pytest.mark.parametrize("thickness", [0.3, 0.05])
+def test_a_static_solution_equals_a_direct_one(thickness):
+    made = model((8, 8, 2), z=thickness)
+    forces = np.random.default_rng(0).standard_normal((len(made.free), 3))
+    free = made.free
+    direct = sla.spsolve(made.stiffness[free][:, free].tocsc(), forces[free])
+    solved = made.solve(forces)
+    assert not solved[~free].any()
+    assert abs(solved[free] - direct).max() <= 1e-10 * abs(direct).max()
+    np.testing.assert_array_equal(made.solve(forces[:, 0]).shape, (len(free),))
+
+
+def test_forces_on_a_free_body_are_relieved():
+    made = model(held=nothing)
+    forces = np.random.default_rng(0).standard_normal((len(made.free), 2))
+    rigid = made.rigid
+    assert rigid.shape[1] == 6
+    np.testing.assert_allclose(rigid.T @ made.mass @ rigid, np.eye(6), atol=1e-12)
+    assert abs(made.stiffness @ rigid).max() <= 1e-12 * abs(made.stiffness).max()
+    solved = made.solve(forces)
+    balanced = forces - made.mass @ (rigid @ (rigid.T @ forces))
+    assert abs(made.stiffness @ solved - balanced).max() <= 1e-9 * abs(forces).max()
+    assert abs(rigid.T @ (made.mass @ solved)).max() <= 1e-12 * abs(solved).max()
+
+
+def test_gravity_on_a_free_body_strains_nothing():
+    made = model(held=nothing)
+    gravity = made.mass @ np.tile([0.0, 0.0, -9.81], len(made.points))
+    weight = np.random.default_rng(0).standard_normal(len(gravity)) * abs(gravity).max()
+    assert abs(made.solve(gravity)).max() <= 1e-12 * abs(made.solve(weight)).max()
+
+
+@pytest.mark.parametrize(
+    ("held", "count"),
+    [
+        (lambda p: (p == p.max(axis=0)).all(axis=1)[:, None] & [True] * 3, 3),  # a ball joint
+        (lambda p: (p[:, 2] == 0)[:, None] & [False, False, True], 3),  # on a smooth table
+        (lambda p: (p[:, 0] == 0)[:, None] & [True] * 3, 0),
+        (lambda p: ((p[:, 0] == 0) & (p[:, 2] == 0))[:, None] & [True] * 3, 1),  # a hinge
+    ],
+)
+def test_rigid_motions_that_supports_leave(held, count):
+    assert model(held=held).rigid.shape[1] == count
+
+
+def test_two_bodies_have_twelve_rigid_motions():
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
+    two = np.concatenate([points, points + 5.0])
+    cells = np.concatenate([tetrahedra, tetrahedra + len(points)])
+    made = Model(two, cells, STEEL, 1.0, np.zeros(two.shape, bool))
+    assert made.rigid.shape[1] == 12
+    force = np.zeros(3 * len(two))
+    force[0] = 1.0
+    assert abs(made.solve(force)[len(force) // 2 :]).max() <= 1e-18
+
+
+def test_modulus_and_density_only_scale():
+    first = model()
+    second = model(elasticity=isotropic(6e6, 0.3), density=900.0)
+    assert first.structure is second.structure
+    assert abs(second.stiffness - 3 * first.stiffness).max() <= 1e-13 * abs(first.stiffness).max()
+    assert abs(second.mass - 3 * first.mass).max() <= 1e-13 * abs(first.mass).max()
+    assert second.nodal_mass.sum() == pytest.approx(900 * 0.3)
+
+
+def test_another_support_or_ratio_reuses_the_assembly():
+    first = model()
+    for other in (model(held=nothing), model(elasticity=isotropic(2e6, 0.2)), model(lumped=True)):
+        assert other.structure is not first.structure
+        assert other.structure.assembly is first.structure.assembly
+    assert model((4, 4, 3)).structure.assembly is not first.structure.assembly
+
+
+def test_nothing_is_kept_that_nobody_holds():
+    first = model((3, 5, 2))
+    digest = first.digest
+    from spacemap_vtk.modal import model as module
+
+    assert digest in module._structures
+    del first
+    gc.collect()
+    assert digest not in module._structures
+
+
+def test_lumped_mass_is_a_diagonal_with_the_same_sum():
+    consistent, lumped = model(), model(lumped=True)
+    assert (lumped.mass - sp.diags(lumped.mass.diagonal())).nnz == 0
+    assert lumped.mass.sum() == pytest.approx(consistent.mass.sum(), rel=1e-14)
+    np.testing.assert_allclose(lumped.nodal_mass, consistent.nodal_mass, rtol=1e-13)
+
+
+def test_arguments_are_checked():
+    with pytest.raises(InputError, match="density"):
+        model(density=0.0)
+    with pytest.raises(InputError, match="held"):
+        model(held=lambda p: np.zeros(len(p), bool))
+    with pytest.raises(InputError, match="forces"):
+        model().solve(np.zeros(5))

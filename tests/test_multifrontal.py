@@ -1,0 +1,120 @@
+"""Factors and inertia against numpy, and nested dissection with and without METIS."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import SizeError, SolverError
+from spacemap_vtk.modal import multifrontal
+from spacemap_vtk.modal.dissection import by_levels, dissection
+from spacemap_vtk.modal.eigen import solve_modes
+from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.modal.multifrontal import Analysis, Cholesky, negative_eigenvalues
+
+
+@pytest.fixture(params=["metis", "levels"], autouse=True)
+def order(request, monkeypatch):
+    if request.param == "levels":
+        monkeypatch.setitem(sys.modules, "pymetis", None)
+    else:
+        pytest.importorskip("pymetis")
+    return request.param
+
+
+def pencil(divisions, held=True):
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), divisions)
+    K, M = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
+    free = np.flatnonzero(np.repeat((points[:, 1] < 1) | (not held), 3))
+    return K[free][:, free], M[free][:, free], free // 3
+
+
+@pytest.mark.parametrize("divisions", [(1, 1, 1), (9, 9, 9), (30, 20, 1), (100, 1, 1)])
+def test_factors_solve(divisions):
+    K, M, vertices = pencil(divisions)
+    A = (K + 100 * M).tocsr()
+    right = np.random.default_rng(0).standard_normal((A.shape[0], 5))
+    solved = Cholesky(A, Analysis(A, vertices)).solve(right)
+    assert abs(A @ solved - right).max() <= 1e-10 * abs(right).max()
+    assert abs(right).max() > 1  # the right-hand sides are left as they were
+
+
+@pytest.mark.parametrize("density", [0.005, 0.05, 0.5])
+def test_random_patterns(density):
+    rng = np.random.default_rng(int(1000 * density))
+    for size in (1, 7, 60, 301):
+        A = sp.random(size, size, density, random_state=rng, format="csr")
+        A = (A + A.T + sp.identity(size) * (abs(A + A.T).sum(axis=1).max() + 1)).tocsr()
+        analysis = Analysis(A, np.arange(size))
+        right = rng.standard_normal((size, 2))
+        np.testing.assert_allclose(
+            Cholesky(A, analysis).solve(right), np.linalg.solve(A.toarray(), right), atol=1e-12
+        )
+        for shift in np.quantile(np.linalg.eigvalsh(A.toarray()), [0.0, 0.3, 0.9]) - 0.0123:
+            B = (A - shift * sp.identity(size)).tocsr()
+            exact = (np.linalg.eigvalsh(B.toarray()) < 0).sum()
+            assert negative_eigenvalues(B, analysis) == exact
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_inertia_counts_the_modes_below_a_shift(held):
+    K, M, vertices = pencil((6, 5, 4), held)
+    everything = np.ones(K.shape[0], bool)
+    eigenvalues = solve_modes(K, M, everything, K.shape[0])[0]
+    analysis = Analysis(K, vertices)
+    for below in (0, 1, 7, 40, 200):
+        if not held and below < 6:
+            continue
+        bounds = eigenvalues[max(below - 1, 0)], eigenvalues[below]
+        shift = sum(bounds) / 2 if below else bounds[0] / 2
+        assert negative_eigenvalues((K - shift * M).tocsr(), analysis) == below
+
+
+def test_an_order_holds_each_vertex_once():
+    K = pencil((8, 7, 3))[0]
+    graph = sp.csr_matrix(abs(K[::3][:, ::3]) > 0, dtype=float)
+    graph.setdiag(0)
+    graph.eliminate_zeros()
+    for find in (dissection, by_levels):
+        np.testing.assert_array_equal(np.sort(find(graph)), np.arange(graph.shape[0]))
+
+
+def test_dissection_keeps_factors_sparse():
+    K, _, vertices = pencil((12, 12, 12))
+    assert Analysis(K, vertices).entries < K.shape[0] ** 2 / 6
+
+
+def test_a_matrix_that_is_not_definite_is_refused():
+    K, M, vertices = pencil((4, 4, 4))
+    with pytest.raises(SolverError, match="not positive definite"):
+        Cholesky((K - 1e5 * M).tocsr(), Analysis(K, vertices))
+
+
+def test_what_does_not_fit_is_refused_first(monkeypatch):
+    import spacemap_vtk.memory as memory
+
+    K, _, vertices = pencil((4, 4, 4))
+    analysis = Analysis(K, vertices)
+    monkeypatch.setattr(memory, "available", lambda: 1000)
+    with pytest.raises(SizeError, match="factorising 300 degrees"):
+        Cholesky(K, analysis)
+    assert multifrontal.require is memory.require
+
+
+def test_progress_may_cancel():
+    K, _, vertices = pencil((8, 8, 8))
+    analysis = Analysis(K, vertices)
+    seen = []
+    Cholesky(K, analysis, seen.append)
+    assert seen[-1] == 1.0
+    assert (np.diff(seen) >= 0).all()
+
+    def stop(share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        negative_eigenvalues(K, analysis, stop)

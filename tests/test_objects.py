@@ -1,0 +1,273 @@
+"""Objects out of files: read, placed, deformed, drawn, written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image
+
+from spacemap_vtk import BarycentricWarp, ObjectSource, PatchTessellator, TetraCage
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters.arrays import add_array
+from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.scenes.scene import Scene
+
+
+def ball() -> pv.PolyData:
+    mesh = pv.Sphere(radius=1.0, theta_resolution=20, phi_resolution=20)
+    mesh.point_data["heat"] = mesh.points[:, 2].astype(np.float32)
+    mesh.cell_data["part"] = np.arange(mesh.n_cells)
+    return mesh
+
+
+def read(file: Path, **values: object) -> pv.DataSet:
+    source = ObjectSource(file=file, **values)
+    source.update()
+    return pv.wrap(source.GetOutputDataObject(0))
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply", "obj", "vtp", "vtk", "vtu", "vtm", "gltf"])
+def test_formats(tmp_path: Path, ending: str) -> None:
+    mesh, file = ball(), tmp_path / f"ball.{ending}"
+    if ending == "vtu":
+        mesh = mesh.cast_to_unstructured_grid()
+    if ending == "vtm":
+        pv.MultiBlock([mesh, None, pv.MultiBlock([mesh.translate((3, 0, 0))])]).save(file)
+    elif ending == "gltf":
+        prepare_offscreen()
+        plotter = pv.Plotter(off_screen=True, window_size=(40, 30))
+        plotter.add_mesh(mesh)
+        plotter.export_gltf(str(file))
+        plotter.close()
+    else:
+        mesh.save(file)
+    found = read(file)
+    assert found.n_points == mesh.n_points * (1 + (ending == "vtm"))
+    assert isinstance(found, pv.UnstructuredGrid if ending == "vtu" else pv.PolyData)
+    # glTF has y upwards: the exporter turns
+    tops = [np.sort(data.points[: mesh.n_points].max(axis=0)) for data in (found, mesh)]
+    np.testing.assert_allclose(*tops, atol=1e-6)
+    if ending in ("vtp", "vtk", "vtu", "vtm"):
+        np.testing.assert_array_equal(found["heat"][: mesh.n_points], mesh["heat"])
+        np.testing.assert_array_equal(found["part"][: mesh.n_cells], mesh["part"])
+    if ending in ("vtp", "vtk", "vtu", "gltf"):
+        normals = found.point_data.active_normals
+        np.testing.assert_allclose(np.einsum("nk,nk->n", normals, found.points), 1, atol=0.02)
+    if ending == "vtm":
+        np.testing.assert_array_equal(np.bincount(found["block"]), [mesh.n_cells] * 2)
+
+
+def test_blocks_of_several_kinds_keep_their_arrays(tmp_path: Path) -> None:
+    line = pv.Line((0, 0, 0), (0, 0, 5))
+    line["along"] = np.array([1.0, 2.0])
+    box = pv.ImageData(dimensions=(2, 2, 2))
+    file = tmp_path / "mixed.vtm"
+    pv.MultiBlock([ball(), line, box]).save(file)
+    found = read(file)
+    assert isinstance(found, pv.UnstructuredGrid)
+    assert np.isnan(found["along"]).sum() == found.n_points - 2
+    assert np.isnan(found["heat"]).sum() == 10
+    assert set(found["block"]) == {0, 1, 2}
+
+
+def test_scale_rotate_place(tmp_path: Path) -> None:
+    file = tmp_path / "ball.vtp"
+    mesh = ball()
+    mesh.save(file)
+    found = read(file, scale=0.001, rotate=(90, 0, "90 deg"), place=("1 m", 0, "5 mm"))
+    x, y, z = 0.001 * mesh.points.T
+    # about x: y -> z, z -> -y; then about z: x -> y, y -> -x
+    np.testing.assert_allclose(found.points, np.stack((z + 1, x, y + 0.005), axis=1), atol=1e-7)
+    nx, ny, nz = mesh.point_data.active_normals.T
+    np.testing.assert_allclose(
+        found.point_data.active_normals, np.stack((nz, nx, ny), axis=1), atol=1e-6
+    )
+
+
+def warped(mesh: pv.DataSet, motion: np.ndarray) -> BarycentricWarp:
+    """Move a mesh by an affine map, x -> motion x."""
+    cage = TetraCage(divisions=(2, 2, 2), padding=0.1)
+    cage.SetInputDataObject(mesh)
+    cage.update()
+    grid = pv.wrap(cage.GetOutputDataObject(0)).copy()
+    add_array(grid.GetPointData(), "displacement", grid.points @ (motion - np.eye(3)).T)
+    warp = BarycentricWarp()
+    warp.SetInputDataObject(0, mesh)
+    warp.SetInputDataObject(1, grid)
+    warp.update()
+    return warp
+
+
+def test_normals_turn_with_the_surface() -> None:
+    """The normals of an ellipsoid in closed form: the gradient of its equation."""
+    mesh = pv.Sphere(radius=1.0)
+    mesh.points = mesh.points.astype(np.float64)
+    mesh.point_data.active_normals = mesh.points.astype(np.float32)
+    mesh = mesh.compute_normals(point_normals=False, auto_orient_normals=True)
+    motion = (
+        np.diag([1.0, 2.0, 3.0]) @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    )
+    motion *= np.sign(np.linalg.det(motion))
+    found = pv.wrap(warped(mesh, motion).GetOutputDataObject(0))
+    expected = found.points @ np.linalg.inv(motion @ motion.T)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(found.point_data.active_normals, expected, atol=1e-6)
+    cells = found.cell_data.active_normals
+    np.testing.assert_allclose(cells, found.compute_normals(point_normals=False)["Normals"])
+    np.testing.assert_allclose(np.linalg.norm(cells, axis=1), 1, atol=1e-6)
+
+
+def test_texture_coordinates_and_colours_stay() -> None:
+    mesh = pv.Plane(i_resolution=4, j_resolution=4)
+    mesh.point_data["RGB"] = np.arange(75, dtype=np.uint8).reshape(25, 3)
+    found = pv.wrap(warped(mesh, np.eye(3) * 2).GetOutputDataObject(0))
+    np.testing.assert_array_equal(found.active_texture_coordinates, mesh.active_texture_coordinates)
+    np.testing.assert_array_equal(found["RGB"], mesh["RGB"])
+
+
+def test_higher_order_cells_move_by_their_control_points() -> None:
+    """A quadratic tetrahedron under an affine map: its surface is the mapped surface."""
+    grid = pv.examples.cells.QuadraticTetrahedron()
+    grid.points[4:] += 0.05
+    motion = np.array([[1.0, 0.3, 0], [0, 2.0, 0.1], [0, 0, 0.5]])
+
+    def surface(data: pv.DataSet) -> pv.PolyData:
+        stage = PatchTessellator(subdivisions=4)
+        stage.SetInputDataObject(data)
+        stage.update()
+        return pv.wrap(stage.GetOutputDataObject(0))
+
+    before, after = surface(grid), surface(warped(grid, motion).GetOutputDataObject(0))
+    assert after.n_points == before.n_points > grid.n_points
+    np.testing.assert_allclose(after.points, before.points @ motion.T, atol=1e-6)
+
+
+def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    import spacemap_vtk.filters.skin as module
+
+    calls = []
+    real = module._surface
+    monkeypatch.setattr(module, "_surface", lambda *a: calls.append(1) or real(*a))
+    grid = pv.ImageData(dimensions=(4, 4, 4)).cast_to_unstructured_grid()
+    grid["heat"] = grid.points[:, 0].copy()
+    grid.cell_data["part"] = np.arange(27)
+    stage = PatchTessellator()
+    for step in range(3):
+        moved = grid.copy()
+        moved.points = moved.points + step
+        moved["heat"] = moved.points[:, 0] + step
+        stage.SetInputDataObject(moved)
+        stage.update()
+        found = pv.wrap(stage.GetOutputDataObject(0))
+        assert (found.n_cells, found.n_points) == (54, 56)
+        np.testing.assert_allclose(found.bounds, moved.bounds)
+        np.testing.assert_allclose(found["heat"], found.points[:, 0] + step)
+        assert len(found["part"]) == 54
+    assert len(calls) == 1
+    # the same points in other cells
+    stage.SetInputDataObject(grid.extract_cells(range(9)))
+    stage.update()
+    assert len(calls) == 2
+
+
+@pytest.mark.parametrize("kind", ["surface", "volume", "lines", "points", "colours"])
+def test_a_picture_of_anything(tmp_path: Path, kind: str) -> None:
+    file = tmp_path / "thing.vtk"
+    mesh: pv.DataSet = {
+        "surface": ball,
+        "volume": lambda: pv.ImageData(dimensions=(4, 4, 4)),
+        "lines": lambda: pv.Spline(np.random.default_rng(0).random((9, 3)), 300),
+        "points": lambda: pv.PolyData(np.random.default_rng(0).random((2000, 3))),
+        "colours": ball,
+    }[kind]()
+    if kind == "colours":
+        mesh["RGB"] = np.tile(np.array([[255, 0, 0]], dtype=np.uint8), (mesh.n_points, 1))
+    mesh.save(file)
+    scene = Scene({"object": {"file": str(file)}, "cage": {"divisions": [2, 2, 2]}})
+    picture = Picture(scene, [0.0], (120, 90), ["fabric"])
+    image = picture.draw(0.0).astype(int)
+    picture.close()
+    assert np.ptp(image[:, :, 0]) > 25
+    red = (image[:, :, 0] - image[:, :, 1] > 100).mean()
+    assert (red > 0.1) == (kind == "colours")
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    return int(caught.value.code or 0)
+
+
+def test_render_and_export_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "ball.ply"
+    ball().save(file)
+    assert run("render", str(file), "-o", str(tmp_path / "a.png"), "--size", "90x60", "-q") == 0
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (90, 60)
+    move = ["--set", "cage.divisions=[2,2,2]", "--set", "modal.fixed=-z", "--time", "0.1", "-q"]
+    for name in ("b.vtu", "b.vtp", "b.stl", "b.ply"):
+        assert run("export", str(file), "-o", str(tmp_path / name), *move) == 0, name
+        assert pv.read(tmp_path / name).n_points == ball().n_points
+    assert capsys.readouterr() == ("", "")
+    assert run("info", str(file)) == 2
+    assert "no yarns" in capsys.readouterr().err
+
+
+def refused(tmp_path: Path, content: bytes | None, ending: str = ".ply") -> str:
+    file = tmp_path / f"bad{ending}"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        ObjectSource(file=file).update()
+    text = str(caught.value)
+    assert str(file) in text
+    return text
+
+
+def test_bad_files_are_refused_in_words(tmp_path: Path) -> None:
+    assert "no such file" in refused(tmp_path, None)
+    assert "empty" in refused(tmp_path, b"")
+    ball().save(tmp_path / "whole.ply")
+    whole = (tmp_path / "whole.ply").read_bytes()
+    refused(tmp_path, whole[: len(whole) // 2])
+    refused(tmp_path, b"not a mesh at all")
+    ball().save(tmp_path / "whole.vtp")
+    whole = (tmp_path / "whole.vtp").read_bytes()
+    refused(tmp_path, whole[: len(whole) // 2], ".vtp")
+    refused(tmp_path, b"<VTKFile>", ".vtu")
+    refused(tmp_path, b"x", ".unknown")
+    with pytest.raises(InputError, match="no file is named"):
+        ObjectSource().update()
+
+
+def test_points_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    mesh = ball()
+    mesh.points[7] = np.nan
+    mesh.save(tmp_path / "nan.vtp")
+    with pytest.raises(GeometryError, match=r"1 of .* not finite, the first is number 7"):
+        ObjectSource(file=tmp_path / "nan.vtp").update()
+    pv.PolyData().save(tmp_path / "none.vtp")
+    with pytest.raises(GeometryError, match="no points"):
+        ObjectSource(file=tmp_path / "none.vtp").update()
+
+
+def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:
+    file = tmp_path / "late.vtp"
+    source = ObjectSource(file=file)
+    with pytest.raises(InputError, match="no such file"):
+        source.update()
+    ball().save(file)
+    source.update()
+    assert source.GetOutputDataObject(0).GetNumberOfPoints() == ball().n_points
+
+
+def test_an_object_takes_the_weaves_place() -> None:
+    with pytest.raises(InputError, match=r"\[object\].*\[weave\]"):
+        Scene({"object": {"file": "a.ply"}, "weave": {}})

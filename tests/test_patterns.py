@@ -1,0 +1,227 @@
+"""Patterns by name, by file and by picture; drawdowns written by hand."""
+
+from __future__ import annotations
+
+import builtins
+import doctest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from spacemap_vtk import WeaveSource
+from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
+from spacemap_vtk.fabric import draft, draft_file, drawdown, pattern_names, patterns
+from spacemap_vtk.fabric.draft_file import parse_rows, read_draft
+from spacemap_vtk.fabric.pattern_names import canonical, named
+from spacemap_vtk.fabric.wif_writer import format_wif
+
+REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
+
+
+@pytest.mark.parametrize("module", [patterns, pattern_names, drawdown, draft_file])
+def test_examples(module: Any) -> None:
+    assert doctest.testmod(module).failed == 0
+
+
+#: Written by hand, the first pick first: the pictures of weavers' books upside down.
+BY_HAND = {
+    "plain": "10 01",
+    "twill 2/1": "110 011 101",
+    "twill 2/1 left": "110 101 011",
+    "twill 2/2": "1100 0110 0011 1001",
+    "twill 3/1/1/2": "1110100 0111010 0011101 1001110 0100111 1010011 1101001",
+    "satin 5/2": "01111 11011 11110 10111 11101",
+    "satin 5/3": "01111 11101 10111 11110 11011",
+    "satin 5/2 weft": "10000 00100 00001 01000 00010",
+    "satin 8/3": "01111111 11101111 11111101 10111111 11110111 11111110 11011111 11111011",
+    "basket 2": "1100 1100 0011 0011",
+    "rib 2/1": "10 10 01",
+    "rib 2/1 weft": "110 001",
+    "rib 2": "10 10 01 01",
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_drawdowns_by_hand(name: str) -> None:
+    assert draft.rows(named(name)) == BY_HAND[name].split()
+    assert canonical(name) == name
+    source = WeaveSource(pattern=name, ends=20, picks=20)
+    repeat = draft.from_matrix(BY_HAND[name].split())
+    np.testing.assert_array_equal(source.fabric.drawdown, draft.tile(repeat, 20, 20))
+
+
+@pytest.mark.parametrize(
+    ("name", "same"),
+    [
+        ("Plain weave", "plain"),
+        ("tabby", "plain"),
+        ("2/2 Twill", "twill 2/2"),
+        ("2-2 twill, Z", "twill 2/2"),
+        ("LEFT TWILL 2 / 1", "twill 2/1 left"),
+        ("sateen 5/2", "satin 5/2 weft"),
+        ("Satin 5/2 weft-faced", "satin 5/2 weft"),
+        ("hopsack 3", "basket 3"),
+        ("weft rib 2/1", "rib 2/1 weft"),
+    ],
+)
+def test_one_spelling_is_kept(name: str, same: str) -> None:
+    assert canonical(name) == same
+    source = WeaveSource(pattern=same)
+    changed = source.GetMTime()
+    source.pattern = name
+    assert source.GetMTime() == changed
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("", "names one weave"),
+        ("twill 2/2 plain", "names one weave"),
+        ("twil 2/2", r'"twil" is not a word for a weave; allowed: "plain".*mean "twill"\?'),
+        ("twill 3", 'for example, "twill 2/1 left"'),
+        ("twill 0/2", "not a number of yarns: over 0"),
+        ("twill 2/2 warp", "no side of a twill; its sides: right or left"),
+        ("twill 2/2 left right", "no side"),
+        ("satin 8/2", "satin of 8 shafts.*step 2, allowed: 3, 5.*no common divisor"),
+        ("satin 6", "satin of 6 shafts.*none: use 5 shafts, or 7 and more"),
+        ("satin 8/3/2", "numbers of a satin"),
+        ("basket", "numbers of a basket"),
+        ("plain left", "its sides: none"),
+        ("twill 999999999999999999/1", "more than 1000 yarns"),
+        ("twill 2/2.5", "not a word"),
+    ],
+)
+def test_what_is_no_weave_is_refused_with_what_is(name: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        WeaveSource(pattern=name)
+    assert "satin 8/3" in str(caught.value)
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_weave_or_refused(text: str) -> None:
+    try:
+        name = canonical(text)
+    except InputError:
+        return
+    assert canonical(name) == name
+    np.testing.assert_array_equal(named(name), named(text))
+
+
+@pytest.mark.parametrize(("over", "under"), [(2, 1), (1, 3), (4, 2)])
+@pytest.mark.parametrize("family", ["warp", "weft"])
+def test_rib(over: int, under: int, family: str) -> None:
+    weave = patterns.rib(over, under, 12, 12, family)
+    longest = max(over, under)
+    assert draft.floats(weave) == ((longest, 1) if family == "warp" else (1, longest))
+    assert draft.repeat(weave) == ((2, over + under) if family == "warp" else (over + under, 2))
+    with pytest.raises(InputError, match="warp or weft"):
+        patterns.rib(2, family="both")
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["110\n011\n", "##.\r\n.##", "\ufeff1,1,0\n0,1,1\n\n", " X X - \n\n-xX", "1;1;0\n0\t1\t1"],
+)
+def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "weave.txt"
+    file.write_text(text, encoding="utf-8", newline="")
+    assert draft.rows(read_draft(file).draft.drawdown) == ["110", "011"]
+    source = WeaveSource(draft=file)
+    assert draft.rows(source.fabric.drawdown) == ["110", "011"]
+    source.update()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "the file is empty"),
+        ("10\n\n011", "line 3 has 3 ends, but line 1 has 2"),
+        ("10\n0é", "line 2: .* is no crossing; allowed: 1, # or X"),
+    ],
+)
+def test_a_bad_text_is_refused_with_file_and_line(text: str, said: str, tmp_path: Path) -> None:
+    file = tmp_path / "weave.txt"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said) as caught:
+        read_draft(file)
+    assert str(caught.value).startswith(str(file))
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "P", "RGB", "RGBA"])
+@pytest.mark.parametrize("ending", [".png", ".tif", ".gif"])
+def test_a_picture(mode: str, ending: str, tmp_path: Path) -> None:
+    # as seen: the first pick, all of whose ends but the first lie under it, is at the bottom
+    seen = np.array([[255, 0, 0], [0, 255, 255]], dtype=np.uint8)
+    file = tmp_path / f"weave{ending}"
+    Image.fromarray(seen).convert(mode).save(file)
+    found = read_draft(file).draft
+    assert draft.rows(found.drawdown) == ["100", "011"]
+    assert found.warnings == ()
+    assert found.title == "weave"
+
+
+def test_a_gray_or_transparent_picture(tmp_path: Path) -> None:
+    file = tmp_path / "gray.png"
+    Image.fromarray(np.array([[100, 255], [0, 200]], dtype=np.uint8)).save(file)
+    found = read_draft(file).draft
+    assert draft.rows(found.drawdown) == ["10", "10"]
+    assert "2 of 4 pixels are neither black nor white" in found.warnings[0]
+    Image.fromarray(np.array([[[0, 0, 0, 0], [0, 0, 0, 255]]], dtype=np.uint8)).save(file)
+    assert draft.rows(read_draft(file).draft.drawdown) == ["01"]
+
+
+def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for ending in (".png", ".txt", ".wif"):
+        with pytest.raises(InputError, match=f"none{ending}: the draft can't be read"):
+            read_draft(tmp_path / f"none{ending}")
+    file = tmp_path / "text.png"
+    file.write_text("10\n01\n")
+    with pytest.raises(InputError, match="not a picture"):
+        read_draft(file)
+    Image.new("1", (5000, 5000)).save(file)
+    with pytest.raises(SizeError, match="5000 x 5000"):
+        read_draft(file)
+    with pytest.raises(SizeError, match="crossings"):
+        parse_rows("\n".join(["1" * 5000] * 5000))
+    real_import = builtins.__import__
+
+    def no_pillow(name: str, *args: Any, **kwargs: Any) -> Any:
+        if name.startswith("PIL"):
+            raise ImportError(name)
+        return real_import(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", no_pillow)
+    with pytest.raises(MissingLibraryError, match="pip install pillow"):
+        read_draft(file)
+
+
+def test_a_wif_by_any_name(tmp_path: Path) -> None:
+    expected = read_draft(REAL)
+    for name in ("copy.txt", "copy.wifw", "copy"):
+        (tmp_path / name).write_bytes(REAL.read_bytes())
+        np.testing.assert_array_equal(
+            read_draft(tmp_path / name).draft.drawdown, expected.draft.drawdown
+        )
+
+
+def test_a_text_draft_has_a_loom(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("1100\n0110\n")
+    found = read_draft(tmp_path / "a.txt")
+    np.testing.assert_array_equal(found.loom.drawdown(), found.draft.drawdown)
+    assert b"Title=a" in format_wif(found)
+
+
+def test_a_pattern_and_a_draft_are_one_too_many(tmp_path: Path) -> None:
+    source = WeaveSource(draft=REAL, pattern="twill 2/2")
+    with pytest.raises(InputError, match=r"weave\.pattern.*a pattern and a draft"):
+        source.update()
+    source.pattern = "plain"
+    assert source.fabric.drawdown.shape == (62, 62)

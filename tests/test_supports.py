@@ -1,0 +1,158 @@
+"""Supports: the language, what they catch, and the modes that they leave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal.supports import held_components, parse
+
+POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
+
+
+def held(*supports, masks=None):
+    return held_components(POINTS, supports, masks)
+
+
+def whole(where):
+    return np.repeat(where[:, None], 3, axis=1)
+
+
+def test_sides():
+    for axis, name in enumerate("xyz"):
+        for sign, wall in (("-", 0.0), ("+", axis + 1.0)):
+            np.testing.assert_array_equal(held(sign + name), whole(POINTS[:, axis] == wall))
+
+
+def test_components_and_several_supports():
+    expected = np.zeros((27, 3), bool)
+    expected[POINTS[:, 1] == 2] = True
+    expected[np.ix_(POINTS[:, 0] == 0, [1, 2])] = True
+    np.testing.assert_array_equal(held("+y", "-x:yz"), expected)
+    np.testing.assert_array_equal(held("+y -x:yz"), expected)
+    np.testing.assert_array_equal(held("-x:z,+y;-x:y"), expected)
+
+
+def test_box_sphere_and_mask():
+    inside = ((POINTS >= [0, 0, 1.5]) & (POINTS <= [0.5, 1, 3])).all(axis=1)
+    np.testing.assert_array_equal(held("box(-inf, 500 mm, 0, 1 m, 150cm, inf)"), whole(inside))
+    near = np.linalg.norm(POINTS - [1, 2, 3], axis=1) <= 1.0
+    np.testing.assert_array_equal(held("sphere(1, 2, 3, 1)"), whole(near))
+    mask = np.arange(27) % 5
+    np.testing.assert_array_equal(held("mask(glue)", masks={"glue": mask}.get), whole(mask != 0))
+    three = np.arange(81).reshape(27, 3) % 2
+    np.testing.assert_array_equal(
+        held("mask(two words):xz", masks={"two words": three}.get),
+        (three != 0) & [True, False, True],
+    )
+    assert not held().any()
+
+
+def test_a_scaled_cage_is_held_alike():
+    for scale in (1e-6, 1e3):
+        scaled = held_components(POINTS * scale, ["+y", f"sphere(0, 0, 0, {scale})"])
+        np.testing.assert_array_equal(scaled, held("+y", "sphere(0, 0, 0, 1)"))
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("top", '"top" is no support'),
+        ("+y:w", '"\\+y:w" is no support'),
+        ("+y-x", "no support"),
+        ("box(0, 1)", "has 2 lengths"),
+        ("box(0, 1, 0, 1, 1, 0)", "is empty"),
+        ("box(0, 1, 0, 1, 0, 1 kg)", 'unit "kg" is not known'),
+        ("sphere(0, 0, 0, -1)", "radius of at least 0"),
+        ("sphere(0, 0, nan, 1)", "empty"),
+        ("mask()", "names no point array"),
+    ],
+)
+def test_what_is_no_support_is_refused(text, what):
+    with pytest.raises(InputError, match=what):
+        parse(text)
+    with pytest.raises(InputError, match=r"(?s)fixed.*sphere\(x, y, z, radius\)"):
+        ModalSolver(fixed=text)
+
+
+def test_a_support_that_catches_nothing_is_an_error():
+    with pytest.raises(
+        InputError, match=r'"sphere\(9, 9, 9, 1\)" catches no vertex.*\(1, 2, 3\) m'
+    ):
+        held("+y", "sphere(9, 9, 9, 1)")
+    with pytest.raises(InputError, match="catches no vertex"):
+        held("mask(none)", masks=lambda name: np.zeros(27))
+
+
+def test_everything_held_is_an_error():
+    with pytest.raises(InputError, match="every vertex"):
+        held("box(-inf, inf, -inf, inf, -inf, inf)")
+    assert held("box(-inf, inf, -inf, inf, -inf, inf):xy")[:, :2].all()
+
+
+def test_the_parameter_is_canonical():
+    solver = ModalSolver()
+    assert solver.fixed == ("+y",)
+    solver.fixed = "sphere(0,0,0, 0.3 mm):zx, +y -x"
+    assert solver.fixed == ("-x", "+y", "sphere(0, 0, 0, 0.0003):xz")
+    changed = solver.GetMTime()
+    solver.fixed = ["+y", "-x", "sphere(0, 0, 0, 0.0003):xz", "+y"]
+    assert solver.GetMTime() == changed
+    solver.fixed = ""
+    assert solver.fixed == ()
+
+
+def solved(**settings):
+    cage = TetraCage(divisions=(3, 3, 1))
+    weave = WeaveSource(ends=3, picks=3)
+    cage.SetInputConnection(weave.GetOutputPort())
+    solver = ModalSolver(modes=12, **settings)
+    solver.SetInputConnection(cage.GetOutputPort())
+    solver.update()
+    data = solver.GetOutputDataObject(0)
+    arrays = [
+        data.GetPointData().GetArray(i) for i in range(data.GetPointData().GetNumberOfArrays())
+    ]
+    points = {array.GetName(): vtk_to_numpy(array).copy() for array in arrays}
+    return vtk_to_numpy(data.GetFieldData().GetArray("eigenvalues")).copy(), points
+
+
+def test_a_smooth_table_leaves_three_rigid_modes():
+    eigenvalues, arrays = solved(fixed="-z:z")
+    assert (eigenvalues == 0).sum() == 3
+    assert eigenvalues[3] > 0
+    bottom = arrays["fixed"] != 0
+    np.testing.assert_array_equal(arrays["fixed_components"][bottom], [[0, 0, 1]] * bottom.sum())
+    for k in range(12):
+        assert not arrays[f"mode_{k:03d}"][bottom, 2].any()
+    assert abs(arrays["mode_005"][bottom, :2]).max() > 0
+
+
+def test_nothing_fixed_gives_six_rigid_modes():
+    eigenvalues, arrays = solved(fixed="")
+    assert (eigenvalues == 0).sum() == 6
+    assert not arrays["fixed"].any()
+
+
+def test_a_mask_comes_from_the_cage():
+    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(3, 3, 1))
+    cage.SetInputConnection(weave.GetOutputPort())
+    cage.update()
+    grid = vtkUnstructuredGrid()
+    grid.DeepCopy(cage.GetOutputDataObject(0))
+    glued = numpy_to_vtk((np.arange(grid.GetNumberOfPoints()) < 6).astype(np.uint8), deep=True)
+    glued.SetName("glued")
+    grid.GetPointData().AddArray(glued)
+    solver = ModalSolver(modes=4, fixed="mask(glued)")
+    solver.SetInputDataObject(0, grid)
+    solver.update()
+    fixed = solver.GetOutputDataObject(0).GetPointData().GetArray("fixed")
+    np.testing.assert_array_equal(np.flatnonzero(vtk_to_numpy(fixed)), range(6))
+    solver.fixed = "mask(glue)"
+    with pytest.raises(InputError, match=r'mask\(glue\).*"glued"'):
+        solver.update()
