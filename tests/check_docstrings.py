@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 import sys
@@ -31,6 +32,9 @@ def public() -> Iterator[str]:
     """Yield the dotted name of every public function, class and method."""
     for info in pkgutil.walk_packages(spacemap_vtk.__path__, "spacemap_vtk."):
         if "library" in info.name or info.name.endswith("__main__"):
+            continue
+        # The window's modules import Qt, which only the extra [qt] brings.
+        if "spacemap_vtk.app" in info.name and importlib.util.find_spec("PySide6") is None:
             continue
         module = importlib.import_module(info.name)
         if not info.ispkg:  # numpydoc finds no line to point at in a package

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
@@ -39,3 +42,42 @@ def no_leaked_stages() -> Iterator[None]:
 
 def _stages() -> set[int]:
     return {id(thing) for thing in gc.get_objects() if isinstance(thing, Stage)}
+
+
+@pytest.fixture
+def open_window(tmp_path: Path) -> Iterator[Callable[..., Any]]:
+    """Open windows as a person does; all are closed and freed, and no slot may have failed."""
+    from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+    from PySide6.QtWidgets import QApplication
+    from window import settled, wait_until
+
+    import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
+    from spacemap_vtk.app.main_window import MainWindow
+
+    app = QApplication.instance() or QApplication([])
+    app.setApplicationName("spacemap")
+    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
+    QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, str(tmp_path))
+    failures: list[Any] = []
+    usual, sys.excepthook = sys.excepthook, lambda *error: failures.append(error)
+    opened: list[Any] = []
+
+    def open_(scene: str | None = "plain_weave", wait: bool = True) -> Any:
+        window = MainWindow()
+        opened.append(window)
+        window.resize(1200, 800)
+        window.start(scene)
+        window.show()
+        if wait:
+            wait_until(lambda: settled(window))
+        return window
+
+    yield open_
+    for window in opened:
+        window.discard()
+    opened.clear()
+    app.processEvents()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+    gc.collect()
+    sys.excepthook = usual
+    assert not failures

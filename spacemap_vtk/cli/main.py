@@ -38,6 +38,7 @@ _COMMANDS = {
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
+    "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in _COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.

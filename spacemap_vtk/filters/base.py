@@ -10,6 +10,7 @@ Invariants:
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
@@ -104,12 +105,16 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         for stage in self.upstream():
             _check_connected(stage)
         self._vtk_messages.clear()
-        # VTK's collector runs over the whole graph whenever Python lets go of a wrapper.
-        vtkGarbageCollector.DeferredCollectionPush()
+        # VTK's collector runs over the whole graph whenever Python lets go of a wrapper. It can be
+        # deferred in the main thread only: elsewhere "pop" would never come to an end.
+        deferred = threading.current_thread() is threading.main_thread()
+        if deferred:
+            vtkGarbageCollector.DeferredCollectionPush()
         try:
             done = self.Update() if time is None else self.UpdateTimeStep(float(time))
         finally:
-            vtkGarbageCollector.DeferredCollectionPop()
+            if deferred:
+                vtkGarbageCollector.DeferredCollectionPop()
         for stage in reversed(list(self.upstream())):
             if isinstance(stage, Stage) and stage._error is not None:
                 error, stage._error = stage._error, None

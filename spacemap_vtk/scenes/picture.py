@@ -117,8 +117,8 @@ class Picture:
         view = scene.view
         plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         plotter.set_background(view.background, top=view.background_top)
-        _aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
-        _light(plotter)
+        aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+        add_lights(plotter)
         if panel in ("fabric", "both"):
             plotter.add_actor(_solid(scene), reset_camera=False)
         if panel in ("cage", "both"):
@@ -290,7 +290,14 @@ def _supports(scene: Scene, color: Sequence[int]) -> pv.Actor:
     return pv.Actor(mapper=mapper, prop=look)
 
 
-def _light(plotter: pv.Plotter) -> None:
+def add_lights(plotter: pv.Plotter) -> None:
+    """Light a scene.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Without lights of its own.
+    """
     # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
     # right opens the shadows. Both are fixed to the camera.
     for position, intensity, color in (
@@ -304,10 +311,24 @@ def _light(plotter: pv.Plotter) -> None:
         plotter.add_light(light)
 
 
-def _aim(
+def aim(
     camera: pv.Camera, points: NDArray[np.float64], aspect: float, name: str, zoom: float
 ) -> None:
-    """Place the camera so that the points just fill the picture."""
+    """Place the camera so that the points just fill the picture.
+
+    Parameters
+    ----------
+    camera : pyvista.Camera
+        To be placed.
+    points : ndarray, shape (n, 3)
+        What is to be seen.
+    aspect : float
+        The picture's width over its height.
+    name : str
+        A key of `CAMERAS`.
+    zoom : float
+        Above 1: nearer.
+    """
     direction, up = (np.array(v) / np.linalg.norm(v) for v in CAMERAS[name])
     right = np.cross(up, direction)
     right /= np.linalg.norm(right)

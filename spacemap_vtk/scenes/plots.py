@@ -114,7 +114,7 @@ def _shape(scene: Scene, grid: vtkUnstructuredGrid, number: int) -> NDArray[np.u
     size = _CELL[0] * 2, _CELL[1] * 2
     plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
     plotter.set_background("#ffffff", top="#eef2f6")
-    picture._light(plotter)
+    picture.add_lights(plotter)
     plotter.add_mesh(
         mesh,
         scalars="size",
@@ -134,7 +134,7 @@ def _shape(scene: Scene, grid: vtkUnstructuredGrid, number: int) -> NDArray[np.u
     # All shapes from one place, with room for the swing to every side.
     swing = 0.6 * _SWING * diagonal
     room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
-    picture._aim(plotter.camera, room, size[0] / size[1], "three-quarter", 1.0)
+    picture.aim(plotter.camera, room, size[0] / size[1], "three-quarter", 1.0)
     plotter.renderer.ResetCameraClippingRange()
     image = plotter.screenshot(None, return_img=True).astype(np.float32)
     plotter.close()

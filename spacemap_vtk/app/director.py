@@ -1,0 +1,230 @@
+"""Lets document, engine, time bar and view act together."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QObject, QTimer, Signal
+
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.engine import Engine
+from spacemap_vtk.app.job import Job, Swing
+from spacemap_vtk.app.stage_list import StageList
+from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.view import View3D
+
+#: Milliseconds after the last coarse frame until a smooth one is asked for.
+_REST = 220
+#: Milliseconds after which a run is shown as one.
+_NOTICE = 150
+
+
+class Director(QObject):
+    """Asks the engine for what the window should show, and shows what comes.
+
+    Parameters
+    ----------
+    document : Document
+        What the user wants.
+    engine : Engine
+        What makes it.
+    view : View3D
+        Where it is drawn.
+    times : TimeBar
+        When.
+    stages : StageList
+        Where runs are told.
+    """
+
+    #: A frame has been drawn.
+    drawn = Signal(object)
+    failed = Signal(object)
+    #: A run that takes long: section and share done; empty when it has ended.
+    progress = Signal(str, float)
+
+    def __init__(
+        self,
+        document: Document,
+        engine: Engine,
+        view: View3D,
+        times: TimeBar,
+        stages: StageList,
+    ) -> None:
+        super().__init__()
+        self._document, self._engine, self._view = document, engine, view
+        self._times, self._stages = times, stages
+        self.generation = 0
+        self.swing: Swing | None = None
+        self._running = ""
+        self._share = 0.0
+        self._held = False
+        self._rest = _timer(self, _REST, self._refine)
+        self._notice = _timer(self, _NOTICE, self._show_running)
+        document.changed.connect(self._changed)
+        document.replaced.connect(self._replaced)
+        times.moved.connect(self._moved)
+        engine.ready.connect(self._ready)
+        engine.stage_started.connect(self._stage_started)
+        engine.stage_ran.connect(self._stage_ran)
+        engine.progressed.connect(self._progressed)
+        engine.failed.connect(self._failed)
+        engine.cancelled.connect(self._cancelled)
+
+    def ask(self, coarse: bool = False) -> None:
+        """Ask for a frame of the present document and time.
+
+        Parameters
+        ----------
+        coarse : bool, optional
+            Whether more will follow at once, so that speed counts.
+        """
+        document = self._document
+        self._engine.ask(
+            Job(
+                values=document.values,
+                base=document.base,
+                generation=self.generation,
+                time=self._times.time,
+                coarse=coarse,
+                swing=self.swing,
+            )
+        )
+        if not self._notice.isActive():
+            self._notice.start()
+        if coarse:
+            self._rest.start()
+        else:
+            self._rest.stop()
+
+    def swing_mode(self, swing: Swing | None) -> None:
+        """Show a mode in place of the motion; None: the motion again.
+
+        Parameters
+        ----------
+        swing : Swing or None
+            The mode.
+        """
+        if swing is None:
+            self.swing = None
+            self.ask()
+        elif self.swing is None or not self._engine.busy:
+            self._times.pause()
+            self.swing = swing
+            self.ask(coarse=True)
+
+    def hold(self, held: bool) -> None:
+        """Put the smooth frame off while a drag goes on.
+
+        Parameters
+        ----------
+        held : bool
+            Whether it does.
+        """
+        self._held = held
+
+    def cancel(self) -> None:
+        """Give up what runs; the last picture stays."""
+        self._times.pause()
+        self._rest.stop()
+        self._engine.cancel()
+
+    def stop(self) -> None:
+        """End for good."""
+        self._rest.stop()
+        self._notice.stop()
+        self._times.pause()
+        self._engine.finish()
+
+    def _changed(self) -> None:
+        self._times.adopt(self._document.scene.animation)
+        connected = {stage.section for stage in self._document.scene.stages}
+        for section in connected:
+            if self._stages.states.get(section) == "off":
+                self._stages.restart(self._document.scene)
+        # A drag goes on, a single change may: a coarse frame at once, a smooth one soon.
+        self.ask(coarse=True)
+
+    def _replaced(self) -> None:
+        self.generation += 1
+        self.swing = None
+        self._times.pause()
+        scene = self._document.scene
+        self._stages.restart(scene)
+        self._times.adopt(scene.animation, scene.view.time)
+        self.ask()
+
+    def _moved(self, _time: float, going_on: bool) -> None:
+        self._times.waiting = self._times.playing
+        self.ask(coarse=going_on)
+
+    def _refine(self) -> None:
+        if self._engine.busy or self._held:
+            self._rest.start()
+        elif not self._times.playing and self.swing is None:
+            self.ask(coarse=False)
+
+    def _ready(self) -> None:
+        self._times.waiting = False
+        frame = self._engine.take()
+        if frame is None or frame.generation != self.generation:
+            return
+        for stage in self._document.scene.stages:
+            waits = frame.coarse and stage.section == "surface"
+            self._stages.set_state(stage.section, "stale" if waits else "fresh")
+        self._end_notice()
+        if not frame.coarse:
+            self._stages.flush()
+        self._view.show_frame(frame, self._document.scene.view)
+        self.drawn.emit(frame)
+
+    def _stage_started(self, section: str) -> None:
+        self._running, self._share = section, 0.0
+
+    def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
+        self._stages.show_run(section, seconds, executions)
+        self._stages.set_state(section, "fresh")
+
+    def _progressed(self, section: str, share: float) -> None:
+        self._running, self._share = section, share
+
+    def _show_running(self) -> None:
+        if self._engine.busy and self._running:
+            self._stages.set_state(self._running, "running")
+            self.progress.emit(self._running, self._share)
+            self._notice.start()
+        else:
+            self._end_notice()
+
+    def _end_notice(self) -> None:
+        if not self._engine.busy:
+            self._notice.stop()
+            self._running = ""
+            self.progress.emit("", 0.0)
+
+    def _failed(self, error: BaseException) -> None:
+        self._times.waiting = False
+        self._times.pause()
+        self._rest.stop()
+        section = getattr(error, "section", None) or self._running
+        below = False
+        for stage in self._document.scene.stages:
+            if stage.section == section:
+                self._stages.set_state(section, "failed")
+                below = True
+            elif below:
+                self._stages.set_state(stage.section, "stale")
+        self._end_notice()
+        self.failed.emit(error)
+
+    def _cancelled(self) -> None:
+        self._times.waiting = False
+        if not self._engine.busy:
+            if self._running:
+                self._stages.set_state(self._running, "stale")
+            self._end_notice()
+
+
+def _timer(owner: QObject, milliseconds: int, slot: object) -> QTimer:
+    timer = QTimer(owner)
+    timer.setSingleShot(True)
+    timer.setInterval(milliseconds)
+    timer.timeout.connect(slot)
+    return timer

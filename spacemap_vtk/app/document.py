@@ -1,0 +1,229 @@
+"""The document: a scene's text, what it says, and the way back."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtGui import QUndoStack
+
+from spacemap_vtk.app.edit import Edit
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.reading import OBJECT_ENDINGS
+from spacemap_vtk.parameters import FilePath
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.output import whole_file
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
+
+
+def values_of(path: Path) -> dict[str, Any]:
+    """Return what a scene, a draft or a mesh says, as a scene file would.
+
+    Parameters
+    ----------
+    path : Path
+        A file that `Scene.read` reads.
+
+    Returns
+    -------
+    dict
+        A table for each section.
+    """
+    if path.suffix.lower() == ".toml":
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    if path.suffix.lower() in OBJECT_ENDINGS:
+        return {"object": {"file": str(path)}}
+    return {"weave": {"draft": str(path)}}
+
+
+class Document(QObject):
+    """A scene as its file has it, with comments, and its undo stack.
+
+    Only accepted values are in it: a refused one raises and changes nothing.
+
+    Parameters
+    ----------
+    parent : QObject, optional
+        Qt's owner.
+    """
+
+    #: A value is another; undo and redo too.
+    changed = Signal()
+    #: Another scene is here.
+    replaced = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.undo = QUndoStack(self)
+        #: The file that "save" writes; None before the first "save as".
+        self.file: Path | None = None
+        #: The file that the scene was read from, a draft or a scene of the program's among them.
+        self.source: Path | None = None
+        self._folder = Path.cwd()
+        self._load("")
+
+    def open(self, name: str | Path) -> None:
+        """Read a scene, a draft, or a scene that comes with the program.
+
+        Parameters
+        ----------
+        name : str or Path
+            What a user would write for SCENE.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read; the present scene stays.
+        """
+        path = library.find(name).resolve()
+        if path.suffix.lower() != ".toml":
+            # A new scene of the draft: what Scene.read makes of it is not yet a text.
+            read = Scene.read(path)
+            text = tomlkit.dumps({"title": read.title, **values_of(path)})
+        else:
+            Scene.read(path)  # for its message, which names the file
+            text = path.read_text(encoding="utf-8")
+        own = path.suffix.lower() == ".toml" and path.parent != library.folder().resolve()
+        self.file, self.source = path if own else None, path
+        self._replace(text, path.parent)
+
+    def new(self) -> None:
+        """Begin a scene: a plain weave that hangs by its top edge."""
+        self.file = self.source = None
+        self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n', None)
+
+    def save(self, path: Path | None = None) -> None:
+        """Write the scene, comments and all.
+
+        Parameters
+        ----------
+        path : Path, optional
+            Where to; by default the scene's own file.
+
+        Raises
+        ------
+        InputError
+            If it has none.
+        OSError
+            If the file cannot be written.
+        """
+        target = path or self.file
+        if target is None:
+            raise InputError("this scene has no file yet", cure='Use "Save as".')
+        target = target.resolve()
+        if target.parent != self._folder:
+            self._move_to(target.parent)
+        with whole_file(target) as file:
+            file.write_text(self.text, encoding="utf-8")
+        self.file = self.source = target
+        self.undo.setClean()
+
+    @property
+    def text(self) -> str:
+        """The scene as TOML."""
+        return tomlkit.dumps(self._toml)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The scene as plain dictionaries."""
+        return self._toml.unwrap()
+
+    @property
+    def base(self) -> Path:
+        """A file in the folder that relative paths count from."""
+        return self.file or self._folder / "scene.toml"
+
+    @property
+    def name(self) -> str:
+        """What to call the scene in a title bar."""
+        return self.file.name if self.file else self.scene.title or "New fabric"
+
+    def written(self, section: str, key: str) -> Any:
+        """Return a value as the file has it.
+
+        Parameters
+        ----------
+        section, key : str
+            Where it stands.
+
+        Returns
+        -------
+        object
+            None where the file says nothing, so that the default holds.
+        """
+        return self.values.get(section, {}).get(key)
+
+    def set(self, section: str, key: str, written: Any, burst: int = 0) -> None:
+        """Change a value; can be undone.
+
+        Parameters
+        ----------
+        section, key : str
+            Which.
+        written : object
+            As a scene file would have it; None removes it, so that the default holds.
+        burst : int, optional
+            Changes of one key with the same number, other than 0, are undone as one.
+
+        Raises
+        ------
+        InputError
+            If the scene refuses it; nothing has changed then.
+        """
+        if self.written(section, key) == written and written is not None:
+            return
+        before = self.text
+        self._put(section, key, written)
+        try:
+            self.scene = Scene(self.values, self.base)
+        except InputError:
+            self._toml = tomlkit.parse(before)
+            raise
+        if self.text != before:
+            self.undo.push(Edit(self, f"{section}.{key}", before, self.text, burst))
+            self.changed.emit()
+
+    def restore(self, text: str) -> None:
+        """Take an earlier text; for undo and redo.
+
+        Parameters
+        ----------
+        text : str
+            A text that this document had.
+        """
+        self._load(text)
+        self.changed.emit()
+
+    def _replace(self, text: str, folder: Path | None) -> None:
+        self._folder = folder or Path.cwd()
+        self._load(text)
+        self.undo.clear()
+        self.replaced.emit()
+
+    def _load(self, text: str) -> None:
+        self._toml = tomlkit.parse(text)
+        self.scene = Scene(self.values, self.base)
+
+    def _put(self, section: str, key: str, written: Any) -> None:
+        if written is None:
+            if key in self._toml.get(section, {}):
+                del self._toml[section][key]
+        elif section in self._toml:
+            self._toml[section][key] = written
+        else:
+            self._toml[section] = {key: written}
+
+    def _move_to(self, folder: Path) -> None:
+        """Let relative paths lead to the same files from another folder."""
+        for section, table in self.values.items():
+            for key, value in table.items() if isinstance(table, dict) else ():
+                parameter = SECTIONS[section].parameters.get(key)
+                if isinstance(parameter, FilePath) and isinstance(value, str):
+                    target = (self._folder / value).resolve()
+                    self._put(section, key, os.path.relpath(target, folder))
+        self._folder = folder
+        self.scene = Scene(self.values, folder / "scene.toml")

@@ -1,0 +1,62 @@
+"""A change of the document that can be undone."""
+
+from __future__ import annotations
+
+import weakref
+from typing import TYPE_CHECKING
+
+from PySide6.QtGui import QUndoCommand
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.document import Document
+
+
+class Edit(QUndoCommand):
+    """A change, kept as the text before and after: comments come back exactly.
+
+    Parameters
+    ----------
+    document : Document
+        The document, already changed.
+    name : str
+        What was changed, for the menu.
+    before, after : str
+        The texts.
+    burst : int
+        Edits of one name with the same number, other than 0, become one.
+    """
+
+    def __init__(self, document: Document, name: str, before: str, after: str, burst: int) -> None:
+        super().__init__(name)
+        self._document = weakref.ref(document)
+        self._before, self._after, self._burst = before, after, burst
+        self._done = True
+
+    def id(self) -> int:
+        """Return the number that lets Qt offer edits for merging."""
+        return 1 if self._burst else -1
+
+    def mergeWith(self, other: QUndoCommand) -> bool:
+        """Take in a later edit of the same drag."""
+        if not isinstance(other, Edit) or other._burst != self._burst:
+            return False
+        if other.text() != self.text():
+            return False
+        self._after = other._after
+        return True
+
+    def redo(self) -> None:
+        """Do it again; the first time it is done already."""
+        if not self._done:
+            self._restore(self._after)
+        self._done = True
+
+    def undo(self) -> None:
+        """Go back."""
+        self._restore(self._before)
+        self._done = False
+
+    def _restore(self, text: str) -> None:
+        document = self._document()
+        if document is not None:
+            document.restore(text)

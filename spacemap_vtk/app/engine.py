@@ -1,0 +1,142 @@
+"""The engine: runs the pipeline in its own thread, always for the latest wish."""
+
+from __future__ import annotations
+
+import threading
+import time
+import weakref
+from typing import Any
+
+from PySide6.QtCore import QObject, QThread, Signal
+
+from spacemap_vtk.app.frame import Frame
+from spacemap_vtk.app.job import Job
+from spacemap_vtk.app.pipeline import Pipeline
+from spacemap_vtk.filters.base import Cancelled
+
+#: A run that takes longer is given up for a newer wish; a shorter one ends, or a drag whose
+#: wishes come faster than runs end would show nothing.
+PATIENCE = 0.5
+
+
+class Engine(QThread):
+    """A thread that turns jobs into frames. Of several waiting jobs it does the last.
+
+    Parameters
+    ----------
+    parent : QObject, optional
+        Qt's owner.
+    """
+
+    #: A frame is there: `take` it.
+    ready = Signal()
+    stage_started = Signal(str)
+    #: Section, seconds, executions.
+    stage_ran = Signal(str, float, int)
+    progressed = Signal(str, float)
+    #: The exception; its `section` names the stage.
+    failed = Signal(object)
+    cancelled = Signal()
+    #: Nothing is left to do.
+    idle = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._condition = threading.Condition()
+        self._job: Job | None = None
+        self._frame: Frame | None = None
+        self._ending = False
+        self._begun: float | None = None
+        self._running_values: dict[str, Any] = {}
+        # The pipeline must not keep the thread object alive that owns it.
+        me = weakref.proxy(self)
+        self._pipeline = Pipeline(
+            lambda section: me.stage_started.emit(section),
+            lambda section, seconds, runs: me.stage_ran.emit(section, seconds, runs),
+            lambda section, share: me.progressed.emit(section, share),
+        )
+
+    def ask(self, job: Job) -> None:
+        """Ask for a frame; replaces a job that has not begun.
+
+        Parameters
+        ----------
+        job : Job
+            The wish.
+        """
+        with self._condition:
+            self._job = job
+            # For another time of the same scene the run goes on: all it prepares is needed.
+            late = (
+                self._begun is not None
+                and time.perf_counter() - self._begun > PATIENCE
+                and self._running_values != job.values
+            )
+            self._condition.notify()
+        if late:
+            self._pipeline.stop()
+
+    def take(self) -> Frame | None:
+        """Return the latest frame once; None if it was taken.
+
+        Returns
+        -------
+        Frame or None
+            Frames that were not taken in time are lost: the last one counts.
+        """
+        with self._condition:
+            frame, self._frame = self._frame, None
+        return frame
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job waits or runs."""
+        return self._job is not None or self._begun is not None
+
+    def cancel(self) -> None:
+        """Give up what is asked for and what runs."""
+        with self._condition:
+            self._job = None
+        self._pipeline.stop()
+
+    def finish(self) -> None:
+        """Stop, and wait until the thread has ended."""
+        with self._condition:
+            self._ending = True
+            self._job = None
+            self._condition.notify()
+        self._pipeline.stop()
+        self.wait()
+        self._frame = None
+
+    def run(self) -> None:
+        """Do one job after the other; the thread's own function."""
+        while True:
+            with self._condition:
+                while self._job is None and not self._ending:
+                    self._condition.wait()
+                if self._ending:
+                    return
+                job, self._job = self._job, None
+                self._begun = time.perf_counter()
+                assert job is not None
+                self._running_values = job.values
+            self._do(job)
+            with self._condition:
+                self._begun = None
+                idle = self._job is None
+            if idle:
+                self.idle.emit()
+
+    def _do(self, job: Job) -> None:
+        try:
+            frame = self._pipeline.run(job)
+        except Cancelled:
+            self.cancelled.emit()
+        except Exception as error:
+            # Without its traceback, which would keep the frames of the run and all that is in them.
+            self.failed.emit(error.with_traceback(None))
+        else:
+            with self._condition:
+                self._frame = frame
+            self.ready.emit()

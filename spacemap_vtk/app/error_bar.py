@@ -1,0 +1,76 @@
+"""The bar over the view that says what is wrong, and what helps."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QWidget
+
+from spacemap_vtk.errors import SpacemapError, shown
+
+
+class ErrorBar(QWidget):
+    """Hidden while all is well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("error")
+        # Without this a style sheet does not colour a widget of one's own.
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.label = QLabel()
+        self.label.setWordWrap(True)
+        self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        close = QToolButton()
+        close.setText("✕")
+        close.setAutoRaise(True)
+        close.clicked.connect(self.hide)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(10, 6, 6, 6)
+        layout.addWidget(self.label, 1)
+        layout.addWidget(close)
+        self.hide()
+
+    def say(self, error: BaseException) -> None:
+        """Show an error.
+
+        Parameters
+        ----------
+        error : BaseException
+            What was raised.
+        """
+        self.label.setText(_words(error))
+        self.show()
+
+    def warn(self, text: str) -> None:
+        """Show a sentence.
+
+        Parameters
+        ----------
+        text : str
+            What the user should know.
+        """
+        self.label.setText(text)
+        self.show()
+
+    def clear(self) -> None:
+        """All is well."""
+        if self.isVisible():
+            self.hide()
+
+    @property
+    def text(self) -> str:
+        """What it says; empty while it is hidden."""
+        return "" if self.isHidden() else self.label.text()
+
+
+def _words(error: BaseException) -> str:
+    if not isinstance(error, SpacemapError):
+        return " ".join(str(error).split()) or type(error).__name__
+    # The window knows which file is open: its name would only push the cure out of sight.
+    where = f"{error.section}.{error.key}" if error.section and error.key else error.key or ""
+    if where and error.value is not None:
+        where += f" = {shown(error.value)}"
+    text = f"{where}: {error.message}" if where else error.message
+    if error.allowed:
+        text += f"; allowed: {error.allowed}"
+    text += "."
+    return f"{text} {error.cure}" if error.cure else text

@@ -1,0 +1,68 @@
+"""What all editors of a parameter share."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QWidget
+
+from spacemap_vtk.parameters import Parameter
+
+
+class Editor(QWidget):
+    """Shows and edits one value; base of one class for each kind of parameter.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        The declaration.
+    """
+
+    #: A value as a scene file would have it, and a number that is the same during one drag.
+    edited = Signal(object, int)
+    #: Whether a drag goes on.
+    held = Signal(bool)
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__()
+        self.parameter = parameter
+
+    def show_value(self, value: Any) -> None:
+        """Show a checked value; emits nothing.
+
+        Parameters
+        ----------
+        value : object
+            As the stage has it.
+        """
+        raise NotImplementedError
+
+    def limit(self, low: float, high: float) -> None:
+        """Learn the interval in which a value is feasible at present.
+
+        Parameters
+        ----------
+        low, high : float
+            In SI; infinite where there is no bound.
+        """
+
+
+def written_from(text: str) -> Any:
+    """Return what a user's text stands for in a scene file.
+
+    Parameters
+    ----------
+    text : str
+        A TOML value, or a string whose quotes are left out.
+
+    Returns
+    -------
+    object
+        As `tomllib` gives it.
+    """
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()

@@ -1,0 +1,147 @@
+"""A parameter's row among the properties."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
+
+from spacemap_vtk.app.fields.make import make
+from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.units import format_quantity
+
+
+class ParameterRow(QWidget):
+    """Name, "automatic" where that is a value, reset, editor, and a line for what is to be said.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        The declaration.
+    """
+
+    #: Name, value as a scene file would have it (None: the default), burst.
+    edited = Signal(str, object, int)
+    #: Whether a drag goes on.
+    held = Signal(bool)
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__()
+        self.parameter = parameter
+        self.editor = make(parameter)
+        self.note = QLabel()
+        self.note.setObjectName("note")
+        self.note.setWordWrap(True)
+        self.note.hide()
+        self.reset = QToolButton()
+        self.reset.setText("↺")
+        self.reset.setAutoRaise(True)
+        self.reset.setToolTip(f"Back to the default: {parameter.show(parameter.default)}")
+        label = QLabel(parameter.label)
+        label.setBuddy(self.editor)
+        head = QHBoxLayout()
+        head.setSpacing(4)
+        head.addWidget(label)
+        head.addStretch(1)
+        self.automatic: QCheckBox | None = None
+        if parameter.optional:
+            self.automatic = QCheckBox("automatic")
+            self.automatic.setToolTip(f"Automatic: {parameter.automatic}")
+            self.automatic.clicked.connect(self._automatic_clicked)
+            head.addWidget(self.automatic)
+        head.addWidget(self.reset)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 4)
+        layout.setSpacing(2)
+        layout.addLayout(head)
+        layout.addWidget(self.editor)
+        layout.addWidget(self.note)
+        self._allowed = f"{parameter.help}\n\nAllowed: {parameter.allowed}."
+        self.setToolTip(self._allowed)
+        self.settled: Any = None
+        self._feasible = ""
+        self.editor.edited.connect(self._edited)
+        self.editor.held.connect(self.held)
+        self.reset.clicked.connect(self._reset)
+
+    def show_value(self, value: Any, is_default: bool) -> None:
+        """Show a value.
+
+        Parameters
+        ----------
+        value : object
+            As the stage has it.
+        is_default : bool
+            Whether there is nothing to reset.
+        """
+        self.editor.show_value(value)
+        if self.automatic is not None:
+            self.automatic.setChecked(value is None)
+        self.reset.setEnabled(not is_default)
+        self.mark(None)
+
+    def show_feasible(self, interval: tuple[float, float] | None) -> None:
+        """Show the interval in which the value is feasible at present.
+
+        Parameters
+        ----------
+        interval : tuple of float or None
+            In SI, infinite where there is no bound; None where nothing is known.
+        """
+        self._feasible = ""
+        if interval is not None:
+            low, high = interval
+            self._feasible = (
+                f"feasible: {_shown(low, self.parameter)} to {_shown(high, self.parameter)}"
+            )
+            self.editor.limit(low, high)
+        if not self.note.property("bad"):
+            self._say(self._feasible, bad=False)
+
+    def mark(self, message: str | None) -> None:
+        """Mark the row as refused, with the reason; None: as good.
+
+        Parameters
+        ----------
+        message : str or None
+            One sentence.
+        """
+        self._say(message or self._feasible, bad=message is not None)
+
+    def _say(self, text: str, bad: bool) -> None:
+        self.note.setText(text)
+        self.note.setVisible(bool(text))
+        for widget in (self.note, self.editor, self):
+            if widget.property("bad") != bad:
+                widget.setProperty("bad", bad)
+                # A style sheet looks at a property only when it is told to.
+                widget.style().unpolish(widget)
+                widget.style().polish(widget)
+                for child in widget.findChildren(QWidget):
+                    child.style().unpolish(child)
+                    child.style().polish(child)
+
+    def _edited(self, written: object, burst: int) -> None:
+        self.edited.emit(self.parameter.name, written, burst)
+
+    def _reset(self) -> None:
+        self.edited.emit(self.parameter.name, None, 0)
+
+    def _automatic_clicked(self, checked: bool) -> None:
+        if checked:
+            self.edited.emit(self.parameter.name, None, 0)
+        elif self.settled is not None:
+            # Begin from what "automatic" has chosen, so that nothing jumps.
+            text = self.parameter.show(self.settled)
+            self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
+        else:
+            self.editor.setFocus()
+
+
+def _plain(value: Any, text: str) -> Any:
+    return value if isinstance(value, int) else text
+
+
+def _shown(value: float, parameter: Parameter[Any]) -> str:
+    return "∞" if value == float("inf") else format_quantity(float(f"{value:.4g}"), parameter.unit)

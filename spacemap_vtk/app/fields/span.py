@@ -1,0 +1,114 @@
+"""Where a number's slider begins and ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from spacemap_vtk.parameters import Real
+
+#: Steps of a slider.
+STEPS = 1000
+#: Beyond this ratio of its ends a slider is scaled by logarithm.
+_WIDE = 50.0
+
+
+@dataclass(frozen=True)
+class Span:
+    """The numbers that a slider runs over, in equal steps or in equal ratios.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def scaled(self) -> bool:
+        """Whether steps are equal ratios."""
+        return self.low > 0.0 and self.high / self.low > _WIDE
+
+    def number(self, step: int) -> float:
+        """Return the number at a step.
+
+        Parameters
+        ----------
+        step : int
+            From 0 to `STEPS`.
+
+        Returns
+        -------
+        float
+            To four digits, as people would write it; never beyond the ends.
+        """
+        share = step / STEPS
+        if self.scaled:
+            number = self.low * (self.high / self.low) ** share
+        else:
+            number = self.low + share * (self.high - self.low)
+        return min(max(float(f"{number:.4g}"), self.low), self.high)
+
+    def step(self, number: float) -> int:
+        """Return the step nearest to a number.
+
+        Parameters
+        ----------
+        number : float
+            Clipped to the ends.
+
+        Returns
+        -------
+        int
+            From 0 to `STEPS`.
+        """
+        number = min(max(number, self.low), self.high)
+        if self.high <= self.low:
+            return 0
+        if self.scaled:
+            share = math.log(number / self.low) / math.log(self.high / self.low)
+        else:
+            share = (number - self.low) / (self.high - self.low)
+        return round(share * STEPS)
+
+
+def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> Span:
+    """Return the span of a parameter's slider.
+
+    Parameters
+    ----------
+    parameter : Real
+        Its declared range is kept where that is no wider than people think in.
+    value : float or None
+        The present value; an open range is scaled by it.
+    feasible : tuple of float, optional
+        The interval that is feasible at present.
+
+    Returns
+    -------
+    Span
+        Always with the value inside.
+    """
+    low, high = parameter.minimum, parameter.maximum
+    open_low = parameter.above is not None and low is None
+    if feasible is not None and all(map(math.isfinite, feasible)):
+        low, high = feasible
+        return Span(low, max(high, low))
+    # Inside an end that is not allowed itself, by as much as a slider shows.
+    if open_low and parameter.below is not None:
+        inset = (parameter.below - (parameter.above or 0.0)) / STEPS
+        return Span((parameter.above or 0.0) + inset, parameter.below - inset)
+    size = abs(value or 0.0) or abs(parameter.default or 0.0)
+    size = size or (1e-2 if parameter.unit == "s" else 1.0)
+    if open_low:
+        low = size / 8.0
+    if low is None:
+        low = -4.0 * size
+    if high is None or high > 1e3 * max(size, low):
+        high = 4.0 * size if parameter.kind != "integer" else max(4.0 * size, low + 10)
+        if open_low:
+            high = 8.0 * size
+    return Span(float(low), float(max(high, low)))

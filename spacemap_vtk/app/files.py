@@ -1,0 +1,156 @@
+"""Opening, saving, and the question about unsaved changes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.view import View3D
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.scenes.output import check_output, whole_file
+
+_OPENED = "Scenes, drafts, meshes (*.toml *.wif *.ply *.stl *.obj *.vtp *.vtu);;All files (*)"
+_RECENT = 8
+_PICTURES = {".png": "picture", ".jpg": "picture"}
+
+
+class Files:
+    """What the menu "File" does.
+
+    Parameters
+    ----------
+    window : QWidget
+        Parent of the dialogs.
+    document : Document
+        What is opened and saved.
+    errors : ErrorBar
+        Where failures are told.
+    """
+
+    def __init__(self, window: QWidget, document: Document, errors: ErrorBar) -> None:
+        self._window, self._document, self._errors = window, document, errors
+
+    @property
+    def recent(self) -> list[str]:
+        """Files opened or saved lately, the last one first, that still exist."""
+        kept = QSettings().value("recent") or []
+        kept = [kept] if isinstance(kept, str) else list(kept)
+        return [name for name in kept if Path(name).is_file()]
+
+    def new(self) -> None:
+        """Begin a scene."""
+        if self.may_leave():
+            self._document.new()
+
+    def open(self) -> None:
+        """Ask for a file, and open it."""
+        if self.may_leave():
+            name, _ = QFileDialog.getOpenFileName(self._window, "Open", "", _OPENED)
+            if name:
+                self.load(name)
+
+    def load(self, name: str) -> bool:
+        """Open a scene or a draft.
+
+        Parameters
+        ----------
+        name : str
+            A file, or the name of a scene that comes with the program.
+
+        Returns
+        -------
+        bool
+            Whether it could be read; the error is told.
+        """
+        try:
+            self._document.open(name)
+        except (SpacemapError, OSError) as error:
+            self._errors.say(error)
+            return False
+        if self._document.source is not None:
+            self._remember(self._document.source)
+        return True
+
+    def save(self) -> bool:
+        """Save, asking for a name where there is none.
+
+        Returns
+        -------
+        bool
+            Whether it is saved.
+        """
+        return self.save_as() if self._document.file is None else self._write(None)
+
+    def save_as(self) -> bool:
+        """Ask for a name, and save.
+
+        Returns
+        -------
+        bool
+            Whether it is saved.
+        """
+        name, _ = QFileDialog.getSaveFileName(self._window, "Save as", "", "Scenes (*.toml)")
+        if not name:
+            return False
+        path = Path(name)
+        return self._write(path if path.suffix else path.with_suffix(".toml"))
+
+    def save_picture(self, view: View3D) -> None:
+        """Ask for a name, and save what the view shows.
+
+        Parameters
+        ----------
+        view : View3D
+            The view.
+        """
+        name, _ = QFileDialog.getSaveFileName(
+            self._window, "Save picture", "picture.png", "Pictures (*.png *.jpg)"
+        )
+        if not name:
+            return
+        path = Path(name)
+        try:
+            check_output(path, _PICTURES)
+            with whole_file(path) as file:
+                Image.fromarray(view.image()).save(file)
+        except (SpacemapError, OSError) as error:
+            self._errors.say(error)
+
+    def may_leave(self) -> bool:
+        """Ask what becomes of unsaved changes.
+
+        Returns
+        -------
+        bool
+            Whether the document can be left.
+        """
+        if self._document.undo.isClean():
+            return True
+        box = QMessageBox.StandardButton
+        answer = QMessageBox.question(
+            self._window,
+            "Unsaved changes",
+            f"{self._document.name} has changes that are not saved.",
+            box.Save | box.Discard | box.Cancel,
+            box.Save,
+        )
+        return answer == box.Discard or (answer == box.Save and self.save())
+
+    def _write(self, path: Path | None) -> bool:
+        try:
+            self._document.save(path)
+        except (SpacemapError, OSError) as error:
+            self._errors.say(error)
+            return False
+        if self._document.file is not None:
+            self._remember(self._document.file)
+        return True
+
+    def _remember(self, path: Path) -> None:
+        names = [str(path), *(name for name in self.recent if name != str(path))]
+        QSettings().setValue("recent", names[:_RECENT])

@@ -1,0 +1,57 @@
+"""What one run of the pipeline gives the window to draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Copies of a scene's results: the pipeline can run on while they are drawn.
+
+    Parameters
+    ----------
+    time : float
+        In s.
+    surface : vtkPolyData
+        The fabric's surface.
+    cage : vtkUnstructuredGrid or None
+        The cage at rest with its arrays; None for a still scene.
+    coarse : bool
+        Whether the surface is coarser than the scene asks for.
+    swing : int or None
+        The mode that is shown in place of the motion.
+    generation : int
+        Another number for another scene.
+    warnings : tuple of str
+        What the stages say of their trustworthiness.
+    """
+
+    time: float
+    surface: vtkPolyData
+    cage: vtkUnstructuredGrid | None
+    coarse: bool
+    swing: int | None
+    generation: int
+    warnings: tuple[str, ...] = ()
+
+
+def copied(data: Any) -> Any:
+    """Return a data object of its own that shares the arrays.
+
+    Parameters
+    ----------
+    data : vtkDataObject
+        A stage's output.
+
+    Returns
+    -------
+    vtkDataObject
+        Of the same type; stages make new arrays at each run, so it stays as it is.
+    """
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    return copy

@@ -1,0 +1,48 @@
+"""Start the window."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+# pyvistaqt would take any Qt binding that it finds; this program is written for one.
+os.environ["QT_API"] = "pyside6"
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QApplication
+
+from spacemap_vtk import __version__
+from spacemap_vtk.app.main_window import MainWindow
+
+
+def launch(scene: str | None) -> None:
+    """Open the window and return when it is closed.
+
+    Parameters
+    ----------
+    scene : str or None
+        Scene file, draft or name of a scene; None for the welcome page.
+
+    Raises
+    ------
+    InputError
+        If the scene cannot be read.
+    """
+    app = QApplication.instance() or QApplication(sys.argv[:1])
+    app.setApplicationName("spacemap")
+    app.setOrganizationName("spacemap")
+    app.setApplicationVersion(__version__)
+    window = MainWindow()
+    window.start(scene)
+    window.show()
+    # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.
+    signal.signal(signal.SIGINT, lambda *_: window.close())
+    timer = QTimer(window)
+    timer.timeout.connect(_let_python_run)
+    timer.start(200)
+    app.exec()
+
+
+def _let_python_run() -> None:
+    """Do nothing: returning to Python is enough for it to handle signals."""

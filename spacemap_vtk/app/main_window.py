@@ -1,0 +1,215 @@
+"""The main window: what stands where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import (
+    QLabel,
+    QMainWindow,
+    QProgressBar,
+    QPushButton,
+    QSplitter,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.app.director import Director
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.engine import Engine
+from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.files import Files
+from spacemap_vtk.app.frame import Frame
+from spacemap_vtk.app.look import Look
+from spacemap_vtk.app.menus import Menus
+from spacemap_vtk.app.modes_tab import ModesTab
+from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.properties import Properties
+from spacemap_vtk.app.stage_list import StageList
+from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.scenes.scene import SECTIONS
+
+
+class MainWindow(QMainWindow):
+    """Pipeline and properties on the left, the view with its time bar in the middle."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.resize(1440, 900)
+        self.document = Document(self)
+        self.engine = Engine(self)
+        self.look = Look()
+        self.view = View3D(self.look)
+        self.times = TimeBar()
+        self.stages = StageList()
+        self.properties = Properties(self.document)
+        self.errors = ErrorBar()
+        self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
+        self.modes = ModesTab()
+        self.tabs = QTabWidget()
+        self.tabs.setDocumentMode(True)
+        self.tabs.addTab(self.modes, "Modes")
+        self.files = Files(self, self.document, self.errors)
+        self._lay_out()
+        self.menus = Menus(self)
+        self._connect()
+        self.setAcceptDrops(True)
+        self._restore()
+        self.engine.start()
+
+    def start(self, scene: str | None) -> None:
+        """Show the first scene.
+
+        Parameters
+        ----------
+        scene : str or None
+            What the user wrote for SCENE; None for the paper's scene.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read.
+        """
+        self.document.open(scene or "plain_weave")
+        self.stages.choose(next(iter(SECTIONS)))
+
+    def report(self, error: BaseException) -> None:
+        """Show an error, and mark the field that it names.
+
+        Parameters
+        ----------
+        error : BaseException
+            What was raised.
+        """
+        self.errors.say(error)
+        if isinstance(error, SpacemapError) and error.key:
+            if error.section in SECTIONS and error.section != self.properties.section:
+                self.stages.choose(error.section)
+            self.properties.mark(error)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """Stop the engine before anything is freed."""
+        if not self.files.may_leave():
+            event.ignore()
+            return
+        settings = QSettings()
+        settings.setValue("geometry", self.saveGeometry())
+        settings.setValue("columns", self.splitter.saveState())
+        self.modes.stop()
+        self.director.stop()
+        self.view.shut()
+        super().closeEvent(event)
+
+    def discard(self) -> None:
+        """Close without asking whether changes should be saved."""
+        self.document.undo.setClean()
+        self.close()
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Accept a file."""
+        if event.mimeData().hasUrls():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open the file that is dropped."""
+        names = [url.toLocalFile() for url in event.mimeData().urls()]
+        if names and self.files.may_leave():
+            event.acceptProposedAction()
+            self.files.load(names[0])
+
+    def _restore(self) -> None:
+        settings = QSettings()
+        geometry, columns = settings.value("geometry"), settings.value("columns")
+        if geometry is not None:
+            self.restoreGeometry(geometry)
+        if columns is not None:
+            self.splitter.restoreState(columns)
+
+    def _lay_out(self) -> None:
+        left = _column(self.stages, self.properties)
+        left.setMinimumWidth(260)
+        self.tools = ViewBar(self.view)
+        middle = _column(self.tools, self.errors, self.view, self.times)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal)
+        self.splitter.addWidget(left)
+        self.splitter.addWidget(middle)
+        self.splitter.addWidget(self.tabs)
+        self.splitter.setStretchFactor(1, 1)
+        self.splitter.setSizes([310, 770, 360])
+        self.splitter.setChildrenCollapsible(False)
+        self.setCentralWidget(self.splitter)
+        self.told = QLabel()
+        self.bar = QProgressBar()
+        self.bar.setFixedWidth(160)
+        self.cancel = QPushButton("Cancel")
+        self.running = QLabel()
+        status = self.statusBar()
+        status.addWidget(self.told, 1)
+        for widget in (self.running, self.bar, self.cancel):
+            status.addPermanentWidget(widget)
+        self._show_progress("", 0.0)
+
+    def _connect(self) -> None:
+        self.stages.chosen.connect(self.properties.choose)
+        self.properties.refused.connect(self.report)
+        self.properties.accepted.connect(self._accepted)
+        self.properties.held.connect(self.director.hold)
+        self.times.refused.connect(self.errors.say)
+        self.director.failed.connect(self.report)
+        self.director.drawn.connect(self._drawn)
+        self.director.progress.connect(self._show_progress)
+        self.cancel.clicked.connect(self.director.cancel)
+        self.modes.swung.connect(self.director.swing_mode)
+        self.times.play.clicked.connect(self.modes.stop)
+        self.document.replaced.connect(self.modes.stop)
+        self.view.picked.connect(self._picked)
+        self.document.changed.connect(self._name)
+        self.document.replaced.connect(self._name)
+        self.document.undo.cleanChanged.connect(self._name)
+
+    def _name(self, *_: Any) -> None:
+        self.setWindowTitle(f"{self.document.name}[*] – spacemap")
+        self.setWindowModified(not self.document.undo.isClean())
+
+    def _accepted(self, _burst: int) -> None:
+        self.errors.clear()
+
+    def _drawn(self, frame: Frame) -> None:
+        self.errors.clear()
+        if not frame.coarse:
+            self.modes.show_modes(frame.cage, self.document.scene.response)
+            note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
+            cells = frame.surface.GetNumberOfCells()
+            self.told.setText(f"{cells:,} facets{note}")
+            self.told.setToolTip("\n".join(frame.warnings))
+
+    def _picked(self, pick: Pick) -> None:
+        self.told.setText(pick.text)
+        self.view.mark_points([pick.position])
+
+    def _show_progress(self, section: str, share: float) -> None:
+        for widget in (self.bar, self.cancel, self.running):
+            widget.setVisible(bool(section))
+        if section:
+            self.running.setText(SECTIONS[section].__name__)
+            # A stage that tells nothing of its progress gets a bar that only shows life.
+            self.bar.setRange(0, 100 if share > 0.0 else 0)
+            self.bar.setValue(round(share * 100))
+
+
+def _column(*widgets: QWidget) -> QWidget:
+    column = QWidget()
+    layout = QVBoxLayout(column)
+    layout.setContentsMargins(0, 0, 0, 0)
+    layout.setSpacing(0)
+    for widget in widgets:
+        growing = isinstance(widget, (Properties, View3D))
+        layout.addWidget(widget, 1 if growing else 0)
+    return column

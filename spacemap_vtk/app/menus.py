@@ -1,0 +1,131 @@
+"""The menus, and the keys that stand in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QObject, QSettings
+from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
+from PySide6.QtWidgets import QApplication, QMenu, QMessageBox
+
+from spacemap_vtk.app.as_text import as_command, as_script
+from spacemap_vtk.app.theme import apply_theme
+from spacemap_vtk.scenes import library
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.main_window import MainWindow
+
+
+class Menus(QObject):
+    """Fills a window's menu bar.
+
+    Parameters
+    ----------
+    window : MainWindow
+        Qt's owner, and what the actions act on.
+    """
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self.actions: dict[str, QAction] = {}
+        files, document, times = window.files, window.document, window.times
+        keys = QKeySequence.StandardKey
+        menu = self._menu("&File")
+        self._add(menu, "New", keys.New, files.new)
+        self._add(menu, "Open…", keys.Open, files.open)
+        self.recent = menu.addMenu("Open recent")
+        self.recent.aboutToShow.connect(self._fill_recent)
+        self.scenes = menu.addMenu("Scenes")
+        for name in library.names():
+            self._add(self.scenes, name, None, self._open_named).setData(name)
+        menu.addSeparator()
+        self._add(menu, "Save", keys.Save, files.save)
+        self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
+        self._add(menu, "Save picture…", "Ctrl+P", self._save_picture)
+        menu.addSeparator()
+        self._add(menu, "Close", keys.Close, window.close)
+        menu = self._menu("&Edit")
+        for name, key, action in (
+            ("Undo", keys.Undo, document.undo.createUndoAction(self, "Undo")),
+            ("Redo", keys.Redo, document.undo.createRedoAction(self, "Redo")),
+        ):
+            action.setShortcut(key)
+            menu.addAction(action)
+            self.actions[name] = action
+        menu.addSeparator()
+        self._add(menu, "Copy as command line", None, self._copy_command)
+        self._add(menu, "Copy as Python script", None, self._copy_script)
+        menu = self._menu("&Time")
+        self._add(menu, "Play or pause", "Space", times.play.click)
+        self._add(menu, "To the start", "Home", times.to_start)
+        self._add(menu, "To the end", "End", times.to_end)
+        self._add(menu, "A frame back", ",", times.step_back)
+        self._add(menu, "A frame on", ".", times.step_on)
+        menu = self._menu("&View")
+        menu.addActions(window.tools.choices)
+        menu.addSeparator()
+        self.dark = self._add(menu, "Dark", "Ctrl+D", self._theme)
+        self.dark.setCheckable(True)
+        self.dark.setChecked(QSettings().value("dark") == "true")
+        menu = self._menu("&Help")
+        self._add(menu, "Keys", "F1", self._tell_keys)
+        self._theme()
+
+    @property
+    def keys(self) -> str:
+        """Every action that has a key, a line each."""
+        window = self.parent()
+        named = [*self.actions.values(), *window.tools.choices]
+        return "\n".join(
+            f"{action.shortcut().toString():<14}{action.text().rstrip('…')}"
+            for action in named
+            if not action.shortcut().isEmpty()
+        )
+
+    def _menu(self, title: str) -> QMenu:
+        return self.parent().menuBar().addMenu(title)
+
+    def _add(self, menu: QMenu, name: str, key: object, slot: Callable[..., object]) -> QAction:
+        action = QAction(name, self)
+        if key is not None:
+            action.setShortcut(QKeySequence(key))
+        action.triggered.connect(slot)
+        menu.addAction(action)
+        self.actions[name] = action
+        return action
+
+    def _fill_recent(self) -> None:
+        self.recent.clear()
+        for name in self.parent().files.recent:
+            action = self.recent.addAction(name)
+            action.setData(name)
+            action.triggered.connect(self._open_named)
+        self.recent.setToolTipsVisible(True)
+
+    def _open_named(self) -> None:
+        name = self.sender().data()
+        files = self.parent().files
+        if files.may_leave():
+            files.load(name)
+
+    def _save_picture(self) -> None:
+        self.parent().files.save_picture(self.parent().view)
+
+    def _copy_command(self) -> None:
+        window = self.parent()
+        QGuiApplication.clipboard().setText(as_command(window.document, window.times.time))
+
+    def _copy_script(self) -> None:
+        window = self.parent()
+        QGuiApplication.clipboard().setText(as_script(window.document, window.times.time))
+
+    def _theme(self) -> None:
+        QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
+        apply_theme(QApplication.instance(), self.dark.isChecked())
+
+    def _tell_keys(self) -> None:
+        box = QMessageBox(self.parent())
+        box.setWindowTitle("Keys")
+        box.setText(f"<pre>{self.keys}</pre>")
+        box.exec()

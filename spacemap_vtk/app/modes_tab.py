@@ -1,0 +1,141 @@
+"""The modes: a table, and a swing of the chosen one."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHBoxLayout,
+    QHeaderView,
+    QLabel,
+    QPushButton,
+    QSlider,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.app.job import Swing
+from spacemap_vtk.filters.modal_response import ModalResponse
+from spacemap_vtk.modal.oscillator import damping_ratio, regime
+
+_HEADINGS = ("Mode", "Frequency", "Damping", "Regime")
+#: Seconds that a swing takes on the screen, whatever its frequency.
+_PERIOD = 1.2
+_TICK = 15
+
+
+class ModesTab(QWidget):
+    """Frequency and damping of each mode; a click lets it swing."""
+
+    #: A `Swing` to show; None for the motion.
+    swung = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.table = QTableWidget(0, len(_HEADINGS))
+        self.table.setHorizontalHeaderLabels(_HEADINGS)
+        self.table.verticalHeader().hide()
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setStretchLastSection(True)
+        self.table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.table.setShowGrid(False)
+        self.table.setAlternatingRowColors(True)
+        self.amplitude = QSlider(Qt.Orientation.Horizontal)
+        self.amplitude.setRange(1, 50)
+        self.amplitude.setValue(15)
+        self.amplitude.setToolTip("Largest displacement, in percent of the cage's longest side")
+        self.back = QPushButton("Back to the motion")
+        self.back.setEnabled(False)
+        self.hint = QLabel("Click a mode to see it swing, slowed to a swing in a second.")
+        self.hint.setObjectName("about")
+        self.hint.setWordWrap(True)
+        below = QHBoxLayout()
+        below.addWidget(QLabel("Amplitude"))
+        below.addWidget(self.amplitude, 1)
+        layout = QVBoxLayout(self)
+        layout.addWidget(self.hint)
+        layout.addWidget(self.table, 1)
+        layout.addLayout(below)
+        layout.addWidget(self.back)
+        self._known: Any = None
+        self._mode: int | None = None
+        self._begun = 0.0
+        self._timer = QTimer(self)
+        self._timer.setInterval(_TICK)
+        self._timer.timeout.connect(self._tick)
+        self.table.cellClicked.connect(self._clicked)
+        self.back.clicked.connect(self.stop)
+
+    @property
+    def mode(self) -> int | None:
+        """The mode that swings, if one does."""
+        return self._mode
+
+    def show_modes(self, cage: vtkUnstructuredGrid | None, response: ModalResponse) -> None:
+        """Fill the table, if modes or damping are others.
+
+        Parameters
+        ----------
+        cage : vtkUnstructuredGrid or None
+            With ``eigenvalues``; None empties the table.
+        response : ModalResponse
+            Its damping.
+        """
+        array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
+        damping = response.alpha, response.beta
+        values = np.zeros(0) if array is None else vtk_to_numpy(array)
+        known = (values.tobytes(), damping)
+        if known == self._known:
+            return
+        self._known = known
+        self.table.setRowCount(len(values))
+        ratios, kinds = damping_ratio(values, *damping), regime(values, *damping)
+        for row, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
+            texts = (
+                str(row),
+                f"{math.sqrt(max(value, 0.0)) / (2 * math.pi):.4g} Hz",
+                f"{ratio:.3g}" if math.isfinite(ratio) else "–",
+                str(kind),
+            )
+            for column, text in enumerate(texts):
+                item = QTableWidgetItem(text)
+                if column < 3:
+                    item.setTextAlignment(
+                        Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                    )
+                self.table.setItem(row, column, item)
+        if self._mode is not None and self._mode >= len(values):
+            self.stop()
+
+    def stop(self) -> None:
+        """Show the motion again."""
+        if self._mode is not None:
+            self._mode = None
+            self._timer.stop()
+            self.table.clearSelection()
+            self.back.setEnabled(False)
+            self.swung.emit(None)
+
+    def _clicked(self, row: int, _column: int) -> None:
+        self._mode = row
+        self._begun = time.perf_counter()
+        self.back.setEnabled(True)
+        self._timer.start()
+
+    def _tick(self) -> None:
+        if self._mode is not None:
+            phase = (time.perf_counter() - self._begun) / _PERIOD
+            self.swung.emit(Swing(self._mode, self.amplitude.value() / 100, phase))

@@ -1,0 +1,207 @@
+"""The engine's own scene: brought to what a job asks for, and run stage by stage."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+
+from spacemap_vtk.app.frame import Frame, copied
+from spacemap_vtk.app.job import Job, Swing
+from spacemap_vtk.filters.arrays import add_array, array_of, points_of
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.base import Cancelled, Stage
+from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
+
+#: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
+COARSE_QUADS = 8_000
+
+
+class Pipeline:
+    """Runs one scene after the other; belongs to the engine's thread.
+
+    Parameters
+    ----------
+    started : callable
+        Told the section of a stage that is about to be brought up to date.
+    ran : callable
+        Told section, seconds and executions of a stage that has run.
+    progressed : callable
+        Told section and share done.
+    """
+
+    def __init__(
+        self,
+        started: Callable[[str], None],
+        ran: Callable[[str, float, int], None],
+        progressed: Callable[[str, float], None],
+    ) -> None:
+        self._started, self._ran, self._progressed = started, ran, progressed
+        self._generation = -1
+        self._scene: Scene | None = None
+        self._coarse = PatchTessellator()
+        self._swing = vtkTrivialProducer()
+        self._swing_warp = BarycentricWarp()
+        self._running: Stage | None = None
+        self._stopped = False
+
+    def run(self, job: Job) -> Frame:
+        """Return what a job asks for.
+
+        Parameters
+        ----------
+        job : Job
+            The wish.
+
+        Returns
+        -------
+        Frame
+            Copies.
+
+        Raises
+        ------
+        Exception
+            Whatever a stage raised.
+        Cancelled
+            After `stop`.
+        """
+        self._stopped = False
+        scene = self.prepared(job)
+        *stages, surface = scene.stages
+        # A swing replaces the motion, which need not be known for it.
+        swing = job.swing if scene.modal in stages else None
+        skipped = (scene.response, scene.warp) if swing else ()
+        for stage in stages:
+            if stage not in skipped:
+                self._update(scene, stage, job.time)
+        source: Stage = stages[-1]
+        cage = None
+        if scene.moves:
+            cage = copied((scene.modal if swing else scene.mover).GetOutputDataObject(0))
+        if swing and cage is not None:
+            _add_swing(cage, swing)
+            source = self._swung(scene, cage)
+        coarse = job.coarse or swing is not None
+        if coarse:
+            surface = self._coarse_surface(scene, source) or surface
+        if surface is self._coarse:
+            surface.update(job.time)
+        else:
+            self._update(scene, surface, job.time)
+        return Frame(
+            time=job.time,
+            surface=copied(surface.GetOutputDataObject(0)),
+            cage=cage,
+            coarse=surface is self._coarse,
+            swing=swing.mode if swing else None,
+            generation=job.generation,
+            warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
+        )
+
+    def prepared(self, job: Job) -> Scene:
+        """Return the scene with a job's values set; only what differs is touched.
+
+        Parameters
+        ----------
+        job : Job
+            The wish.
+
+        Returns
+        -------
+        Scene
+            Not yet run.
+        """
+        asked = Scene(job.values, job.base)
+        here = self._scene
+        if (
+            here is None
+            or job.generation != self._generation
+            or [type(s) for s in here.stages] != [type(s) for s in asked.stages]
+        ):
+            self._scene, self._generation = asked, job.generation
+            return asked
+        for section in SECTIONS:
+            # An equal value changes nothing, so only what lies downstream of a change will run.
+            getattr(here, section).configure(**getattr(asked, section).settings)
+        return here
+
+    def stop(self) -> None:
+        """End the run as soon as its stage looks up; can be called from another thread."""
+        self._stopped = True
+        stage = self._running
+        if stage is not None:
+            stage.SetAbortExecute(1)
+
+    def _update(self, scene: Scene, stage: Stage, at: float) -> None:
+        if self._stopped:
+            raise Cancelled("the run was stopped")
+        section, before = stage.section, stage.executions
+        progressed = self._progressed
+
+        def tell(caller: Stage, event: str) -> None:
+            progressed(section, caller.GetProgress())
+
+        self._started(section)
+        stage.SetAbortExecute(0)
+        self._running = stage
+        # Only while it runs: an observer that stays would keep the window alive with the stage.
+        observer = stage.AddObserver("ProgressEvent", tell)
+        begun = time.perf_counter()
+        try:
+            scene.update_stage(stage, at)
+        finally:
+            self._running = None
+            stage.RemoveObserver(observer)
+        if stage.executions != before:
+            self._ran(section, time.perf_counter() - begun, stage.executions)
+
+    def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
+        """Return the quick tessellator, connected; None where the scene's own is as coarse."""
+        patches = max(1, scene.source.GetOutputDataObject(0).GetNumberOfCells())
+        subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
+        if subdivisions >= scene.surface.subdivisions and source is not self._swing_warp:
+            return None
+        self._coarse.subdivisions = min(subdivisions, scene.surface.subdivisions)
+        self._coarse.SetInputConnection(source.GetOutputPort())
+        return self._coarse
+
+    def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
+        self._swing.SetOutput(cage)
+        self._swing_warp.configure(**scene.warp.settings)
+        self._swing_warp.SetInputConnection(0, scene.source.GetOutputPort())
+        self._swing_warp.SetInputConnection(1, self._swing.GetOutputPort())
+        return self._swing_warp
+
+
+def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
+    """Put a mode's displacement on a cage."""
+    count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
+    mode = min(swing.mode, count - 1)
+    shape = array_of(cage.GetPointData(), MODE_NAME.format(mode), "a swing")
+    largest = float(np.linalg.norm(shape, axis=1).max()) or 1.0
+    side = float(np.ptp(points_of(cage), axis=0).max())
+    scale = swing.amplitude * side / largest * math.sin(2 * math.pi * swing.phase)
+    add_array(cage.GetPointData(), "displacement", shape * scale)
+
+
+def displacement_of(cage: vtkUnstructuredGrid) -> np.ndarray:
+    """Return the cage's displacement.
+
+    Parameters
+    ----------
+    cage : vtkUnstructuredGrid
+        As in a `Frame`.
+
+    Returns
+    -------
+    ndarray, shape (n_vertices, 3)
+        A view.
+    """
+    return vtk_to_numpy(cage.GetPointData().GetArray("displacement"))

@@ -1,0 +1,81 @@
+"""Light and dark."""
+
+from __future__ import annotations
+
+from PySide6.QtGui import QColor, QPalette
+from PySide6.QtWidgets import QApplication
+
+_Role = QPalette.ColorRole
+_LIGHT = {
+    _Role.Window: "#f4f6f8",
+    _Role.WindowText: "#1f2730",
+    _Role.Base: "#ffffff",
+    _Role.AlternateBase: "#eef1f5",
+    _Role.Text: "#1f2730",
+    _Role.Button: "#ffffff",
+    _Role.ButtonText: "#1f2730",
+    _Role.Highlight: "#2d6a8e",
+    _Role.HighlightedText: "#ffffff",
+    _Role.ToolTipBase: "#1f2730",
+    _Role.ToolTipText: "#ffffff",
+    _Role.PlaceholderText: "#8a94a3",
+    _Role.Mid: "#cfd6de",
+}
+_DARK = {
+    _Role.Window: "#1d232b",
+    _Role.WindowText: "#e6eaf0",
+    _Role.Base: "#161b22",
+    _Role.AlternateBase: "#222a34",
+    _Role.Text: "#e6eaf0",
+    _Role.Button: "#2a333f",
+    _Role.ButtonText: "#e6eaf0",
+    _Role.Highlight: "#4d9cc7",
+    _Role.HighlightedText: "#0d1116",
+    _Role.ToolTipBase: "#e6eaf0",
+    _Role.ToolTipText: "#1d232b",
+    _Role.PlaceholderText: "#7d8998",
+    _Role.Mid: "#3a4553",
+}
+_SHEET = """
+QToolTip {{ padding: 4px; }}
+QLabel#about, QLabel#note {{ color: {faint}; }}
+QLabel#note[bad="true"] {{ color: {bad}; }}
+QLabel#heading {{ font-size: 20px; font-weight: 600; }}
+ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
+Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
+QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
+QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
+QToolButton:checked {{ background: {check}; border-radius: 4px; }}
+QSplitter::handle {{ background: {line}; }}
+QSplitter::handle:horizontal {{ width: 1px; }}
+QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
+"""
+
+
+def apply_theme(app: QApplication, dark: bool) -> None:
+    """Give every window a light or dark look.
+
+    Parameters
+    ----------
+    app : QApplication
+        The program.
+    dark : bool
+        Dark.
+    """
+    app.setStyle("Fusion")
+    palette = QPalette()
+    for role, color in (_DARK if dark else _LIGHT).items():
+        palette.setColor(role, QColor(color))
+    group = QPalette.ColorGroup.Disabled
+    for role in (_Role.Text, _Role.WindowText, _Role.ButtonText):
+        palette.setColor(group, role, QColor("#5d6875" if dark else "#a4adb8"))
+    app.setPalette(palette)
+    app.setStyleSheet(
+        _SHEET.format(
+            faint="#93a0ae" if dark else "#66717e",
+            bad="#ff7a85" if dark else "#c0394b",
+            bad_back="#4a2229" if dark else "#fdecee",
+            line="#333d49" if dark else "#d5dbe2",
+            check="#35546a" if dark else "#cfe3ef",
+        )
+    )

@@ -1,0 +1,199 @@
+"""The time bar: play, pause, loop, speed, scrub, step, go to."""
+
+from __future__ import annotations
+
+import time
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QSlider,
+    QToolButton,
+    QWidget,
+)
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.settings import Animation
+from spacemap_vtk.units import format_quantity, parse_quantity
+
+_STEPS = 2000
+#: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
+_TICK = 15
+SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
+
+
+class TimeBar(QWidget):
+    """Chooses the time that is shown."""
+
+    #: The time in s, and whether more will follow at once.
+    moved = Signal(float, bool)
+    #: What the user typed is no time.
+    refused = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time = 0.0
+        #: Whether the last time asked for is not yet drawn: playing waits for it.
+        self.waiting = False
+        self._start, self._stop, self._step = 0.0, 1.0, 0.04
+        self._clock = 0.0
+        self.play = _button("▶", "Play (Space)", checkable=True)
+        self.first = _button("|◀", "To the start (Home)")
+        self.back = _button("◁", "A frame back (,)")
+        self.forward = _button("▷", "A frame on (.)")
+        self.last = _button("▶|", "To the end (End)")
+        self.loop = _button("⟳", "Start again at the end", checkable=True)
+        self.loop.setChecked(True)
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setRange(0, _STEPS)
+        self.line = QLineEdit()
+        self.line.setFixedWidth(92)
+        self.line.setToolTip("Go to a time, as in 0.4 or 40 ms")
+        self.end = QLabel()
+        self.speed = QComboBox()
+        self.speed.addItems([f"{s} ×" for s in SPEEDS])
+        self.speed.setToolTip("Seconds of motion in a second")
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(8, 4, 8, 4)
+        for widget in (self.first, self.back, self.play, self.forward, self.last, self.loop):
+            layout.addWidget(widget)
+        layout.addWidget(self.slider, 1)
+        layout.addWidget(self.line)
+        layout.addWidget(self.end)
+        layout.addWidget(self.speed)
+        self._timer = QTimer(self)
+        self._timer.setInterval(_TICK)
+        self._timer.timeout.connect(self._tick)
+        self.play.toggled.connect(self._toggled)
+        self.first.clicked.connect(self.to_start)
+        self.last.clicked.connect(self.to_end)
+        self.back.clicked.connect(self.step_back)
+        self.forward.clicked.connect(self.step_on)
+        self.slider.valueChanged.connect(self._scrubbed)
+        self.slider.sliderReleased.connect(self._settle)
+        self.line.editingFinished.connect(self._typed)
+
+    @property
+    def playing(self) -> bool:
+        """Whether time runs."""
+        return self.play.isChecked()
+
+    def adopt(self, animation: Animation, at: float | None = None) -> None:
+        """Take range, frames and speed from a scene.
+
+        Parameters
+        ----------
+        animation : Animation
+            The scene's section.
+        at : float, optional
+            Time to show, for a new scene.
+        """
+        speed = f"{animation.speed:g} ×"
+        span = (animation.start, max(animation.stop, animation.start + 1e-9))
+        if at is not None or span != (self._start, self._stop):
+            self._start, self._stop = span
+            if self.speed.findText(speed) < 0:
+                self.speed.addItem(speed)
+            self.speed.setCurrentText(speed)
+        self._step = animation.speed / animation.frames_per_second
+        self.end.setText(f"of {format_quantity(float(f'{self._stop:.6g}'), 's')}")
+        self._show(self.time if at is None else at)
+
+    def go(self, at: float, going_on: bool = False) -> None:
+        """Show a time.
+
+        Parameters
+        ----------
+        at : float
+            In s.
+        going_on : bool, optional
+            Whether more will follow at once.
+        """
+        self._show(at)
+        self.moved.emit(self.time, going_on)
+
+    def to_start(self) -> None:
+        """Go to the first time."""
+        self.go(self._start)
+
+    def to_end(self) -> None:
+        """Go to the last time."""
+        self.go(self._stop)
+
+    def step_back(self) -> None:
+        """Go a frame back."""
+        self.go(max(self._start, self.time - self._step))
+
+    def step_on(self) -> None:
+        """Go a frame on."""
+        self.go(min(self._stop, self.time + self._step))
+
+    def pause(self) -> None:
+        """Stop playing."""
+        self.play.setChecked(False)
+
+    def _show(self, at: float) -> None:
+        self.time = at
+        share = (at - self._start) / (self._stop - self._start)
+        self.slider.blockSignals(True)
+        self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
+        self.slider.blockSignals(False)
+        if not self.line.hasFocus() or self.playing:
+            self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
+
+    def _toggled(self, on: bool) -> None:
+        self.play.setText("❚❚" if on else "▶")
+        if on:
+            if self.time >= self._stop:
+                self._show(self._start)
+            self._clock = time.perf_counter()
+            self._timer.start()
+        else:
+            self._timer.stop()
+            self._settle()
+
+    def _tick(self) -> None:
+        # Every change of the bar lets Qt draw the window anew, which costs as much as a frame.
+        if self.waiting:
+            return
+        now = time.perf_counter()
+        speed = float(self.speed.currentText().split()[0])
+        at, self._clock = self.time + (now - self._clock) * speed, now
+        if at > self._stop:
+            if not self.loop.isChecked():
+                self._show(self._stop)
+                self.pause()
+                return
+            at = self._start + (at - self._start) % (self._stop - self._start)
+        self.go(at, going_on=True)
+
+    def _scrubbed(self, step: int) -> None:
+        self.time = self._start + step / _STEPS * (self._stop - self._start)
+        self._show(self.time)
+        self.moved.emit(self.time, self.slider.isSliderDown())
+
+    def _settle(self) -> None:
+        self.moved.emit(self.time, False)
+
+    def _typed(self) -> None:
+        try:
+            at = parse_quantity(self.line.text(), "s")
+            if not 0.0 <= at < float("inf"):
+                raise InputError("not a time to show", allowed="at least 0 s")
+        except InputError as error:
+            error.key, error.value = "time", self.line.text()
+            self.refused.emit(error)
+        else:
+            self.go(at)
+
+
+def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:
+    button = QToolButton()
+    button.setText(text)
+    button.setToolTip(tip)
+    button.setCheckable(checkable)
+    button.setAutoRaise(True)
+    return button

@@ -1,0 +1,26 @@
+"""The command that opens the window."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from spacemap_vtk.app.requirements import require_window
+from spacemap_vtk.scenes import library
+
+
+def gui(
+    scene: Annotated[
+        str | None, Parameter(help="Scene file, draft, or name of a scene; none: welcome.")
+    ] = None,
+    /,
+) -> None:
+    """Open the window: see a fabric move, and change everything about it."""
+    if scene is not None:
+        library.find(scene)
+    require_window()
+    # Qt takes half a second to import: only this command pays for it.
+    from spacemap_vtk.app.launch import launch
+
+    launch(scene)

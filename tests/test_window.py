@@ -1,0 +1,194 @@
+"""The window as a person uses it: stages, fields, sliders, time, errors. Needs a display."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from window import drag, require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+
+
+def executions(window: Any) -> dict[str, int]:
+    scene = window.engine._pipeline._scene
+    return {stage.section: stage.executions for stage in scene.stages}
+
+
+def row(window: Any, section: str, name: str) -> Any:
+    window.stages.choose(section)
+    return window.properties.rows[name]
+
+
+def test_the_stages_tell_their_state_time_and_runs(open_window: Any) -> None:
+    window = open_window()
+    for section in ("weave", "cage", "modal", "response", "warp", "surface"):
+        assert window.stages.states[section] == "fresh"
+        assert window.stages.items[section].text(1).endswith("s")
+        assert window.stages.items[section].text(2) == "1"
+
+
+@pytest.mark.parametrize("section", list(SECTIONS))
+def test_every_declared_parameter_has_its_field(open_window: Any, section: str) -> None:
+    window = open_window(wait=False)
+    window.stages.choose(section)
+    rows = window.properties.rows
+    assert list(rows) == list(SECTIONS[section].parameters)
+    for name, parameter in SECTIONS[section].parameters.items():
+        assert parameter.help in rows[name].toolTip()
+        assert (rows[name].automatic is not None) == parameter.optional
+
+
+def test_a_typed_value_takes_its_unit(open_window: Any) -> None:
+    window = open_window()
+    before = executions(window)
+    type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
+    assert window.document.scene.weave.warp_diameter == 0.0003
+    assert window.document.written("weave", "warp_diameter") == "0.3 mm"
+    wait_until(lambda: settled(window))
+    assert executions(window) == {name: runs + 1 for name, runs in before.items()}
+
+
+def test_a_drag_runs_only_what_lies_downstream(open_window: Any) -> None:
+    window = open_window()
+    editor = row(window, "modal", "youngs_modulus").editor
+    before, image = executions(window), window.view.image().astype(int)
+    value = window.document.scene.modal.youngs_modulus
+    drag(editor.slider, -12)
+    wait_until(lambda: settled(window))
+    after = executions(window)
+    assert window.document.scene.modal.youngs_modulus < value / 1.3
+    assert (after["weave"], after["cage"]) == (before["weave"], before["cage"])
+    assert after["modal"] > before["modal"]
+    # The fine surface waits for the end of the drag.
+    assert after["surface"] == before["surface"] + 1
+    assert np.abs(window.view.image().astype(int) - image).max() > 60
+    # One drag is one step back.
+    assert window.document.undo.count() == 1
+    window.document.undo.undo()
+    assert window.document.scene.modal.youngs_modulus == value
+
+
+def test_a_new_time_runs_the_last_three_stages(open_window: Any) -> None:
+    window = open_window()
+    before = executions(window)
+    type_into(window.times.line, "33 ms")
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.033)
+    changed = {k for k, v in executions(window).items() if v != before[k]}
+    assert changed == {"response", "warp", "surface"}
+
+
+def test_playing_draws_frame_after_frame_and_loops(open_window: Any) -> None:
+    window = open_window()
+    times: list[float] = []
+    window.director.drawn.connect(lambda frame: times.append(frame.time))
+    window.times.speed.setCurrentText("0.5 ×")
+    QTest.mouseClick(window.times.play, Qt.MouseButton.LeftButton)
+    wait_until(lambda: len(times) > 20 and np.min(np.diff(times)) < 0)
+    QTest.mouseClick(window.times.play, Qt.MouseButton.LeftButton)
+    assert not window.times.playing
+    wait_until(lambda: settled(window))
+    assert window.view.frame.time == window.times.time
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "text"),
+    [
+        ("weave", "warp_diameter", "wide"),
+        ("weave", "warp_diameter", "3 kg"),
+        ("weave", "ends", "2.5"),
+        ("modal", "poissons_ratio", "0.5"),
+        ("modal", "youngs_modulus", "-1"),
+    ],
+)
+def test_a_wrong_value_is_marked_and_changes_nothing(
+    open_window: Any, section: str, name: str, text: str
+) -> None:
+    window = open_window()
+    before = window.document.text
+    field = row(window, section, name)
+    type_into(field.editor.line, text)
+    assert field.property("bad")
+    assert not field.note.isHidden()
+    assert name in window.errors.text
+    assert "allowed" in window.errors.text
+    assert window.document.text == before
+    assert window.document.undo.count() == 0
+    # The program goes on: a right value follows.
+    right = {"ends": "6", "poissons_ratio": "0.25"}.get(name, "0.2 mm")
+    type_into(field.editor.line, "1 kPa" if name == "youngs_modulus" else right)
+    wait_until(lambda: settled(window))
+    assert not field.property("bad")
+    assert window.errors.text == ""
+
+
+def test_a_jammed_cloth_keeps_the_last_picture(open_window: Any) -> None:
+    window = open_window()
+    frame = window.view.frame
+    field = row(window, "weave", "warp_diameter")
+    type_into(field.editor.line, "1.9 mm")
+    wait_until(lambda: window.errors.text)
+    assert window.stages.states["weave"] == "failed"
+    assert window.stages.states["surface"] == "stale"
+    assert window.view.frame is frame
+    assert window.view.image().std() > 20
+    window.document.undo.undo()
+    wait_until(lambda: settled(window) and window.errors.text == "")
+    assert window.stages.states["weave"] == "fresh"
+
+
+def test_the_feasible_interval_of_h1_is_live(open_window: Any) -> None:
+    window = open_window()
+    field = row(window, "weave", "warp_crimp_height")
+    before = field.note.text()
+    assert "feasible" in before
+    type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
+    field = window.properties.rows["warp_crimp_height"]
+    assert "feasible" in field.note.text()
+    assert field.note.text() != before
+    # "automatic" off begins where automatic was.
+    QTest.mouseClick(
+        field.automatic, Qt.MouseButton.LeftButton, pos=field.automatic.rect().center()
+    )
+    field.automatic.click() if field.automatic.isChecked() else None
+    assert window.document.scene.weave.warp_crimp_height is not None
+    field.reset.click()
+    assert window.document.scene.weave.warp_crimp_height is None
+
+
+def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> None:
+    window = open_window()
+    image = window.view.image().astype(int)
+    window.document.set("modal", "modes", 400)
+    window.document.set("cage", "divisions", [22, 22, 4])
+    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
+    ticks = []
+    begun = time.monotonic()
+    while len(ticks) < 10:
+        QTest.qWait(10)
+        ticks.append(time.monotonic())
+    assert max(np.diff([begun, *ticks])) < 2.0  # never frozen
+    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: not window.engine.busy)
+    # The last good picture stays; some of its pixels are those of a coarser surface.
+    assert np.abs(window.view.image().astype(int) - image).mean() < 4
+    window.document.undo.undo()
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+
+
+def test_closing_during_a_solve(open_window: Any) -> None:
+    window = open_window(wait=False)
+    window.document.set("modal", "modes", 400)
+    window.document.set("cage", "divisions", [20, 20, 3])
+    wait_until(lambda: window.engine.busy)
+    QTest.qWait(300)
+    window.discard()
+    assert not window.engine.isRunning()

@@ -1,0 +1,205 @@
+"""Opening, saving, undoing, and what else is done with a scene as a whole."""
+
+from __future__ import annotations
+
+import gc
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl  # noqa: E402
+from PySide6.QtGui import QDropEvent, QGuiApplication  # noqa: E402
+from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
+
+from spacemap_vtk.app.document import Document  # noqa: E402
+from spacemap_vtk.cli.main import main  # noqa: E402
+from spacemap_vtk.filters.base import Stage  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_every_scene_opens(open_window: Any, name: str) -> None:
+    window = open_window(name)
+    assert window.errors.text == ""
+    assert window.view.image().std() > 15
+
+
+def test_a_mesh_opens(open_window: Any) -> None:
+    mesh = next(library.folder().rglob("*.ply"))
+    window = open_window(str(mesh))
+    assert window.errors.text == ""
+    assert window.document.values["object"]["file"] == str(mesh.resolve())
+    assert window.view.image().std() > 15
+
+
+def test_a_draft_opens(open_window: Any) -> None:
+    window = open_window(str(library.folder() / "32-shaft_twill.wif"))
+    assert window.errors.text == ""
+    assert window.document.file is None
+    assert window.document.undo.isClean()
+
+
+def test_saving_keeps_every_comment(open_window: Any, tmp_path: Path) -> None:
+    original = (library.folder() / "plain_weave.toml").read_text()
+    window = open_window()
+    window.stages.choose("modal")
+    type_into(window.properties.rows["youngs_modulus"].editor.line, "2 kPa")
+    window.document.save(tmp_path / "mine.toml")
+    saved = (tmp_path / "mine.toml").read_text()
+    changed = [
+        (a, b) for a, b in zip(original.splitlines(), saved.splitlines(), strict=True) if a != b
+    ]
+    assert len(changed) == 1
+    assert changed[0][1].startswith('youngs_modulus = "2 kPa"')
+    assert changed[0][1].endswith("# soft in bending, as cloth is: a swing of 25 Hz")
+    assert Scene.read(tmp_path / "mine.toml").modal.youngs_modulus == 2000.0
+
+
+def test_a_scene_of_the_program_is_never_overwritten(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window()
+    target = tmp_path / "copy"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(target), ""))
+    window.menus.actions["Save"].trigger()
+    assert target.with_suffix(".toml").is_file()
+    assert window.files.recent[0] == str(target.with_suffix(".toml"))
+
+
+def test_a_reset_value_comes_back_with_its_comment(open_window: Any) -> None:
+    window = open_window()
+    before = window.document.text
+    window.stages.choose("modal")
+    window.properties.rows["fixed"].reset.click()
+    assert "fixed" not in window.document.text
+    window.menus.actions["Undo"].trigger()
+    assert window.document.text == before
+    window.menus.actions["Redo"].trigger()
+    assert "fixed" not in window.document.text
+
+
+def test_paths_lead_to_the_same_file_from_another_folder(tmp_path: Path) -> None:
+    first, second = tmp_path / "a", tmp_path / "b"
+    first.mkdir()
+    second.mkdir()
+    draft = (library.folder() / "32-shaft_twill.wif").read_bytes()
+    (first / "twill.wif").write_bytes(draft)
+    (first / "scene.toml").write_text('[weave]\ndraft = "twill.wif"\n')
+    document = Document()
+    document.open(first / "scene.toml")
+    document.save(second / "scene.toml")
+    scene = Scene.read(second / "scene.toml")
+    assert scene.weave.draft.resolve() == first / "twill.wif"
+
+
+def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    window = open_window()
+    window.document.set("weave", "ends", 5)
+    assert window.isWindowModified()
+    answers = []
+
+    def cancel(*_: Any) -> Any:
+        answers.append("asked")
+        return QMessageBox.StandardButton.Cancel
+
+    monkeypatch.setattr(QMessageBox, "question", cancel)
+    window.close()
+    assert answers == ["asked"]
+    assert window.engine.isRunning()
+    assert window.document.scene.weave.ends == 5
+
+
+def test_a_dropped_file_opens_and_a_bad_one_is_told(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+
+    def drop(path: Path) -> None:
+        data = QMimeData()
+        data.setUrls([QUrl.fromLocalFile(str(path))])
+        event = QDropEvent(
+            QPointF(50, 50),
+            Qt.DropAction.CopyAction,
+            data,
+            Qt.MouseButton.LeftButton,
+            Qt.KeyboardModifier.NoModifier,
+        )
+        window.dropEvent(event)
+
+    scene, bad = tmp_path / "small.toml", tmp_path / "bad.toml"
+    scene.write_text("[weave]\nends = 3\npicks = 3\n")
+    bad.write_text("[weave]\nends = -3\n")
+    drop(bad)
+    assert "ends" in window.errors.text
+    assert window.document.scene.weave.ends == 7
+    drop(scene)
+    wait_until(lambda: settled(window))
+    assert window.document.scene.weave.ends == 3
+    assert window.errors.text == ""
+
+
+def test_the_copied_command_and_script_run(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.document.set("weave", "ends", 5)
+    window.document.set("weave", "warp_diameter", "0.2 mm")
+    window.menus.actions["Copy as command line"].trigger()
+    words = shlex.split(QGuiApplication.clipboard().text())
+    assert words[:2] == ["spacemap", "render"]
+    assert words.count("--set") == 2
+    checked = ["validate", words[2], *words[words.index("--set") :], "-q"]
+    with pytest.raises(SystemExit) as ended:
+        main(checked)
+    assert ended.value.code == 0
+    window.menus.actions["Copy as Python script"].trigger()
+    script = tmp_path / "script.py"
+    script.write_text(QGuiApplication.clipboard().text())
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    wait_until(lambda: settled(window))
+    assert int(done.stdout.split()[0]) == window.view.frame.surface.GetNumberOfPoints()
+
+
+def test_a_picture_is_what_is_seen(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window()
+    file = tmp_path / "seen.png"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+    window.menus.actions["Save picture…"].trigger()
+    seen = window.view.image().astype(int)
+    assert np.abs(np.asarray(Image.open(file)).astype(int) - seen).max() < 8
+
+
+def test_dark_and_light_and_every_key_is_told(open_window: Any) -> None:
+    window = open_window()
+    light = window.palette().window().color().lightness()
+    window.menus.dark.trigger()
+    assert window.palette().window().color().lightness() < light / 2
+    window.menus.dark.trigger()
+    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost"):
+        assert words in window.menus.keys
+
+
+def test_ten_rounds_of_opening_leave_one_window_of_stages(open_window: Any) -> None:
+    def stages() -> int:
+        gc.collect()
+        return sum(isinstance(thing, Stage) for thing in gc.get_objects())
+
+    window = open_window()
+    before = stages()
+    for name in ["plain_weave", str(library.folder() / "32-shaft_twill.wif")] * 5:
+        window.document.open(name)
+        wait_until(lambda: settled(window))
+    window.document.open("plain_weave")
+    wait_until(lambda: settled(window))
+    assert stages() == before

@@ -1,0 +1,71 @@
+"""The window costs the other commands nothing, and says what it needs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from spacemap_vtk.app import requirements
+from spacemap_vtk.cli.main import main
+
+
+def test_other_commands_import_no_qt() -> None:
+    code = (
+        "import sys\n"
+        "from spacemap_vtk.cli.main import main\n"
+        "try: main(['info', 'plain_weave', '--json'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in sys.modules if m.split('.')[0] in"
+        " ('PySide6', 'pyvistaqt', 'qtpy', 'tomlkit', 'matplotlib')], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
+
+
+def test_without_the_extra_it_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(requirements, "PACKAGES", ("there_is_no_such_package",))
+    with pytest.raises(SystemExit) as ended:
+        main(["gui"])
+    assert ended.value.code == 1
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert "pip install 'spacemap_vtk[qt]'" in message
+
+
+def test_a_missing_system_library_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(requirements, "PACKAGES", ())
+    monkeypatch.setenv("DISPLAY", ":99")
+    monkeypatch.setattr(requirements, "LIBRARIES", ("libnosuch.so.7",))
+    with pytest.raises(SystemExit) as ended:
+        main(["gui"])
+    assert ended.value.code == 1
+    assert "apt-get install" in capsys.readouterr().err
+
+
+def test_without_a_display_it_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(requirements, "PACKAGES", ())
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SystemExit) as ended:
+        main(["gui"])
+    assert ended.value.code == 1
+    assert "no display" in capsys.readouterr().err
+
+
+def test_a_wrong_name_is_refused_before_anything_opens(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["gui", "plain_weve"])
+    assert ended.value.code == 2
+    assert "plain_weave" in capsys.readouterr().err

@@ -1,0 +1,75 @@
+"""The modes tab: its figures, and a mode that swings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.app.pipeline import displacement_of  # noqa: E402
+from spacemap_vtk.scenes import report  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+
+def click_row(window: Any, row: int) -> None:
+    table = window.modes.table
+    where = table.visualItemRect(table.item(row, 1)).center()
+    QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=where)
+
+
+def test_the_table_has_the_figures_of_the_command_line(open_window: Any) -> None:
+    window = open_window()
+    figures = report.modes(Scene.read("plain_weave"))["modes"]
+    table = window.modes.table
+    assert table.rowCount() == len(figures) == 180
+    for row in (0, 1, 57, 179):
+        frequency = float(table.item(row, 1).text().split()[0])
+        assert abs(frequency / figures[row]["frequency_hz"] - 1) < 1e-3
+        assert table.item(row, 3).text() == figures[row]["regime"]
+
+
+def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_window: Any) -> None:
+    window = open_window()
+    scene = window.engine._pipeline._scene
+    before = {stage.section: stage.executions for stage in scene.stages}
+    sizes: list[float] = []
+
+    def measure(frame: Any) -> None:
+        if frame.swing == 2:
+            sizes.append(float(np.linalg.norm(displacement_of(frame.cage), axis=1).max()))
+
+    window.director.drawn.connect(measure)
+    window.modes.amplitude.setValue(30)
+    click_row(window, 2)
+    wait_until(lambda: len(sizes) > 12)
+    side = np.ptp(np.array(window.view.frame.cage.GetBounds()).reshape(3, 2), axis=1).max()
+    assert 0.1 * side < max(sizes) <= 0.3001 * side
+    assert window.view.frame.surface.GetPointData().GetArray("displacement") is not None
+    assert {stage.section: stage.executions for stage in scene.stages} == before
+    QTest.mouseClick(window.modes.back, Qt.MouseButton.LeftButton)
+    wait_until(lambda: settled(window) and window.view.frame.swing is None)
+    assert window.modes.mode is None
+
+
+def test_the_table_follows_the_scene(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.document.set("modal", "modes", 12)
+    wait_until(lambda: settled(window))
+    assert window.modes.table.rowCount() == 12
+    still = tmp_path / "still.toml"
+    still.write_text("[weave]\nends = 3\npicks = 3\n")
+    window.document.open(still)
+    wait_until(lambda: settled(window))
+    assert window.modes.table.rowCount() == 0
+    assert window.stages.states["modal"] == "off"
+    # A value of a stage that is off brings it, and the motion, in.
+    window.document.set("modal", "modes", 5)
+    wait_until(lambda: settled(window))
+    assert window.modes.table.rowCount() == 5

@@ -1,0 +1,98 @@
+"""The 3D view: what is shown, in which colours, from where, and what is picked."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.app.look import COLORINGS  # noqa: E402
+from spacemap_vtk.scenes.picture import CAMERAS  # noqa: E402
+
+
+def image(window: Any) -> np.ndarray:
+    return window.view.image().astype(int)
+
+
+@pytest.mark.parametrize("name", ["fabric", "cage", "supports", "ghost"])
+def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
+    window = open_window()
+    before = image(window)
+    window.tools.shown[name].trigger()
+    assert np.abs(image(window) - before).max() > 30
+    window.tools.shown[name].trigger()
+    assert np.abs(image(window) - before).max() < 8
+
+
+def test_every_colouring_is_another_picture(open_window: Any) -> None:
+    window = open_window()
+    pictures = []
+    for name in COLORINGS:
+        window.tools.coloring.setCurrentText(name)
+        pictures.append(image(window))
+    for k, one in enumerate(pictures):
+        for other in pictures[:k]:
+            assert np.abs(one - other).max() > 60
+    # Displacement has a scale, and at the hem the brightest colour.
+    assert window.view._fabric.bar.GetVisibility()
+
+
+def test_every_camera_is_another_picture(open_window: Any) -> None:
+    window = open_window()
+    pictures = []
+    for name in CAMERAS:
+        window.tools.cameras[name].trigger()
+        pictures.append(image(window))
+        assert pictures[-1].std() > 20
+    assert all(np.abs(a - b).max() > 60 for a, b in pairwise(pictures))
+    window.tools.orthographic.trigger()
+    assert np.abs(image(window) - pictures[-1]).max() > 60
+
+
+def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
+    window = open_window()
+    window.tools.cameras["front"].trigger()
+    QTest.qWait(100)
+    picks: list[Any] = []
+    window.view.picked.connect(picks.append)
+    middle = QPoint(window.view.plotter.width() // 2, window.view.plotter.height() // 2)
+    for x in range(-40, 60, 20):
+        QTest.mouseClick(window.view.plotter, Qt.MouseButton.LeftButton, pos=middle + QPoint(x, 0))
+    assert picks
+    pick = picks[-1]
+    assert 0 <= pick.yarn < 14
+    assert (pick.yarn >= 7) == (pick.family == 1)
+    moved = np.array(pick.rest) + pick.displacement
+    np.testing.assert_allclose(moved, pick.position, atol=1e-9)
+    assert "yarn" in window.told.text()
+    # Nothing moves at t = 0.
+    type_into(window.times.line, "0")
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
+    still = window.view.pick(middle.x(), middle.y()) or window.view.pick(
+        middle.x() + 20, middle.y()
+    )
+    assert np.abs(still.displacement).max() == 0.0
+
+
+def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
+    window = open_window()
+    picks: list[Any] = []
+    window.view.picked.connect(picks.append)
+    before = np.array(window.view.plotter.camera.position)
+    widget, at = window.view.plotter, QPoint(300, 300)
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+    for _ in range(10):
+        at += QPoint(10, 4)
+        QTest.mouseMove(widget, at)
+        QTest.qWait(10)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+    assert np.linalg.norm(window.view.plotter.camera.position - before) > 1e-4
+    assert not picks

@@ -1,0 +1,78 @@
+"""What the tests of the window share: a person's hands, and a reason to skip."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from spacemap_vtk.app.requirements import require_window
+from spacemap_vtk.errors import MissingLibraryError
+
+
+def require_display() -> None:
+    """Skip the module where no window can be opened. Not pytest-qt, which imports Qt in every
+    run of pytest, also where Qt's own libraries are missing."""
+    try:
+        require_window()
+    except MissingLibraryError as error:
+        pytest.skip(str(error), allow_module_level=True)
+
+
+def wait_until(done: Callable[[], Any], seconds: float = 30.0) -> None:
+    """Let the window live until something holds."""
+    from PySide6.QtCore import QEventLoop, QTimer
+
+    end = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < end, "it never happened"
+        # Not QTest.qWait, which keeps Python's lock: the engine would starve.
+        loop = QEventLoop()
+        QTimer.singleShot(10, loop.quit)
+        loop.exec()
+
+
+def settled(window: Any) -> bool:
+    """Whether a smooth frame of the present wishes is drawn, and nothing runs."""
+    director = window.director
+    frame = window.view.frame
+    return (
+        frame is not None
+        and frame.generation == director.generation
+        and (not frame.coarse or director.swing is not None)
+        and not window.engine.busy
+        and not director._rest.isActive()
+    )
+
+
+def drag(slider: Any, steps: int) -> None:
+    """Press a slider's handle, move it, let go."""
+    from PySide6.QtCore import QPoint, Qt
+    from PySide6.QtTest import QTest
+    from PySide6.QtWidgets import QStyle, QStyleOptionSlider
+
+    option = QStyleOptionSlider()
+    slider.initStyleOption(option)
+    handle = slider.style().subControlRect(
+        QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, slider
+    )
+    at = handle.center()
+    QTest.mousePress(slider, Qt.MouseButton.LeftButton, pos=at)
+    for _ in range(abs(steps)):
+        at += QPoint(4 if steps > 0 else -4, 0)
+        QTest.mouseMove(slider, at)
+        QTest.qWait(15)
+    QTest.mouseRelease(slider, Qt.MouseButton.LeftButton, pos=at)
+
+
+def type_into(line: Any, text: str) -> None:
+    """Replace a line's text, and press Enter."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    line.setFocus()
+    line.selectAll()
+    QTest.keyClicks(line, text)
+    QTest.keyClick(line, Qt.Key.Key_Return)
