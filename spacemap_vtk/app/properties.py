@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
+import time
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from spacemap_vtk.app.document import Document
@@ -10,6 +13,9 @@ from spacemap_vtk.app.feasible import intervals, settled
 from spacemap_vtk.app.fields.row import ParameterRow
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
+
+#: Feasible intervals are found no more often: finding them costs as much as a few frames.
+_LIMIT_SECONDS = 0.25
 
 
 class Properties(QScrollArea):
@@ -32,7 +38,13 @@ class Properties(QScrollArea):
         super().__init__()
         self._document = document
         self.section = ""
+        self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
+        self._limited = 0.0
+        self._later = QTimer(self)
+        self._later.setSingleShot(True)
+        self._later.setInterval(round(_LIMIT_SECONDS * 1e3))
+        self._later.timeout.connect(self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -49,6 +61,8 @@ class Properties(QScrollArea):
         """
         self.section = section
         self.rows = {}
+        self._shown = None
+        self._limited = 0.0
         page = QWidget()
         layout = QVBoxLayout(page)
         layout.setContentsMargins(10, 6, 10, 10)
@@ -72,12 +86,26 @@ class Properties(QScrollArea):
         if not self.section:
             return
         part = getattr(self._document.scene, self.section)
+        written = self._document.values.get(self.section, {})
+        # A drag elsewhere changes nothing here.
+        known_state = self.section, written, part.settings
+        if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
+            return
+        self._shown = known_state
+        for name, row in self.rows.items():
+            row.show_value(getattr(part, name), name not in written)
+        if time.perf_counter() - self._limited > _LIMIT_SECONDS:
+            self._show_limits()
+        elif not self._later.isActive():
+            self._later.start()
+
+    def _show_limits(self) -> None:
+        part = getattr(self._document.scene, self.section)
         feasible, known = intervals(part), settled(part)
         for name, row in self.rows.items():
-            value = getattr(part, name)
-            row.show_value(value, self._document.written(self.section, name) is None)
             row.settled = known.get(name)
             row.show_feasible(feasible.get(name))
+        self._limited = time.perf_counter()
 
     def mark(self, error: SpacemapError) -> None:
         """Mark the field that an error names, if it is here.
