@@ -30,6 +30,21 @@ from spacemap_vtk import (
 window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
 vtkOutputWindow.SetInstance(window)
 
+
+def made_and_left() -> float:
+    """Make a pipeline, as a function does that returns a number: its producers die first."""
+    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1))
+    modal, response, warp = ModalSolver(modes=6), ModalResponse(), BarycentricWarp()
+    for stage, source in ((cage, weave), (modal, cage), (response, modal), (warp, weave)):
+        stage.SetInputConnection(source.GetOutputPort())
+    warp.SetInputConnection(1, response.GetOutputPort())
+    warp.update(time=0.01)
+    return float(warp.GetOutputDataObject(0).GetBounds()[4])
+
+
+# Before VTK 9.7 the second or third of these corrupted memory.
+assert len({made_and_left() for _ in range(20)}) == 1
+
 weave = WeaveSource(ends=7, picks=7)
 cage = TetraCage(divisions=(5, 5, 1))
 modal = ModalSolver(youngs_modulus=1e3, density=300, modes=180, fixed="+y")
