@@ -32,18 +32,20 @@ vtkOutputWindow.SetInstance(window)
 
 
 def made_and_left() -> float:
-    """Make a pipeline, as a function does that returns a number: its producers die first."""
-    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1))
-    modal, response, warp = ModalSolver(modes=6), ModalResponse(), BarycentricWarp()
-    for stage, source in ((cage, weave), (modal, cage), (response, modal), (warp, weave)):
-        stage.SetInputConnection(source.GetOutputPort())
+    """Make a pipeline, and let go of its stages in the order of data, as a function does."""
+    weave, cage = WeaveSource(ends=4, picks=3), TetraCage(divisions=(3, 3, 1))
+    modal, response, warp = ModalSolver(modes=12), ModalResponse(), BarycentricWarp()
+    cage.SetInputConnection(weave.GetOutputPort())
+    modal.SetInputConnection(cage.GetOutputPort())
+    response.SetInputConnection(modal.GetOutputPort())
+    warp.SetInputConnection(0, weave.GetOutputPort())
     warp.SetInputConnection(1, response.GetOutputPort())
     warp.update(time=0.01)
     return float(warp.GetOutputDataObject(0).GetBounds()[4])
 
 
 # Before VTK 9.7 the second or third of these corrupted memory.
-assert len({made_and_left() for _ in range(20)}) == 1
+assert len({made_and_left() for _ in range(40)}) == 1
 
 weave = WeaveSource(ends=7, picks=7)
 cage = TetraCage(divisions=(5, 5, 1))
