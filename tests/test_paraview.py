@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import signal
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +26,8 @@ pytestmark = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
     reason="needs pvpython and xvfb-run: apt-get install paraview python3-paraview xvfb xauth",
 )
+#: For a shell that finds this Python and this package.
+SHELL = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
 
 
@@ -54,6 +61,66 @@ def test_mistakes_are_told_and_the_last_good_state_stays() -> None:
 
 def test_state_files(tmp_path: Path) -> None:
     assert "both state files load\n" in run(SCRIPTS / "state.py", tmp_path)
+
+
+@pytest.fixture(params=["plugin in its environment", "plugin loaded by the client"])
+def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, bool]]:
+    """Start pvserver in a shell with the printed lines; its port, and whether it has the plugin."""
+    has_plugin = request.param.endswith("environment")
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        port = free.getsockname()[1]
+    lines = 'eval "$(python -m spacemap_vtk paraview)"; '
+    if not has_plugin:
+        lines += "unset PV_PLUGIN_CONFIG_FILE; "
+    lines += f"exec pvserver --server-port={port}"
+    log = tmp_path / "server.log"
+    with log.open("w") as out:
+        process = subprocess.Popen(
+            [*XVFB, "sh", "-c", lines],
+            env={**SHELL, "LIBGL_ALWAYS_SOFTWARE": "1"},
+            stdout=out,
+            stderr=out,
+            cwd=ROOT,
+            start_new_session=True,
+        )
+    try:
+        deadline = time.monotonic() + 60
+        while "Accepting connection" not in log.read_text():
+            assert process.poll() is None and time.monotonic() < deadline, log.read_text()
+            time.sleep(0.1)
+        yield port, has_plugin
+        process.wait(timeout=30)  # the server ends with its only client
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_client_and_server(server: tuple[int, bool], tmp_path: Path) -> None:
+    port, has_plugin = server
+    picture = tmp_path / "remote.png"
+    arguments = [port, ROOT / "scenes" / "32-shaft_twill.wif", picture]
+    if not has_plugin:
+        arguments.append(environment.PLUGIN)
+    bare = {**os.environ, "LIBGL_ALWAYS_SOFTWARE": "1"}
+    done = subprocess.run(
+        [*XVFB, "pvpython", str(SCRIPTS / "remote.py"), *map(str, arguments)],
+        env=bare,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    # The server's messages reach the client: the two mistakes, each in one line, and nothing else.
+    messages = [line for line in done.stderr.splitlines() if "|" in line]
+    assert len(messages) == 2, done.stderr
+    assert "PatchTessellator: subdivisions = 1000: out of range" in messages[0]
+    assert "Make warp_diameter smaller" in messages[1]
+    assert "over the wire" in done.stdout
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(abs(red - blue) > 40) > 0.05
 
 
 def test_scenes_drafts_and_other_readers(tmp_path: Path) -> None:
@@ -115,8 +182,7 @@ def test_the_printed_lines_start_paraview_with_the_plugin() -> None:
     done = subprocess.run(
         ["sh", "-c", 'eval "$(python -m spacemap_vtk paraview)"; pvpython -c "$CODE"'],
         env={
-            **os.environ,
-            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+            **SHELL,
             "CODE": "from paraview.simple import *; print(PatchTessellator.__name__)",
         },
         capture_output=True,
