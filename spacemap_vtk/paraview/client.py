@@ -21,7 +21,11 @@ from spacemap_vtk.paraview.properties import property_of
 _SCRIPTING = "paraview.servermanager"
 #: What ParaView asks for when it first colours by an array named "color": no map from numbers to
 #: colours (VTK's vector mode RGBCOLORS), and no range that follows the data.
-_COLORS = {"VectorMode": 2, "AutomaticRescaleRangeMode": -1, "RGBPoints": [0, 0, 0, 0, 255, 1, 1, 1]}
+_COLORS = {
+    "VectorMode": 2,
+    "AutomaticRescaleRangeMode": -1,
+    "RGBPoints": [0, 0, 0, 0, 255, 1, 1, 1],
+}
 #: Below the user's own settings, which are ParaView's highest.
 _PRIORITY = 0.5
 
