@@ -87,7 +87,8 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
     try:
         deadline = time.monotonic() + 60
         while "Accepting connection" not in log.read_text():
-            assert process.poll() is None and time.monotonic() < deadline, log.read_text()
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.1)
         yield port, has_plugin
         process.wait(timeout=30)  # the server ends with its only client

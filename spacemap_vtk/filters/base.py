@@ -92,7 +92,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     if _GHOSTS_ARE_FRAGILE:
 
         def __del__(self) -> None:
-            values = vars(self)
+            values = self.__dict__
             for name in [name for name in values if getattr(type(self), name, name) is None]:
                 del values[name]
 
