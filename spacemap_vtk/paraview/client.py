@@ -1,13 +1,16 @@
-"""What the plugin does on ParaView's own side of the counter, where windows and scripts are.
+"""What the plugin adds to ParaView's scripting, on the side of the client.
 
 Nothing here is needed for the filters to work. Without it (a client that leaves the plugin to its
-server) the yarns' colours go through a colour map, and a number given for a text is refused.
+server) a number given for a text is refused.
+
+That yarns show their own colours without a click cannot be had in 5.11: a colour map in VTK's
+vector mode RGBCOLORS, by default for arrays named "color", does it, but that mode is none of
+ParaView's own, and the next choice of an array to colour by ends in a crash.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import json
 import sys
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -19,25 +22,10 @@ from spacemap_vtk.paraview.hosted import PROXIES
 from spacemap_vtk.paraview.properties import property_of
 
 _SCRIPTING = "paraview.servermanager"
-#: What ParaView asks for when it first colours by an array named "color": no map from numbers to
-#: colours (VTK's vector mode RGBCOLORS), and no range that follows the data.
-_COLORS = {
-    "VectorMode": 2,
-    "AutomaticRescaleRangeMode": -1,
-    "RGBPoints": [0, 0, 0, 0, 255, 1, 1, 1],
-}
-#: Below the user's own settings, which are ParaView's highest.
-_PRIORITY = 0.5
 
 
 def prepare() -> None:
-    """Show yarns in their own colours, and let scripts give what the filters themselves take."""
-    try:
-        from paraview.modules.vtkRemotingServerManager import vtkSMSettings
-    except ImportError:  # a server without a client's libraries
-        return
-    defaults = {"array_lookup_tables": {"color": {"PVLookupTable": _COLORS}}}
-    vtkSMSettings.GetInstance().AddCollectionFromString(json.dumps(defaults), _PRIORITY)
+    """Let scripts give what the filters themselves take: numbers for texts, units, None."""
     if _SCRIPTING in sys.modules:
         _adapt(sys.modules[_SCRIPTING])
     else:
