@@ -63,6 +63,19 @@ def test_state_files(tmp_path: Path) -> None:
     assert "both state files load\n" in run(SCRIPTS / "state.py", tmp_path)
 
 
+def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
+    assert run(SCRIPTS / "colours.py", tmp_path) == "yarns in their own colours\n"
+    pictures = [
+        np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
+        for name in ("shown", "again", "displacement", "map")
+    ]
+    red, _, blue = pictures[0].reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+    assert np.abs(pictures[1] - pictures[0]).max() <= 1
+    for picture in pictures[2:]:
+        assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
+
+
 @pytest.fixture(params=["plugin in its environment", "plugin loaded by the client"])
 def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, bool]]:
     """Start pvserver in a shell with the printed lines; its port, and whether it has the plugin."""

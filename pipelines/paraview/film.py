@@ -28,7 +28,7 @@ assert abs(farthest - 0.026) < 0.003
 assert abs(max(reach) - 1.45e-3) < 0.05e-3  # as CalculiX's sheet, see on_a_result.py
 
 view = simple.GetActiveViewOrCreate("RenderView")
-simple.Show(cloth, view).MapScalars = 0  # the colours are the yarns' own
+simple.Show(cloth, view)  # in the yarns' own colours
 view.CameraPosition, view.CameraFocalPoint = [7e-3, 2e-3, 6e-3], [0.0, 0.0, 0.5e-3]
 view.CameraViewUp = [0.0, 1.0, 0.0]
 animation = simple.GetAnimationScene()

@@ -38,7 +38,7 @@ for time in (0.01, 0.02, 0.026, 0.04):
     assert abs(out - expected) < 0.01 * expected
 
 view = simple.GetActiveViewOrCreate("RenderView")
-simple.Show(surface, view).MapScalars = 0  # the colours are the yarns' own
+simple.Show(surface, view)  # in the yarns' own colours
 edges = simple.Show(simple.WarpByVector(Input=sheet, Vectors="U"), view)
 edges.SetRepresentationType("Wireframe")
 simple.ColorBy(edges, None)

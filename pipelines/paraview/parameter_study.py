@@ -36,7 +36,7 @@ for modulus, sag, frequency in zip(moduli, sags, frequencies, strict=True):
 
 modal.YoungsModulus = moduli[0]
 view = simple.GetActiveViewOrCreate("RenderView")
-simple.Show(surface, view).MapScalars = 0  # the colours are the yarns' own
+simple.Show(surface, view)  # in the yarns' own colours
 simple.ResetCamera(view)
 view.GetActiveCamera().Azimuth(40)
 simple.Render(view)

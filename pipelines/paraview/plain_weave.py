@@ -40,7 +40,7 @@ print(f"sag {sag * 1e6:.1f} um, swing {swung * 1e6:.1f} um after {half_a_period 
 assert 1.9 < swung / sag < 2.1, swung / sag
 
 view = simple.GetActiveViewOrCreate("RenderView")
-simple.Show(surface, view).MapScalars = 0  # the colours are the yarns' own
+simple.Show(surface, view)  # in the yarns' own colours
 edges = simple.Show(response, view)
 edges.SetRepresentationType("Wireframe")
 simple.Hide(weave, view)

@@ -2,10 +2,6 @@
 
 Nothing here is needed for the filters to work. Without it (a client that leaves the plugin to its
 server) a number given for a text is refused.
-
-That yarns show their own colours without a click cannot be had in 5.11: a colour map in VTK's
-vector mode RGBCOLORS, by default for arrays named "color", does it, but that mode is none of
-ParaView's own, and the next choice of an array to colour by ends in a crash.
 """
 
 from __future__ import annotations
