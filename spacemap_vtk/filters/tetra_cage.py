@@ -19,7 +19,9 @@ from spacemap_vtk.cage.split import mended
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.extent import bounds_of_whole
 from spacemap_vtk.filters.outline import edge_faults, envelope, outline
+from spacemap_vtk.filters.processes import WHOLE, Piece, Processes
 from spacemap_vtk.filters.reading import merged, read_blocks
 from spacemap_vtk.filters.tetwild import filled
 from spacemap_vtk.filters.volume import tetrahedral
@@ -54,6 +56,7 @@ class TetraCage(Stage):
 
     section = "cage"
     inputs = ("vtkDataSet",)
+    replicated = True
 
     method = Choice(
         "lattice",
@@ -105,7 +108,7 @@ class TetraCage(Stage):
         if self.method == "file":
             self._from_file(output)
             return
-        if inputs[0].GetNumberOfPoints() == 0:
+        if inputs[0].GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
         if self.method == "tetwild":
             vertices, tetrahedra = self._wild(inputs[0])
@@ -118,9 +121,17 @@ class TetraCage(Stage):
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))
 
+    def input_piece(self, port: int, piece: Piece) -> Piece:
+        """Return what part of the object is needed: all of it where the other parts are nowhere."""
+        if self.method in ("carved", "tetwild") and Processes.of(piece) is None:
+            return WHOLE
+        return super().input_piece(port, piece)
+
     def _box(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         divisions = np.array(self.divisions)
-        bounds = np.array(padded_bounds(data.GetBounds(), self.padding)).reshape(3, 2)
+        piece = self.input_piece(0, self.piece)
+        whole = bounds_of_whole(data, piece, self._processes)
+        bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
         carved = self.method == "carved"
         if carved:  # room for the margin, in whole hexahedra
             step = (bounds[:, 1] - bounds[:, 0]) / divisions
@@ -139,6 +150,8 @@ class TetraCage(Stage):
         points, triangles = outline(data)
         spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
         kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        if self._processes is not None:
+            kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
         kept = grown(kept, self.margin, self.fill)
         sizes, loose = pieces(kept)
         if len(sizes) > 1:
@@ -159,7 +172,28 @@ class TetraCage(Stage):
         return vertices[used], numbers.reshape(-1, 4)
 
     def _wild(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        points, triangles = outline(data)
+        if self._processes is None:
+            points, triangles = outline(data)
+            return self._filled(points, triangles)
+        # Each process gives the outline of its piece. The mesher does not repeat itself, so that
+        # one process makes the mesh for all.
+        corners = np.empty((0, 9))
+        if data.GetNumberOfPoints():
+            points, triangles = outline(data)
+            corners = points[triangles].reshape(-1, 9)
+        corners = self._processes.gathered(corners)
+
+        def make() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            points, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+            vertices, tetrahedra = self._filled(points, numbers.reshape(-1, 3))
+            return vertices, tetrahedra.astype(np.float64)
+
+        vertices, tetrahedra = self._processes.from_first(make)
+        return vertices, tetrahedra.astype(np.int64)
+
+    def _filled(
+        self, points: NDArray[np.float64], triangles: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
