@@ -45,9 +45,9 @@ def share_of(drawdown: ArrayLike, cloth: Cloth, piece: int, pieces: int) -> Shar
     """
     over = checked(drawdown, cloth)
     parts = np.concatenate([_parts(over.T, cloth, "warp"), _parts(over, cloth, "weft")])
-    before = np.cumsum(parts) - parts
-    # a yarn that begins on the border by all but rounding belongs behind it
-    owner = np.floor(pieces * before / parts.sum() + 1e-9)
+    middle = np.cumsum(parts) - 0.5 * parts
+    owner = np.floor(pieces * middle / parts.sum())
+    owner -= owner[0]
     start, stop = np.searchsorted(owner, [piece, piece + 1]).tolist()
     ends = over.shape[1]
     return Share(

@@ -21,7 +21,6 @@ from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import bounds_of_whole
 from spacemap_vtk.filters.outline import edge_faults, envelope, outline
-from spacemap_vtk.filters.processes import WHOLE, Piece, Processes
 from spacemap_vtk.filters.reading import merged, read_blocks
 from spacemap_vtk.filters.tetwild import filled
 from spacemap_vtk.filters.volume import tetrahedral
@@ -110,6 +109,15 @@ class TetraCage(Stage):
             return
         if inputs[0].GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
+        if self.method != "lattice" and self.piece.of > 1 and self._processes is None:
+            # Asking for all of the object would give all of it to the other consumers as well.
+            raise InputError(
+                f"this cage follows the object's shape, and only piece {self.piece.number} of "
+                f"{self.piece.of} is here",
+                key="method",
+                value=self.method,
+                cure='Use method = "lattice", a cage from a file, or as many processes as pieces.',
+            )
         if self.method == "tetwild":
             vertices, tetrahedra = self._wild(inputs[0])
         else:
@@ -121,16 +129,9 @@ class TetraCage(Stage):
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))
 
-    def input_piece(self, port: int, piece: Piece) -> Piece:
-        """Return what part of the object is needed: all of it where the other parts are nowhere."""
-        if self.method in ("carved", "tetwild") and Processes.of(piece) is None:
-            return WHOLE
-        return super().input_piece(port, piece)
-
     def _box(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         divisions = np.array(self.divisions)
-        piece = self.input_piece(0, self.piece)
-        whole = bounds_of_whole(data, piece, self._processes)
+        whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
         carved = self.method == "carved"
         if carved:  # room for the margin, in whole hexahedra
