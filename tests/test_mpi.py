@@ -14,8 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from PIL import Image
+from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader
 
 from spacemap_vtk.paraview import environment
+from spacemap_vtk.scenes.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "tests" / "mpi"
@@ -96,10 +99,8 @@ def ordered(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     middle = arrays["corners"].mean(axis=1)
     rounded = np.round(middle / (1e-5 * np.ptp(middle)))
     owner = arrays.get("yarn", arrays.get("part"))
-    if "yarn" in arrays:
-        rows = np.argsort(owner, kind="stable")  # cells of a yarn keep their order
-    else:
-        rows = np.lexsort([*rounded.T, owner])
+    keys = [owner] if "yarn" in arrays else [*rounded.T, owner]  # of a yarn in their order
+    rows = np.lexsort(keys)
     return {name: values[rows] for name, values in arrays.items()}
 
 
@@ -137,3 +138,61 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
                 np.testing.assert_allclose(found[key], values, atol=2e-6 * size, err_msg=name)
             else:
                 np.testing.assert_array_equal(found[key], values, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("processes", "yarns"), [(2, (7, 7)), (3, (7, 7)), (5, (1, 2))], ids=["2", "3", "idle"]
+)
+def test_scenes_and_files(processes: int, yarns: tuple[int, int], tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(
+        f"[weave]\nends = {yarns[0]}\npicks = {yarns[1]}\n"
+        "[cage]\ndivisions = [3, 3, 2]\n[modal]\nmodes = 40\n[response]\ngravity = [0, 0, -9]\n"
+    )
+    code, out, error = mpirun("-np", processes, "pvbatch", SCRIPTS / "proxies.py", file, tmp_path)
+    assert (code, error) == (0, ""), out + error
+    assert out == "[1, 1, 1, 1]\n"
+    scene = Scene.read(file)
+    scene.update(0.05)
+    expected = ordered(surface(scene.polygons))
+    reader = vtkXMLPPolyDataReader()
+    reader.SetFileName(str(tmp_path / "surface.pvtp"))
+    reader.Update()
+    found = ordered(surface(reader.GetOutput()))
+    size = np.ptp(expected["corners"])
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, atol=2e-6 * size, err_msg=name)
+    patches = pv.read(tmp_path / "patches.pvtu")
+    assert patches.n_cells == scene.patches.GetNumberOfCells()
+    np.testing.assert_allclose(patches.bounds, scene.patches.GetBounds(), atol=1e-9 * size)
+    written = {path.name for path in (tmp_path / "patches").iterdir()}
+    assert len(written) == min(processes, sum(yarns))  # nothing for idle processes
+
+
+def test_an_error_of_one_process_stops_all_with_its_message(tmp_path: Path) -> None:
+    folders = [tmp_path / "with", tmp_path / "without"]
+    for folder in folders:
+        folder.mkdir()
+    (folders[0] / "draft.txt").write_text("10\n01\n")
+    script = ["pvbatch", SCRIPTS / "mistake.py"]
+    code, out, error = mpirun(
+        *("-np", 2, "-wdir", folders[0], *script, ":"),
+        *("-np", 1, "-wdir", folders[1], *script),
+    )
+    assert (code, out) == (0, "all stopped, and went on\n"), out + error
+    assert "process 2 of 3 has failed: " in error
+    assert "draft.txt" in error
+    assert error.count("has failed") <= 2, error  # once for each consumer of the weave
+
+
+@pytest.mark.parametrize(("processes", "yarns"), [(2, 16), (3, 16), (5, 2)], ids=["2", "3", "idle"])
+def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None:
+    picture = tmp_path / "cloth.png"
+    script = ROOT / "pipelines" / "paraview" / "cloth_over_ranks.py"
+    code, out, error = mpirun("-np", processes, "pvbatch", script, picture, yarns)
+    assert (code, error) == (0, ""), out + error
+    assert out.startswith("stretch ")
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+    assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
+    assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
