@@ -125,6 +125,9 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
             )
             np.testing.assert_array_equal(piece["cage"], pieces[0]["cage"])
             np.testing.assert_array_equal(piece["displacement"], pieces[0]["displacement"])
+        assert [bool(piece["solved"]) for piece in pieces] == [
+            "motion" not in case and rank == 0 for rank in range(processes)
+        ]
         size = np.ptp(expected["corners"])
         cage = pv.wrap(stages[-3].GetOutputDataObject(0))
         np.testing.assert_allclose(pieces[0]["cage"], cage.points, atol=1e-9 * size)
@@ -196,3 +199,20 @@ def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None
     assert np.mean(red - blue > 40) > 0.03  # the weft's sand
     assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
     assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
+
+
+def test_memory_and_work_fall_with_the_number_of_processes(tmp_path: Path) -> None:
+    taken = {}
+    for processes in (1, 3):
+        folder = tmp_path / str(processes)
+        folder.mkdir()
+        script = ROOT / "benchmarks" / "ranks.py"
+        code, _, error = mpirun(
+            *("-np", processes, "pvbatch", "--symmetric", script, "worker", 110, folder)
+        )
+        assert (code, error) == (0, "")
+        found = [json.loads(file.read_text()) for file in folder.iterdir()]
+        assert len(found) == processes
+        taken[processes] = max(each["peak"] - each["base"] for each in found)
+    # A third of the yarns; the cage, its modes and what a picture takes stay.
+    assert taken[3] < 0.6 * taken[1], taken

@@ -8,6 +8,7 @@ OUT gets ``NAME_RANK.npz`` for each case, CASES is JSON: by name, what `connecte
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from paraview import simple  # noqa: F401  loads the plugin
@@ -17,7 +18,14 @@ from vtkmodules.vtkParallelCore import vtkMultiProcessController
 sys.path.insert(0, str(Path(__file__).parent))
 from cases import connected, surface
 
+from spacemap_vtk import ModalSolver
 from spacemap_vtk.filters.processes import Piece
+
+
+def solver_model(stages: list[Any]) -> Any:
+    """Return the cage's mechanical model, if it is computed here."""
+    return next((stage._model for stage in stages if isinstance(stage, ModalSolver)), None)
+
 
 controller = vtkMultiProcessController.GetGlobalController()
 piece = Piece(controller.GetLocalProcessId(), controller.GetNumberOfProcesses())
@@ -32,6 +40,10 @@ for name, case in json.loads(Path(sys.argv[2]).read_text()).items():
         executions=[stage.executions for stage in stages],
         cage=vtk_to_numpy(cage.GetPoints().GetData()),
         displacement=vtk_to_numpy(cage.GetPointData().GetArray("displacement")),
+        solved=[
+            hasattr(stage, "_model") and "pencil" in vars(stage._model.structure)
+            for stage in stages
+        ],
         owned=np.count_nonzero(ghosts == 0),
         **surface(stages[-1].GetOutputDataObject(0)),
     )
