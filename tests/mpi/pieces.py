@@ -22,9 +22,13 @@ from spacemap_vtk import ModalSolver
 from spacemap_vtk.filters.processes import Piece
 
 
-def solver_model(stages: list[Any]) -> Any:
-    """Return the cage's mechanical model, if it is computed here."""
-    return next((stage._model for stage in stages if isinstance(stage, ModalSolver)), None)
+def solves(stages: list[Any]) -> bool:
+    """Return whether this process has factorised the cage's matrices."""
+    return any(
+        "pencil" in vars(stage._model.structure)
+        for stage in stages
+        if isinstance(stage, ModalSolver)
+    )
 
 
 controller = vtkMultiProcessController.GetGlobalController()
@@ -40,10 +44,7 @@ for name, case in json.loads(Path(sys.argv[2]).read_text()).items():
         executions=[stage.executions for stage in stages],
         cage=vtk_to_numpy(cage.GetPoints().GetData()),
         displacement=vtk_to_numpy(cage.GetPointData().GetArray("displacement")),
-        solved=[
-            hasattr(stage, "_model") and "pencil" in vars(stage._model.structure)
-            for stage in stages
-        ],
+        solved=solves(stages),
         owned=np.count_nonzero(ghosts == 0),
         **surface(stages[-1].GetOutputDataObject(0)),
     )
