@@ -88,8 +88,7 @@ class PatchTessellator(Stage):
             if array is rational:
                 continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
-            values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values, weights)
+            values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))
