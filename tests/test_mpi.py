@@ -42,6 +42,7 @@ def mpirun(*arguments: object, timeout: float = 150.0, **more: Any) -> tuple[int
             **environment.process_environment(),
             "LIBGL_ALWAYS_SOFTWARE": "1",
             "SPACEMAP_CACHE": "off",
+            "OMPI_MCA_plm": "isolated",  # one machine: no ssh is looked for
         },
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
