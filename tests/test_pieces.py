@@ -106,6 +106,13 @@ def test_one_piece_has_nothing_that_the_whole_has_not() -> None:
         np.testing.assert_array_equal(after[name], values)
 
 
+def test_stage_by_stage_nothing_runs_twice() -> None:
+    stages = connected({"ends": 4, "picks": 4})
+    for stage in stages:
+        stage.update(MOVED, Piece(1, 3))
+    assert [stage.executions for stage in stages] == [1] * 6
+
+
 def test_ghost_levels_add_nothing_to_yarns() -> None:
     # yarns share no points, so that none is a neighbour
     weave = WeaveSource(ends=4, picks=4)

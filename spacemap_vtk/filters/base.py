@@ -68,6 +68,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     whole_inputs: ClassVar[tuple[int, ...]] = ()
     #: Whether the output is whole in each piece.
     replicated: bool = False
+    #: Whether pieces of the output share no points, so that they need no ghosts.
+    seamless: bool = False
 
     # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
     InputType: str = ""
@@ -374,18 +376,23 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         Returns
         -------
         Piece
-            With a layer of ghost cells, which tells a face between pieces from an outer one.
+            With a layer of ghost cells, which tells a face between pieces from an outer one,
+            where there can be such faces.
         """
-        if port in self.whole_inputs and not self._is_replicated(port):
+        if self._comes_from(port, "replicated"):
+            return piece
+        if port in self.whole_inputs:
             return WHOLE
+        if self._comes_from(port, "seamless"):
+            return piece  # another number of ghosts would run what is above once more
         return piece._replace(ghosts=max(piece.ghosts, 1))
 
-    def _is_replicated(self, port: int) -> bool:
-        """Return whether an input is whole in each piece, as all is that comes from a cage."""
+    def _comes_from(self, port: int, kind: str) -> bool:
+        """Return whether a stage of a kind is above an input: what it makes stays of that kind."""
         waiting = [self.GetInputConnection(port, 0).GetProducer()]
         while waiting:
             stage = waiting.pop()
-            if isinstance(stage, Stage) and stage.replicated:
+            if isinstance(stage, Stage) and getattr(stage, kind):
                 return True
             for index in range(stage.GetNumberOfInputPorts()):
                 for number in range(stage.GetNumberOfInputConnections(index)):

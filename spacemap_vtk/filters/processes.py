@@ -43,13 +43,25 @@ class PeerError(SpacemapError, RuntimeError):
 
 
 def world() -> int:
-    """Return how many processes there are."""
+    """Return how many processes there are, 1 where there is no MPI.
+
+    Returns
+    -------
+    int
+        Their number.
+    """
     controller = vtkMultiProcessController.GetGlobalController()
     return 1 if controller is None else int(controller.GetNumberOfProcesses())
 
 
 def is_first() -> bool:
-    """Return whether this process speaks for all: it is the first, or alone."""
+    """Return whether this process speaks for all.
+
+    Returns
+    -------
+    bool
+        True of the first, and of one that is alone.
+    """
     controller = vtkMultiProcessController.GetGlobalController()
     return controller is None or controller.GetLocalProcessId() == 0
 

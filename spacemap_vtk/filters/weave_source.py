@@ -52,6 +52,7 @@ class WeaveSource(Stage):
     """
 
     section = "weave"
+    seamless = True
 
     _settled: tuple[tuple[Any, ...], Fabric] | None = None
 
