@@ -34,7 +34,7 @@ XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe"]
 
 
-def mpirun(*arguments: object, timeout: float = 150.0, **more: Any) -> tuple[int, str, str]:
+def mpirun(*arguments: object, timeout: float = 300.0, **more: Any) -> tuple[int, str, str]:
     """Run a command; what hangs is ended with all that it has started."""
     process = subprocess.Popen(
         [*XVFB, *MPIRUN, *map(str, arguments)],
@@ -88,6 +88,10 @@ def cases(folder: Path) -> dict[str, dict[str, Any]]:
         "carved": {"source": {"ends": 5, "picks": 4}, "cage": {"method": "carved", "margin": 1}},
         "ball": {"source": {"file": str(folder / "ball.vtp"), "rotate": [0, 30, 0]}},
         "block": {"source": {"file": str(folder / "block.vtu"), "scale": 2.0}},
+        "idle": {
+            "source": {"ends": 1, "picks": 1, "overhang": 1e-3},
+            "cage": {"method": "carved"},
+        },
         "motion": {
             "source": {"ends": 5, "picks": 4},
             "motion": {"file": str(folder / "cage.pvd")},
@@ -134,7 +138,7 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
         np.testing.assert_allclose(pieces[0]["cage"], cage.points, atol=1e-9 * size)
         assert sum(int(piece["owned"]) for piece in pieces) == cage.n_cells
         filled = [piece for piece in pieces if "corners" in piece]
-        assert len(filled) == processes
+        assert len(filled) == (2 if name == "idle" else processes)
         found = ordered({key: np.concatenate([piece[key] for piece in filled]) for key in expected})
         assert np.ptp(expected["moved"]) > 1e-3 * size, name
         for key, values in expected.items():
@@ -184,7 +188,7 @@ def test_an_error_of_one_process_stops_all_with_its_message(tmp_path: Path) -> N
         *("-np", 1, "-wdir", folders[1], *script),
     )
     assert (code, out) == (0, "all stopped, and went on\n"), out + error
-    assert "process 2 of 3 has failed: " in error
+    assert "rank 2 of 3 has failed: " in error
     assert "draft.txt" in error
     assert error.count("has failed") <= 2, error  # once for each consumer of the weave
 

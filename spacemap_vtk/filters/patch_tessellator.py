@@ -71,7 +71,7 @@ class PatchTessellator(Stage):
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
-        if self.piece.of > 1 and grid.GetNumberOfCells() == 0:
+        if self.piece.of > 1 and grid.GetNumberOfPoints() == 0:
             return  # a process with nothing to do
         if isinstance(grid, vtkPolyData):
             output.ShallowCopy(grid)

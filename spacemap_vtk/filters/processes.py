@@ -191,28 +191,6 @@ class Processes:
                 self._controller.Broadcast(numpy_to_vtk(array.reshape(-1)), 0)
         return made
 
-    def gathered(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rows of all processes, one below the other.
-
-        Parameters
-        ----------
-        rows : ndarray of float64, shape (n, k)
-            The same k everywhere.
-
-        Returns
-        -------
-        ndarray of float64, shape (sum of n, k)
-            The same everywhere.
-        """
-        self.agree()
-        count = np.zeros(self.size)
-        count[self.rank] = len(rows)
-        counts = self._largest(count).astype(int)
-        padded = np.zeros((counts.max(initial=0), rows.shape[1]))
-        padded[: len(rows)] = rows
-        every = self._gather(padded.ravel()).reshape(self.size, *padded.shape)
-        return np.concatenate([part[:n] for part, n in zip(every, counts, strict=True)])
-
     def _tell(self, **facts: Any) -> list[dict[str, Any]]:
         """Return what each process says; raise if one of the others says that it has failed."""
         facts = {key: value for key, value in facts.items() if value}
@@ -230,7 +208,7 @@ class Processes:
             if self.rank not in failed:
                 where = ", ".join(str(rank) for rank in failed)
                 raise PeerError(
-                    f"process {where} of {self.size} has failed: {told[failed[0]]['error']}"
+                    f"rank {where} of {self.size} has failed: {told[failed[0]]['error']}"
                 )
         return told
 

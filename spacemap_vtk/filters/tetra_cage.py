@@ -109,14 +109,15 @@ class TetraCage(Stage):
             return
         if inputs[0].GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
-        if self.method != "lattice" and self.piece.of > 1 and self._processes is None:
+        apart = self.piece.of > 1 and self._processes is None
+        if self.piece.of > 1 and (self.method == "tetwild" or (apart and self.method == "carved")):
             # Asking for all of the object would give all of it to the other consumers as well.
             raise InputError(
                 f"this cage follows the object's shape, and only piece {self.piece.number} of "
                 f"{self.piece.of} is here",
                 key="method",
                 value=self.method,
-                cure='Use method = "lattice", a cage from a file, or as many processes as pieces.',
+                cure='Write the cage of the whole object to a file, and use method = "file".',
             )
         if self.method == "tetwild":
             vertices, tetrahedra = self._wild(inputs[0])
@@ -148,9 +149,11 @@ class TetraCage(Stage):
         vertices, tetrahedra = lattice(bounds.ravel().tolist(), divisions.tolist())
         if not carved:
             return vertices, tetrahedra
-        points, triangles = outline(data)
-        spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
-        kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        kept = np.zeros(divisions[::-1], dtype=bool)
+        if data.GetNumberOfPoints():  # a process may have nothing to do
+            points, triangles = outline(data)
+            spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
+            kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
         if self._processes is not None:
             kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
         kept = grown(kept, self.margin, self.fill)
@@ -173,28 +176,7 @@ class TetraCage(Stage):
         return vertices[used], numbers.reshape(-1, 4)
 
     def _wild(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        if self._processes is None:
-            points, triangles = outline(data)
-            return self._filled(points, triangles)
-        # Each process gives the outline of its piece. The mesher does not repeat itself, so that
-        # one process makes the mesh for all.
-        corners = np.empty((0, 9))
-        if data.GetNumberOfPoints():
-            points, triangles = outline(data)
-            corners = points[triangles].reshape(-1, 9)
-        corners = self._processes.gathered(corners)
-
-        def make() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            points, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-            vertices, tetrahedra = self._filled(points, numbers.reshape(-1, 3))
-            return vertices, tetrahedra.astype(np.float64)
-
-        vertices, tetrahedra = self._processes.from_first(make)
-        return vertices, tetrahedra.astype(np.int64)
-
-    def _filled(
-        self, points: NDArray[np.float64], triangles: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        points, triangles = outline(data)
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
