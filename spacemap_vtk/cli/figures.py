@@ -152,7 +152,9 @@ def materials(*, json_: Json = False) -> None:
         return
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     for heading in ("material", "g/m²", "C11", "C12", "C22", "C33", "plate"):
-        table.add_column(heading, justify="left" if heading == "material" else "right")
+        table.add_column(
+            heading, justify="left" if heading == "material" else "right", no_wrap=True
+        )
     table.add_column("sold as")
     for name, fabric in FABRICS.items():
         table.add_row(
