@@ -22,7 +22,7 @@ from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.parameters import FilePath, Parameterised, suggestion
+from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.settings import Animation, View
 
@@ -296,9 +296,7 @@ class Scene:
         folder = self.file.parent if self.file else Path()
         with _naming_section(section):
             for key, value in values.items():
-                if isinstance(part.parameter(key), FilePath) and isinstance(value, str) and value:
-                    value = folder / value
-                part.configure(**{key: value})
+                part.configure(**{key: part.parameter(key).within(value, folder)})
 
     def _part(self, section: str) -> Parameterised:
         if section not in SECTIONS:
