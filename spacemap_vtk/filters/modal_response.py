@@ -141,7 +141,8 @@ class ModalResponse(Stage):
                 f"{ways[0]} and {ways[1]} both say how much is damped",
                 key=ways[0],
                 value=getattr(self, ways[0]),
-                cure=f"Leave out {ways[0]} or {ways[1]}.",
+                cure=f"Leave out {ways[0]} or {ways[1]}"
+                + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
         if self.damping_ratio is not None:
             return Damping(ratio=self.damping_ratio)
