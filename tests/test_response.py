@@ -267,7 +267,13 @@ def test_given_fields_come_from_point_arrays() -> None:
     residual += chain.model.mass @ chain.at(0.0, "velocity").ravel()  # alpha is 1
     np.testing.assert_allclose(residual[free.ravel()], fields["push"][free], atol=1e-15)
     chain.response.initial_velocity_array = "sped"
-    with pytest.raises(InputError, match=r'needs an array "sped".*"speed"'):
+    with pytest.raises(InputError, match=r'needs an array "sped".* and \d+ more.*mean "speed"'):
+        chain.response.update()
+    array = numpy_to_vtk(np.where(fields["push"] > 0, np.nan, 0.0), deep=True)
+    array.SetName("wind")
+    grid.GetPointData().AddArray(array)
+    chain.response.configure(initial_velocity_array="", loads=[{"array": "wind"}])
+    with pytest.raises(InputError, match=r'loads\[0\]\.array: \d+ of the \d+ vectors .*"wind"'):
         chain.response.update()
 
 
@@ -474,6 +480,15 @@ def test_a_load_on_supports_is_reported() -> None:
     chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
     chain.response.update(0.1)
     assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings
+
+
+def test_a_force_that_misses_the_cage_is_reported() -> None:
+    chain = Chain(gravity=(0, 0, 0), loads=[{"force": [0, 0, 1e-6], "at": [0, 0, 0]}])
+    chain.response.update(0.0)
+    assert not any("away" in text for text in chain.response.warnings)
+    chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
+    chain.response.update(0.0)
+    assert "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
 
 
 @pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])
