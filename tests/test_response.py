@@ -488,7 +488,9 @@ def test_a_force_that_misses_the_cage_is_reported() -> None:
     assert not any("away" in text for text in chain.response.warnings)
     chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
     chain.response.update(0.0)
-    assert "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
+    assert (
+        "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
+    )
 
 
 @pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])

@@ -155,7 +155,8 @@ class ModalSolver(Stage):
             self.fixed,
             lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
         )
-        elasticity, density = self._material(vertices)
+        extent = float(np.ptp(vertices[:, 2]))
+        elasticity, density = self.constants(extent)
         linear = elements.shape[1] == 4
         corners = elements[:, :4]
         self._check_size(int((~held).sum()), layers_through_thickness(vertices, corners), linear)
@@ -171,20 +172,36 @@ class ModalSolver(Stage):
         eigenvalues = eigenvalues * (model.modulus / model.density)
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
+        if self.material in FABRICS and self.youngs_moduli is None:
+            self._warn_of_thickness(FABRICS[self.material].plate, extent)
         if linear:
             self._warn_of_stiffness(vertices, corners, elasticity)
 
-    def _material(self, vertices: FloatArray) -> tuple[FloatArray, float]:
-        """Return the elasticity matrix along x, y and z, and the density; or say what is wrong."""
+    def constants(self, extent: float) -> tuple[FloatArray, float]:
+        """Return the material's constants.
+
+        Parameters
+        ----------
+        extent : float
+            Of the cage along z [m], over which those of a measured fabric are spread.
+
+        Returns
+        -------
+        elasticity : ndarray of float64, shape (6, 6)
+            Along x, y and z [Pa].
+        density : float
+            In kg/m³.
+
+        Raises
+        ------
+        InputError
+            If a parameter is missing or belongs to another material, or no stable solid has them.
+        """
         keys = ("youngs_moduli", "shear_moduli", "poissons_ratios", "density", "thickness")
         given = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
         if self.material in FABRICS:
-            fabric = FABRICS[self.material]
-            extent = float(np.ptp(vertices[:, 2]))
             thickness = given.pop("thickness", extent)
-            solid = fabric.solid(thickness)._replace(**given)
-            if "youngs_moduli" not in given:
-                self._warn_of_thickness(fabric.plate, extent)
+            solid = FABRICS[self.material].solid(thickness)._replace(**given)
             return along_fabric(orthotropic(*solid[:3])), solid.density
         density = given.pop("density", DENSITY)
         if self.material == "orthotropic":

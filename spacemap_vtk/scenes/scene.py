@@ -234,8 +234,8 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, the damping
-            contradicts itself, or the animation has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the cage's material
+            is none, the damping contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
             if self.source is self.object:
@@ -243,6 +243,8 @@ class Scene:
                     self.object.load()
             else:
                 self._check_weave()
+            with _naming_section("modal"):
+                self.modal.constants(1.0)
             with _naming_section("response"):
                 _ = self.response.damping
             with _naming_section("animation"):
