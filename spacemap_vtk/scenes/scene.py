@@ -23,7 +23,7 @@ from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.parameters import FilePath, Parameterised, suggestion
+from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.settings import Animation, View
 
@@ -241,8 +241,8 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, the damping
-            contradicts itself, or the animation has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the cage's material
+            is none, the damping contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
             if self.source is self.object:
@@ -250,6 +250,8 @@ class Scene:
                     self.object.load()
             else:
                 self._check_weave()
+            with _naming_section("modal"):
+                self.modal.constants(1.0)
             with _naming_section("response"):
                 _ = self.response.damping
             with _naming_section("animation"):
@@ -303,9 +305,7 @@ class Scene:
         folder = self.file.parent if self.file else Path()
         with _naming_section(section):
             for key, value in values.items():
-                if isinstance(part.parameter(key), FilePath) and isinstance(value, str) and value:
-                    value = folder / value
-                part.configure(**{key: value})
+                part.configure(**{key: part.parameter(key).within(value, folder)})
 
     def _part(self, section: str) -> Parameterised:
         if section not in SECTIONS:
