@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     vtkCellArray,
+    vtkDataSetAttributes,
     vtkFieldData,
     vtkPointSet,
     vtkPolyData,
@@ -27,6 +28,7 @@ from spacemap_vtk.filters.arrays import (
     to_points,
 )
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.kept import Connectivity
 from spacemap_vtk.filters.skin import Skin
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
@@ -69,13 +71,17 @@ class PatchTessellator(Stage):
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
+        if self.piece.of > 1 and grid.GetNumberOfPoints() == 0:
+            return  # a process with nothing to do
         if isinstance(grid, vtkPolyData):
             output.ShallowCopy(grid)
+            self._drop_ghosts(output)
             return
         if not _only_patches(grid):
             if self._skin is None:
                 self._skin = Skin()
             self._skin.extract(grid, self.subdivisions, output)
+            self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
         rational = grid.GetPointData().GetRationalWeights()
@@ -88,12 +94,18 @@ class PatchTessellator(Stage):
             if array is rational:
                 continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
-            values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values, weights)
+            values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
+
+    def _drop_ghosts(self, output: vtkPolyData) -> None:
+        """Drop what was there to find the outer faces of a piece."""
+        if self.piece.of > 1 and self.piece.ghosts == 0:
+            output.RemoveGhostCells()
+            for data in (output.GetCellData(), output.GetPointData()):
+                data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
     def _prepared(self, grid: vtkUnstructuredGrid) -> _Prepared:
         if self._kept is None or not self._kept.serves(grid, self.subdivisions):
@@ -122,27 +134,31 @@ class _Prepared:
             cure="Use fewer subdivisions, or fewer yarns.",
         )
         self.subdivisions = subdivisions
-        self.connectivity = grid.GetCells().GetConnectivityArray()
-        self.modified = self.connectivity.GetMTime()
+        self.cells = Connectivity(grid)
         self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
         self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
 
     def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
-        connectivity = grid.GetCells().GetConnectivityArray()
-        return (
-            self.subdivisions == subdivisions
-            and self.connectivity is connectivity
-            and self.modified == connectivity.GetMTime()
-        )
+        return self.subdivisions == subdivisions and self.cells.matches(grid)
 
     def cell_array(self, array: vtkDataArray) -> vtkDataArray:
         name = array.GetName()
         kept = self.arrays.get(name)
-        if kept is None or kept[0] is not array or kept[1] != array.GetMTime():
-            values = np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0)
-            kept = self.arrays[name] = array, array.GetMTime(), to_array(values, name)
-        return kept[2]
+        # The same object for the same values, so that a picture need not take them over again.
+        if kept is not None and kept[0].GetMTime() == kept[1] and _equal(kept[0], array):
+            made = kept[2]
+        else:
+            made = to_array(np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0), name)
+        self.arrays[name] = array, array.GetMTime(), made
+        return made
+
+
+def _equal(first: vtkDataArray, second: vtkDataArray) -> bool:
+    if first is second:
+        return True
+    a, b = vtk_to_numpy(first), vtk_to_numpy(second)
+    return a.dtype == b.dtype and np.array_equal(a, b)
 
 
 def _only_patches(grid: vtkPointSet) -> bool:
