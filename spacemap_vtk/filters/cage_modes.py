@@ -17,6 +17,7 @@ from spacemap_vtk.filters.arrays import array_of, tetrahedra_of, vectors_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.filters.processes import Processes
 from spacemap_vtk.modal import loads as forces
 from spacemap_vtk.modal.elements import shape_functions
 from spacemap_vtk.modal.kinematics import rotation_operator
@@ -215,7 +216,9 @@ class CageModes:
             total += size * self._elementary(name)
         return total
 
-    def basis(self, patterns: Sequence[Pattern], residual: bool) -> Basis:
+    def basis(
+        self, patterns: Sequence[Pattern], residual: bool, processes: Processes | None = None
+    ) -> Basis:
         """Return the shapes that a cage under some loads moves in.
 
         Parameters
@@ -224,6 +227,8 @@ class CageModes:
             The loads.
         residual : bool
             Whether to add a residual vector for each elementary pattern.
+        processes : Processes, optional
+            Of which one solves for all.
 
         Returns
         -------
@@ -238,9 +243,13 @@ class CageModes:
             new = [name for name in names if name not in self._statics]
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
-                self._statics.update(
-                    zip(new, static_displacements(self.model, load).T, strict=True)
-                )
+                if processes is None:
+                    found = static_displacements(self.model, load)
+                else:
+                    (found,) = processes.from_first(
+                        lambda: [static_displacements(self.model, load)]
+                    )
+                self._statics.update(zip(new, found.T, strict=True))
             values, shapes = residual_modes(
                 self.shapes,
                 self.eigenvalues,

@@ -62,6 +62,8 @@ class ModalResponse(Stage):
 
     section = "response"
     inputs = ("vtkUnstructuredGrid",)
+    whole_inputs = (0,)
+    replicated = True
 
     alpha = Real(
         1.0, "Damping proportional to mass; slows every mode alike.", unit="1/s", minimum=0.0
@@ -286,7 +288,7 @@ class ModalResponse(Stage):
             except InputError as error:
                 error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
                 raise
-        basis = modes.basis(patterns, self.residual_vectors)
+        basis = modes.basis(patterns, self.residual_vectors, self._processes)
         drives = [
             Drive(basis.shapes @ modes.force(p), p.function, p.moves_base is not None)
             for p in patterns

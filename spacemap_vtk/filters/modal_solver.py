@@ -65,6 +65,8 @@ class ModalSolver(Stage):
 
     section = "modal"
     inputs = ("vtkUnstructuredGrid",)
+    whole_inputs = (0,)
+    replicated = True
 
     material = Choice(
         "isotropic",
@@ -232,12 +234,22 @@ class ModalSolver(Stage):
     def _solved(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
         count, digest = min(self.modes, int(model.free.sum())), model.digest
-        if self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count:
+
+        def solve() -> tuple[FloatArray, FloatArray]:
             found = _read(digest, count, len(model.points))
             if found is None:
                 found = lowest(model.structure.pencil, count, self.report)
                 cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
-            self._kept = digest, *found
+            return found
+
+        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count
+        processes = self._processes
+        if processes is not None and processes.largest([missing])[0]:
+            values, shapes = processes.from_first(solve)
+            self._kept = digest, values, shapes
+        elif missing:
+            self._kept = digest, *solve()
+        assert self._kept is not None
         self.report(1.0)
         return self._kept[1][:count], self._kept[2][:count]
 

@@ -19,6 +19,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
@@ -193,22 +194,26 @@ class Scene:
             self.moves = True
             self._connect()
 
-    def update(self, time: float | None = None) -> None:
+    def update(self, time: float | None = None, piece: Piece | None = None) -> None:
         """Run what needs to be run for a time.
 
         Parameters
         ----------
         time : float, optional
             In s; by default the last one.
+        piece : Piece, optional
+            What part of the object; by default the last one, all of it at first.
 
         Raises
         ------
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
-        self.update_stage(self.surface, time)
+        self.update_stage(self.surface, time, piece)
 
-    def update_stage(self, stage: Stage, time: float | None = None) -> None:
+    def update_stage(
+        self, stage: Stage, time: float | None = None, piece: Piece | None = None
+    ) -> None:
         """Run the pipeline as far as one of its stages.
 
         Parameters
@@ -217,6 +222,8 @@ class Scene:
             One of `stages`.
         time : float, optional
             In s; by default the last one.
+        piece : Piece, optional
+            As for `update`.
 
         Raises
         ------
@@ -224,7 +231,7 @@ class Scene:
             If a stage refuses its input; the message names the scene's file.
         """
         with self._naming_file():
-            stage.update(time)
+            stage.update(time, piece)
         for run in self.stages:
             self._warnings |= dict.fromkeys(run.warnings)
 
