@@ -191,6 +191,12 @@ class ModalResponse(Stage):
             add_array(cells, "von_mises", von_mises(stress))
         if self.energy:
             energies = prepared.account.at(time, state)
+            if np.isnan(energies.work):
+                self.warn(
+                    "so many periods have passed that the work of the loads is not added up: "
+                    "dissipated_energy and external_work are not a number; take an earlier time, "
+                    "or longer periods"
+                )
             names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
             for name, value in zip(names, energies, strict=True):
                 add_array(field, name, np.array([value]))
