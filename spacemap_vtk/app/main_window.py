@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.draft.tab import DraftTab
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.files import Files
@@ -55,7 +56,11 @@ class MainWindow(QMainWindow):
         self.modes = ModesTab()
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
+        # Its line is white in the dark.
+        self.tabs.tabBar().setDrawBase(False)
+        self.draft = DraftTab(self.document)
         self.tabs.addTab(self.modes, "Modes")
+        self.tabs.addTab(self.draft, "Draft")
         self.files = Files(self, self.document, self.errors)
         self._lay_out()
         self.menus = Menus(self)
@@ -170,6 +175,9 @@ class MainWindow(QMainWindow):
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
         self.view.picked.connect(self._picked)
+        self.draft.failed.connect(self.report)
+        self.draft.accepted.connect(self.errors.clear)
+        self.draft.held.connect(self.director.hold)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
