@@ -28,6 +28,7 @@ from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
@@ -60,6 +61,8 @@ class MainWindow(QMainWindow):
         self.tabs.tabBar().setDrawBase(False)
         self.draft = DraftTab(self.document)
         self.tabs.addTab(self.modes, "Modes")
+        self.plots = PlotsTab(self.document, self.engine)
+        self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
         self.files = Files(self, self.document, self.errors)
         self._lay_out()
@@ -108,6 +111,7 @@ class MainWindow(QMainWindow):
         settings.setValue("geometry", self.saveGeometry())
         settings.setValue("columns", self.splitter.saveState())
         self.modes.stop()
+        self.plots.stop()
         self.director.stop()
         self.view.shut()
         super().closeEvent(event)
@@ -175,6 +179,10 @@ class MainWindow(QMainWindow):
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
         self.view.picked.connect(self._picked)
+        self.plots.asked.connect(self._asked)
+        self.plots.failed.connect(self.errors.say)
+        self.view.picked.connect(self.plots.add)
+        self.director.drawn.connect(self.plots.follow)
         self.draft.failed.connect(self.report)
         self.draft.accepted.connect(self.errors.clear)
         self.draft.held.connect(self.director.hold)
@@ -197,6 +205,11 @@ class MainWindow(QMainWindow):
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
             self.told.setToolTip("\n".join(frame.warnings))
+
+    def _asked(self, at: float, going_on: bool) -> None:
+        self.modes.stop()
+        self.times.pause()
+        self.times.go(at, going_on)
 
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)
