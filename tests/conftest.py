@@ -63,6 +63,7 @@ def open_window(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Call
     A slot that fails fails the test: pytest-qt sees to it.
     """
     from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+    from shiboken6 import isValid
     from window import settled, wait_until
 
     import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
@@ -86,7 +87,9 @@ def open_window(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Call
 
     yield open_
     for window in opened:
-        window.discard()
+        # A test that closes its window has freed it.
+        if isValid(window):
+            window.discard()
     opened.clear()
     app.processEvents()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)

@@ -17,7 +17,7 @@ from window import require_display
 require_display()
 
 #: Opened and closed so often; the first ones fill caches.
-ROUNDS, WARM = 100, 20
+ROUNDS, WARM = 100, 50
 
 
 def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def main(rounds: int) -> None:
         app.processEvents()
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
         gc.collect()
-        if number == rounds // 5:
+        if number == rounds // 2:
             early = kinds()
         memory.append(process.memory_info().rss / 2**20)
         objects.append(len(gc.get_objects()))
