@@ -99,7 +99,7 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
 
 @pytest.mark.parametrize("seed", [int(os.environ.get("SPACEMAP_SEED", "1"))])
 def test_haste_breaks_nothing(open_window: Any, qtbot: Any, seed: int) -> None:
-    """A hundred and fifty things in a row that a person may do; any failed slot or word of VTK fails."""
+    """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
     window, dice = open_window(), random.Random(seed)
 
     def slide() -> None:
