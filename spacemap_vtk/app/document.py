@@ -11,6 +11,7 @@ from typing import Any
 import tomlkit
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QUndoStack
+from tomlkit.items import Array
 
 from spacemap_vtk.app.edit import Edit
 from spacemap_vtk.app.kept_drafts import KeptDrafts
@@ -184,39 +185,42 @@ class Document(QObject):
         InputError
             If the scene refuses it; nothing has changed then.
         """
-        self.change({(section, key): written}, f"{section}.{key}", burst)
+        self.set_many(section, {key: written}, burst)
 
-    def change(
-        self, written: Mapping[tuple[str, str], Any], name: str = "change", burst: int = 0
+    def set_many(
+        self, section: str, written: Mapping[str, Any], burst: int = 0, name: str = ""
     ) -> None:
-        """Change several values at once; can be undone as one.
+        """Change values that belong together; undone as one.
 
         Parameters
         ----------
-        written : mapping of (str, str) to object
-            By section and key, as for `set`.
-        name : str, optional
-            What is changed, for the menu.
+        section : str
+            Where they stand.
+        written : mapping of str to object
+            As for `set`, by key.
         burst : int, optional
-            Changes of one name with the same number, other than 0, are undone as one.
+            As for `set`.
+        name : str, optional
+            What is changed, for the menu; by default the keys.
 
         Raises
         ------
         InputError
-            If the scene refuses it; nothing has changed then.
+            If the scene refuses one; nothing has changed then.
         """
-        if all(self.written(*where) == value for where, value in written.items()):
+        if all(self.written(section, k) == v and v is not None for k, v in written.items()):
             return
         before = self.text
-        for where, value in written.items():
-            self._put(*where, value)
+        for key, value in written.items():
+            self._put(section, key, value)
         try:
             self.scene = Scene(self.values, self.base)
         except InputError:
             self._toml = tomlkit.parse(before)
             raise
         if self.text != before:
-            self.undo.push(Edit(self, name, before, self.text, burst))
+            names = name or ", ".join(f"{section}.{key}" for key in written)
+            self.undo.push(Edit(self, names, before, self.text, burst))
             self.changed.emit()
 
     def restore(self, text: str) -> None:
@@ -242,8 +246,6 @@ class Document(QObject):
         self.scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
-        if isinstance(written, list) and len(written) > _LINE:
-            written = tomlkit.item(written).multiline(True)
         if written is None:
             if key in self._toml.get(section, {}):
                 del self._toml[section][key]
@@ -251,6 +253,10 @@ class Document(QObject):
             self._toml[section][key] = written
         else:
             self._toml[section] = {key: written}
+        if isinstance(written, list) and len(written) > _LINE:
+            long = self._toml[section][key]
+            if isinstance(long, Array):
+                long.multiline(True)
 
     def _save_draft(self, target: Path) -> None:
         """Let an edited draft lie beside the scene that is about to be saved."""

@@ -19,8 +19,8 @@ from spacemap_vtk.fabric.wif import MAX_CROSSINGS, WifDraft
 from spacemap_vtk.filters.weave_source import WeaveSource
 
 Colors = NDArray[np.uint8]
-#: Values of a scene by section and key, as a file has them; None: the key goes.
-Changes = dict[tuple[str, str], Any]
+#: Values of a weave by key, as a scene file has them; None: the key goes.
+Changes = dict[str, Any]
 #: Longer lists of colours are written whole, without a look for their repeat.
 _LONGEST = 2000
 
@@ -167,10 +167,10 @@ def as_pattern(shown: Shown) -> Changes:
     """
     ends, picks = shown.size
     return {
-        ("weave", "draft"): None,
-        ("weave", "pattern"): rows(shown.drawdown),
-        ("weave", "ends"): ends,
-        ("weave", "picks"): picks,
+        "draft": None,
+        "pattern": rows(shown.drawdown),
+        "ends": ends,
+        "picks": picks,
     }
 
 

@@ -133,8 +133,7 @@ class DraftTab(QWidget):
         if name:
             path = str(Path(name).resolve())
             keys = ("pattern", "ends", "picks", "warp_color", "weft_color")
-            changes: Changes = {("weave", key): None for key in keys}
-            self._change({**changes, ("weave", "draft"): path}, "draft")
+            self._change({**dict.fromkeys(keys), "draft": path}, "draft")
 
     def save(self) -> None:
         """Ask for a name, and write the draft as WIF."""
@@ -153,7 +152,7 @@ class DraftTab(QWidget):
             self.failed.emit(error)
             return
         if self._document.drafts.holds(weave.draft):
-            self._change({("weave", "draft"): str(path)}, "draft's file")
+            self._change({"draft": str(path)}, "draft's file")
 
     def showEvent(self, event: QShowEvent) -> None:
         """Catch up with what has changed unseen."""
@@ -274,7 +273,7 @@ class DraftTab(QWidget):
         begun = time.perf_counter()
         if name in (NAMES["warp"], NAMES["weft"]):
             family = "warp" if name == NAMES["warp"] else "weft"
-            self._change({("weave", f"{family}_color"): as_series(getattr(shown, family))}, name)
+            self._change({f"{family}_color": as_series(getattr(shown, family))}, name)
         elif name == NAMES["drawdown"]:
             self._change(as_pattern(shown), name)
         else:
@@ -288,11 +287,11 @@ class DraftTab(QWidget):
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._change({("weave", "draft"): str(path), ("weave", "pattern"): None}, name)
+        self._change({"draft": str(path), "pattern": None}, name)
 
     def _change(self, changes: Changes, name: str) -> None:
         try:
-            self._document.change(changes, name, self._burst)
+            self._document.set_many("weave", changes, self._burst, name)
         except SpacemapError as error:
             self._key = None
             self.refresh()
@@ -306,7 +305,7 @@ class DraftTab(QWidget):
         if shown is None:
             return
         if name in ("ends", "picks"):
-            self._change({("weave", name): value}, name)
+            self._change({name: value}, name)
         else:
             loom = shown.loom
             sizes = {"shafts": loom.shafts, "treadles": loom.treadles, name: value}
@@ -336,7 +335,7 @@ class DraftTab(QWidget):
             same = (colors == np.array(rgb, dtype=np.uint8)).all(axis=1)
             if same.any():
                 colors[same] = new.red(), new.green(), new.blue()
-                changes["weave", f"{family}_color"] = as_series(colors)
+                changes[f"{family}_color"] = as_series(colors)
         self._change(changes, "colour")
 
     def _chose(self, color: QColor) -> None:
