@@ -98,8 +98,11 @@ class MainWindow(QMainWindow):
         """
         self.errors.say(error)
         if isinstance(error, SpacemapError) and error.key:
-            if error.section in SECTIONS and error.section != self.properties.section:
-                self.stages.choose(error.section)
+            # Not during a drag: its slider would go from under the hand.
+            section = error.section or ""
+            elsewhere = section in SECTIONS and section != self.properties.section
+            if elsewhere and not self.director.held:
+                self.stages.choose(section)
             self.properties.mark(error)
 
     def closeEvent(self, event: QCloseEvent) -> None:
