@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,16 @@ from window import require_display, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
-from PySide6.QtGui import QColor  # noqa: E402
+from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog  # noqa: E402
 
-from spacemap_vtk.app.draft.layout import Place  # noqa: E402
-from spacemap_vtk.app.draft.shown import as_series  # noqa: E402
+from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
+from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
+from spacemap_vtk.app.draft.shown import as_series, shown_of  # noqa: E402
 from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
 from spacemap_vtk.fabric.wif import read_wif  # noqa: E402
 from spacemap_vtk.fabric.wif_writer import format_wif  # noqa: E402
+from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -435,3 +438,24 @@ def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> Non
     np.testing.assert_array_equal(now.fabric.warp_colors, before.warp_colors)
     assert np.array_equal(now.fabric.cloth.warp_diameter, before.cloth.warp_diameter)
     assert format_wif(kept) == now.draft.read_bytes()
+
+
+def test_a_large_draft_is_painted_as_fast_as_a_small_one(qapp: Any) -> None:
+    def cost(yarns: int | None) -> float:
+        source = library.folder() / "32-shaft_twill.wif"
+        shown = shown_of(WeaveSource(draft=source, ends=yarns, picks=yarns))
+        picture = QImage(800, 800, QImage.Format.Format_RGB32)
+        painting = Painting(shown, Layout(shown, 8, (800, 800)), Inks.of(False), True)
+        costs = []
+        for _ in range(5):
+            begun = time.process_time()
+            painter = QPainter(picture)
+            painting.paint(painter, 1.0)
+            painter.end()
+            costs.append(time.process_time() - begun)
+        return min(costs)
+
+    # Only what is in sight is painted: a thousand times a thousand crossings cost no more.
+    small, large = cost(None), cost(1000)
+    assert large < 3 * small
+    assert small < 0.1

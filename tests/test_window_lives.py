@@ -30,7 +30,7 @@ def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=540,
+        timeout=900,
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(here.parent), *sys.path])} | variables,
     )
     assert done.returncode == 0, done.stderr
