@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -174,17 +175,38 @@ class Document(QObject):
         InputError
             If the scene refuses it; nothing has changed then.
         """
-        if self.written(section, key) == written and written is not None:
+        self.set_many(section, {key: written}, burst)
+
+    def set_many(self, section: str, written: Mapping[str, Any], burst: int = 0) -> None:
+        """Change values that belong together; undone as one.
+
+        Parameters
+        ----------
+        section : str
+            Where they stand.
+        written : mapping of str to object
+            As for `set`, by key.
+        burst : int, optional
+            As for `set`.
+
+        Raises
+        ------
+        InputError
+            If the scene refuses one; nothing has changed then.
+        """
+        if all(self.written(section, k) == v and v is not None for k, v in written.items()):
             return
         before = self.text
-        self._put(section, key, written)
+        for key, value in written.items():
+            self._put(section, key, value)
         try:
             self.scene = Scene(self.values, self.base)
         except InputError:
             self._toml = tomlkit.parse(before)
             raise
         if self.text != before:
-            self.undo.push(Edit(self, f"{section}.{key}", before, self.text, burst))
+            names = ", ".join(f"{section}.{key}" for key in written)
+            self.undo.push(Edit(self, names, before, self.text, burst))
             self.changed.emit()
 
     def restore(self, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt
@@ -32,7 +33,7 @@ from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
 
 
@@ -173,6 +174,30 @@ class MainWindow(QMainWindow):
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
+        self.tools.colored.connect(self._recolor)
+        self.tools.backed.connect(self._back)
+        for told in (self.document.changed, self.document.replaced):
+            told.connect(self._show_colors)
+        self.document.replaced.connect(self._unclip)
+
+    def _recolor(self, color: str) -> None:
+        self._try(self.document.set, "view", "color", None if color == "own" else color)
+
+    def _back(self, bottom: str | None, top: str | None) -> None:
+        written = {"background": bottom, "background_top": top}
+        self._try(self.document.set_many, "view", written)
+
+    def _show_colors(self) -> None:
+        self.tools.show_scene(self.document.scene)
+
+    def _unclip(self) -> None:
+        self.tools.clip.setChecked(False)
+
+    def _try(self, change: Callable[..., None], *arguments: Any) -> None:
+        try:
+            change(*arguments)
+        except InputError as error:
+            self.report(error)
 
     def _name(self, *_: Any) -> None:
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
@@ -192,7 +217,6 @@ class MainWindow(QMainWindow):
 
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)
-        self.view.mark_points([pick.position])
 
     def _show_progress(self, section: str, share: float) -> None:
         for widget in (self.bar, self.cancel, self.running):

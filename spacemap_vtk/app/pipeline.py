@@ -18,6 +18,8 @@ from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.scenes.coloring import add_measure
+from spacemap_vtk.scenes.load_arrows import load_arrows
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
@@ -95,10 +97,18 @@ class Pipeline:
             surface.update(job.time)
         else:
             self._update(scene, surface, job.time)
+        drawn, color = copied(surface.GetOutputDataObject(0)), scene.view.color
+        add_measure(drawn, color)
+        arrows = None
+        if cage is not None and swing is None and scene.mover is scene.response:
+            arrows = load_arrows(scene.response, cage, job.time)
         return Frame(
             time=job.time,
-            surface=copied(surface.GetOutputDataObject(0)),
+            surface=drawn,
             cage=cage,
+            values=job.values,
+            color=color,
+            arrows=arrows,
             coarse=surface is self._coarse,
             swing=swing.mode if swing else None,
             generation=job.generation,
@@ -174,7 +184,8 @@ class Pipeline:
 
     def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
-        self._swing_warp.configure(**scene.warp.settings)
+        # A mode has no velocity that could ride along.
+        self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})
         self._swing_warp.SetInputConnection(0, scene.source.GetOutputPort())
         self._swing_warp.SetInputConnection(1, self._swing.GetOutputPort())
         return self._swing_warp
