@@ -35,7 +35,7 @@ class ClipPlane:
         self._shape.SetDrawPlane(True)
         self._shape.GetPlaneProperty().SetOpacity(0.10)
         self._shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
-        self._shape.GetEdgesProperty().SetColor(0.18, 0.42, 0.56)
+        self._shape.SetEdgeColor(0.30, 0.61, 0.78)
         self._shape.GetEdgesProperty().SetLineWidth(2.0)
         self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)

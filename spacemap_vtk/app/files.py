@@ -76,6 +76,17 @@ class Files:
             self._remember(self._document.source)
         return True
 
+    def leave_for(self, name: str) -> None:
+        """Open another scene, if the present one can be left.
+
+        Parameters
+        ----------
+        name : str
+            As for `load`.
+        """
+        if self.may_leave():
+            self.load(name)
+
     def save(self) -> bool:
         """Save, asking for a name where there is none.
 

@@ -24,6 +24,7 @@ from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
+from spacemap_vtk.app.gallery import Gallery
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
@@ -56,6 +57,8 @@ class MainWindow(QMainWindow):
         self.modes = ModesTab()
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
+        self.gallery = Gallery()
+        self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.files = Files(self, self.document, self.errors)
         self._lay_out()
@@ -78,8 +81,9 @@ class MainWindow(QMainWindow):
         InputError
             If it cannot be read.
         """
+        self.gallery.show_recent(self.files.recent)
+        self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
-        self.stages.choose(next(iter(SECTIONS)))
 
     def report(self, error: BaseException) -> None:
         """Show an error, and mark the field that it names.
@@ -178,7 +182,10 @@ class MainWindow(QMainWindow):
         self.tools.backed.connect(self._back)
         for told in (self.document.changed, self.document.replaced):
             told.connect(self._show_colors)
-        self.document.replaced.connect(self._unclip)
+        self.document.replaced.connect(self._begin)
+        self.gallery.chosen.connect(self.files.leave_for)
+        self.gallery.new.connect(self.files.new)
+        self.gallery.browse.connect(self.files.open)
 
     def _recolor(self, color: str) -> None:
         self._try(self.document.set, "view", "color", None if color == "own" else color)
@@ -190,8 +197,12 @@ class MainWindow(QMainWindow):
     def _show_colors(self) -> None:
         self.tools.show_scene(self.document.scene)
 
-    def _unclip(self) -> None:
+    def _begin(self) -> None:
         self.tools.clip.setChecked(False)
+        self.gallery.show_recent(self.files.recent)
+        # The properties of a stage that another scene lacks would say nothing.
+        if self.stages.states.get(self.properties.section, "off") == "off":
+            self.stages.choose(self.document.scene.source.section)
 
     def _try(self, change: Callable[..., None], *arguments: Any) -> None:
         try:

@@ -104,10 +104,7 @@ class Menus(QObject):
         self.recent.setToolTipsVisible(True)
 
     def _open_named(self) -> None:
-        name = self.sender().data()
-        files = self.parent().files
-        if files.may_leave():
-            files.load(name)
+        self.parent().files.leave_for(self.sender().data())
 
     def _save_picture(self) -> None:
         self.parent().files.save_picture(self.parent().view)

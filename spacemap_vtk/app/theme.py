@@ -46,6 +46,11 @@ Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
+QListWidget#gallery, QListWidget#recent {{ border: none; background: transparent; }}
+QListWidget#gallery::item {{ padding: 4px; border-radius: 6px; }}
+QListWidget#gallery::item:hover, QListWidget#recent::item:hover {{ background: {check}; }}
+QListWidget#gallery::item:selected {{ background: {check}; color: {text}; }}
+QToolButton::menu-indicator {{ image: none; }}
 QSplitter::handle {{ background: {line}; }}
 QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
@@ -76,6 +81,7 @@ def apply_theme(app: QApplication, dark: bool) -> None:
             bad="#ff7a85" if dark else "#c0394b",
             bad_back="#4a2229" if dark else "#fdecee",
             line="#333d49" if dark else "#d5dbe2",
+            text="#e6eaf0" if dark else "#1f2730",
             check="#35546a" if dark else "#cfe3ef",
         )
     )

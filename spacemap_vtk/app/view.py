@@ -59,7 +59,7 @@ class View3D(QWidget):
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors[:3])
+        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors)
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None

@@ -154,7 +154,7 @@ class ViewBar(QToolBar):
 
     def _menu(self, name: str, tip: str) -> QMenu:
         button = QToolButton()
-        button.setText(name)
+        button.setText(f"{name} ▾")
         button.setToolTip(tip)
         button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(button)

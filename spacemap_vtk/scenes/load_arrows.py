@@ -78,9 +78,9 @@ def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float)
         vectors.append(scaled)
         kinds.extend([kind] * int(seen.sum()))
 
-    middle = moved.mean(axis=0, keepdims=True)
     if any(response.gravity) and time >= 0.0:
-        add("gravity", middle, _unit(response.gravity), _LONG, True)
+        way = _unit(response.gravity)
+        add("gravity", _leaving(moved, way), way, _LONG, True)
     for load in response.loads:
         factor = _share(load, time, response.duration)
         for tips, arrows, pull in _placed(load, rest, moved, cage):
@@ -113,7 +113,17 @@ def _placed(
             largest = float(np.linalg.norm(field, axis=1).max()) or 1.0
             yield moved, field / largest, False
     else:
-        yield moved.mean(axis=0, keepdims=True), _unit(value), True
+        way = _unit(value)
+        yield _leaving(moved, way), way, True
+
+
+def _leaving(points: FloatArray, way: FloatArray) -> FloatArray:
+    """Return where a line from the middle leaves the box of some points, (1, 3)."""
+    half = np.ptp(points, axis=0) / 2
+    sizes = np.abs(way[0])
+    steps = np.divide(half, sizes, out=np.full(3, np.inf), where=sizes > 0.0)
+    middle = points.min(axis=0) + half
+    return (middle + way[0] * (steps.min() if np.isfinite(steps.min()) else 0.0))[None]
 
 
 def _unit(vector: tuple[float, ...]) -> FloatArray:
