@@ -22,6 +22,7 @@ from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.gallery import Gallery
@@ -61,6 +62,7 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.files = Files(self, self.document, self.errors)
+        self.exports = Exports(self)
         self._lay_out()
         self.menus = Menus(self)
         self._connect()
@@ -108,6 +110,7 @@ class MainWindow(QMainWindow):
         settings.setValue("geometry", self.saveGeometry())
         settings.setValue("columns", self.splitter.saveState())
         self.modes.stop()
+        self.exports.stop()
         self.director.stop()
         self.view.shut()
         super().closeEvent(event)
@@ -184,6 +187,8 @@ class MainWindow(QMainWindow):
             told.connect(self._show_colors)
         self.document.replaced.connect(self._begin)
         self.gallery.chosen.connect(self.files.leave_for)
+        self.exports.failed.connect(self.report)
+        self.exports.written.connect(self._tell_written)
         self.gallery.new.connect(self.files.new)
         self.gallery.browse.connect(self.files.open)
 
@@ -196,6 +201,9 @@ class MainWindow(QMainWindow):
 
     def _show_colors(self) -> None:
         self.tools.show_scene(self.document.scene)
+
+    def _tell_written(self, file: str) -> None:
+        self.told.setText(f"Written: {file}")
 
     def _begin(self) -> None:
         self.tools.clip.setChecked(False)

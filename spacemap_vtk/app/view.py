@@ -164,6 +164,17 @@ class View3D(QWidget):
         camera.SetParallelProjection(on)
         self.render()
 
+    @property
+    def place(self) -> dict[str, Any]:
+        """Where the camera stands, as `spacemap_vtk.scenes.picture.Place` has it."""
+        camera = self.plotter.camera
+        return {
+            "position": tuple(camera.position),
+            "focus": tuple(camera.focal_point),
+            "up": tuple(camera.up),
+            "parallel_scale": camera.parallel_scale if camera.GetParallelProjection() else 0.0,
+        }
+
     def set_clip(self, on: bool) -> None:
         """Cut the view open with a plane, or show the whole.
 

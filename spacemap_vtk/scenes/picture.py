@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -38,6 +39,16 @@ _OBJECT_RELIEF = 0.03
 _SAMPLES = 2
 
 
+class Place(NamedTuple):
+    """Where a camera stands, in m."""
+
+    position: tuple[float, float, float]
+    focus: tuple[float, float, float]
+    up: tuple[float, float, float]
+    parallel_scale: float = 0.0
+    """Half the height of what a parallel projection shows; 0 for perspective."""
+
+
 class Picture:
     """Draws a scene at one time after the other, from a camera that stands still.
 
@@ -51,6 +62,8 @@ class Picture:
         Width and height in pixels; by default the scene's.
     show : sequence of str, optional
         What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
+    place : Place, optional
+        Where the camera stands; by default where the scene says.
 
     Raises
     ------
@@ -64,8 +77,10 @@ class Picture:
         times: Sequence[float],
         size: tuple[int, int] | None = None,
         show: Sequence[str] | None = None,
+        place: Place | None = None,
     ) -> None:
         prepare_offscreen()
+        self._place = place
         self.scene = scene
         width, height = size or scene.view.size
         chosen = scene.view.show if scene.moves else "fabric"
@@ -117,7 +132,10 @@ class Picture:
         light = plotter.screenshot(None, return_img=True).astype(np.float32)
         if shaded:
             camera = plotter.camera
-            pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
+            half = camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2))
+            if camera.GetParallelProjection():
+                half = camera.parallel_scale
+            pixel = 2 * half / light.shape[0]
             light *= contact_shade(_depth(plotter), self._relief, self._relief / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
 
@@ -128,6 +146,12 @@ class Picture:
         plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         plotter.set_background(view.background, top=view.background_top)
         aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+        if self._place is not None:
+            plotter.camera.position, plotter.camera.focal_point = self._place[:2]
+            plotter.camera.up = self._place.up
+            if self._place.parallel_scale:
+                plotter.camera.parallel_scale = self._place.parallel_scale
+                plotter.camera.SetParallelProjection(True)
         add_lights(plotter)
         if panel in ("fabric", "both"):
             solid = _solid()
@@ -222,7 +246,10 @@ def _depth(plotter: pv.Plotter) -> NDArray[np.float32]:
     plotter.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
     z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
     near, far = plotter.camera.clipping_range
-    distance = near * far / (far - z * (far - near))
+    if plotter.camera.GetParallelProjection():
+        distance = near + z * (far - near)
+    else:
+        distance = near * far / (far - z * (far - near))
     distance[z >= 1.0] = np.nan
     return distance.astype(np.float32)
 
