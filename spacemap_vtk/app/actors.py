@@ -16,6 +16,7 @@ from spacemap_vtk.filters.arrays import points_of, tetrahedra_of, to_array, to_c
 from spacemap_vtk.scenes.load_arrows import KINDS, Arrows
 from spacemap_vtk.scenes.surface_actor import rgb
 
+
 class GhostActor(vtkActor):
     """The fabric at rest, pale: its moved points less their displacement."""
 

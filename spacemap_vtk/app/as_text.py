@@ -52,7 +52,9 @@ def as_command(document: Document, time: float) -> str:
                 words += ["--set", f"{section}.{key}={_toml(told)}"]
     line = shlex.join(words)
     if unsaid:
-        line = f"# not said here, save the scene first: {', '.join(unsaid)} back to automatic\n{line}"
+        line = (
+            f"# not said here, save the scene first: {', '.join(unsaid)} back to automatic\n{line}"
+        )
     return line
 
 

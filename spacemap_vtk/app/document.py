@@ -264,8 +264,12 @@ class Document(QObject):
 def _same(here: Any, wanted: Any, key: str, name: str) -> bool:
     """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
     record = next(
-        (p.record for cls in SECTIONS.values() for k, p in cls.parameters.items()
-         if k == key and hasattr(p, "record")),
+        (
+            p.record
+            for cls in SECTIONS.values()
+            for k, p in cls.parameters.items()
+            if k == key and hasattr(p, "record")
+        ),
         None,
     )
     if record is None:

@@ -96,10 +96,16 @@ class Exports(QObject):
 
         Parameters
         ----------
-        kind, size, panels, camera
-            As for `spacemap_vtk.scenes.background.Order`.
+        kind : str
+            ``"picture"``, ``"film"``, or a key of `DATA`.
         path : Path
             The file.
+        size : tuple of 2 int, optional
+            Width and height in pixels.
+        panels : list of str, optional
+            What is shown, as `spacemap_vtk.scenes.background.Order` has it.
+        camera : dict, optional
+            Where it is seen from, likewise.
         """
         document, times = self._window.document, self._window.times
         endings = _ENDINGS.get(kind) or dict.fromkeys(DATA[kind][1], DATA[kind][0])

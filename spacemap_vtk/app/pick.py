@@ -37,6 +37,4 @@ class Pick:
         of = ""
         if self.yarn is not None and self.family is not None:
             of = f"yarn {self.yarn} ({('warp', 'weft')[self.family]})   "
-        return (
-            f"{of}at ({where})   moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
-        )
+        return f"{of}at ({where})   moved by {format_quantity(float(f'{size:.4g}'), 'm')}"

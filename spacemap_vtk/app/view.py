@@ -19,8 +19,8 @@ from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
-from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.coloring import SHOWN
+from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
 

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 
-def gaps(points: ArrayLike, normals: ArrayLike, yarn: ArrayLike, reach: float) -> NDArray[np.float64]:
+def gaps(
+    points: ArrayLike, normals: ArrayLike, yarn: ArrayLike, reach: float
+) -> NDArray[np.float64]:
     """Return the distance from each point to the surface of the next other yarn.
 
     Parameters

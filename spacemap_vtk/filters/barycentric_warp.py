@@ -72,7 +72,7 @@ class BarycentricWarp(Stage):
 
     carried = Text(
         "",
-        "Names of the cage's other arrays that ride along, as in \"velocity von_mises\"; those of "
+        'Names of the cage\'s other arrays that ride along, as in "velocity von_mises"; those of '
         "tetrahedra are averaged at the vertices first.",
     )
 

@@ -124,7 +124,8 @@ def largest_principal(tensors: NDArray[np.floating]) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> largest_principal(np.array([[1.0, 2.0, 3.0, 0, 0, 0], [0, 0, 0, 1.0, 0, 0]])).round(12).tolist()
+    >>> tensors = np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+    >>> largest_principal(tensors).round(12).tolist()
     [3.0, 1.0]
     """
     columns = np.asarray(tensors, np.float64).T

@@ -213,9 +213,7 @@ def storyboard(
     return label_storyboard(np.concatenate(columns, axis=1), times)
 
 
-def _over_motion(
-    scene: Scene, times: Sequence[float]
-) -> tuple[NDArray[np.float64], Span | None]:
+def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float64], Span | None]:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in np.unique(np.linspace(0, len(times) - 1, 9).astype(int))]

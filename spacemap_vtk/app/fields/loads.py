@@ -146,7 +146,7 @@ class _Card(QFrame):
         with QSignalBlocker(self.action):
             self.action.setCurrentIndex(self.action.findData(load.action))
         for name, row in self.rows.items():
-            row.show_value(getattr(load, name), name not in load._values)  # type: ignore[attr-defined]
+            row.show_value(getattr(load, name), name not in load._values)
 
     def _acted(self, _index: int) -> None:
         chosen = self.action.currentData()

@@ -91,9 +91,9 @@ class PatternEditor(Editor):
 
     def show_value(self, value: Any) -> None:
         """Show name and squares."""
-        self._shown = value if isinstance(value, str) else "[" + ", ".join(
-            f'"{row}"' for row in value
-        ) + "]"
+        self._shown = (
+            value if isinstance(value, str) else "[" + ", ".join(f'"{row}"' for row in value) + "]"
+        )
         self.line.setText(self._shown)
         self.line.setCursorPosition(0)
         try:
