@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.frame import Frame, copied
+from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.filters.arrays import add_array, array_of, points_of
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -53,6 +54,7 @@ class Pipeline:
         self._swing_warp = BarycentricWarp()
         self._running: Stage | None = None
         self._stopped = False
+        self._interrupt = Interrupt()
 
     def run(self, job: Job) -> Frame:
         """Return what a job asks for.
@@ -143,11 +145,12 @@ class Pipeline:
         return here
 
     def stop(self) -> None:
-        """End the run as soon as its stage looks up; can be called from another thread."""
+        """End the run, within a second if no library keeps it; called from another thread."""
         self._stopped = True
         stage = self._running
         if stage is not None:
             stage.SetAbortExecute(1)
+            self._interrupt.end()
 
     def _update(self, scene: Scene, stage: Stage, at: float) -> None:
         if self._stopped:
@@ -165,7 +168,11 @@ class Pipeline:
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
-            scene.update_stage(stage, at)
+            self._interrupt.guard(lambda: scene.update_stage(stage, at))
+        except Cancelled:
+            # Wherever it was ended: what it had begun is not taken for a result.
+            stage.Modified()
+            raise
         finally:
             self._running = None
             stage.RemoveObserver(observer)

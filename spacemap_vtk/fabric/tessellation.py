@@ -242,16 +242,15 @@ class Tessellation:
         n = self.subdivisions
         place = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
         corners = np.stack((place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]), axis=2)
-        first = np.empty(self.patch_count, dtype=np.int64)
-        step = np.empty(self.patch_count, dtype=np.int64)
+        result = np.empty((self.patch_count, corners.size), dtype=np.int64)
+        # Chunk by chunk: what is written is in the cache, and a user can end it in between.
         for chunk in self._chunks:
             patch = np.arange(chunk.blocks * chunk.width)
-            within = slice(chunk.first, chunk.first + len(patch))
             block, column = np.divmod(patch, chunk.width)
-            first[within] = (chunk.first + block * chunk.width) * place.size + column
-            step[within] = chunk.width
-        result = corners.ravel() * step[:, None]
-        result += first[:, None]
+            first = (chunk.first + block * chunk.width) * place.size + column
+            within = result[chunk.first : chunk.first + len(patch)]
+            np.multiply(corners.ravel(), chunk.width, out=within)
+            within += first[:, None]
         return _frozen(result.reshape(-1, 4))
 
     @cached_property
