@@ -20,7 +20,6 @@ from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E4
 from spacemap_vtk.scenes import library  # noqa: E402
 
 
-
 def slack() -> float:
     """Return the seconds that cancelling may take: others may be at work on this machine."""
     return 2.5 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
@@ -100,7 +99,6 @@ def test_blows_at_the_very_end_do_no_harm() -> None:
 
 HEAVY = {
     "weave": ("weave", {"ends": 300, "picks": 300}),
-    "cage": ("cage", {"divisions": [160, 160, 30]}),
     "modal": ("cage", {"divisions": [24, 24, 2], "order": 2}),
 }
 

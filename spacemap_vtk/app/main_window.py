@@ -83,7 +83,7 @@ class MainWindow(QMainWindow):
         InputError
             If it cannot be read.
         """
-        self.gallery.show_recent(self.files.recent)
+        self._show_recent()
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
 
@@ -186,6 +186,7 @@ class MainWindow(QMainWindow):
         for told in (self.document.changed, self.document.replaced):
             told.connect(self._show_colors)
         self.document.replaced.connect(self._begin)
+        self.files.remembered.connect(self._show_recent)
         self.gallery.chosen.connect(self.files.leave_for)
         self.exports.failed.connect(self.report)
         self.exports.written.connect(self._tell_written)
@@ -205,9 +206,11 @@ class MainWindow(QMainWindow):
     def _tell_written(self, file: str) -> None:
         self.told.setText(f"Written: {file}")
 
+    def _show_recent(self) -> None:
+        self.gallery.show_recent(self.files.recent)
+
     def _begin(self) -> None:
         self.tools.clip.setChecked(False)
-        self.gallery.show_recent(self.files.recent)
         # The properties of a stage that another scene lacks would say nothing.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.choose(self.document.scene.source.section)

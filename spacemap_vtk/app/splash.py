@@ -47,10 +47,13 @@ class Splash:
         window : MainWindow
             Not yet shown.
         """
-        window.director.drawn.connect(self.close)
-        window.director.failed.connect(self.close)
+        window.director.drawn.connect(self._gone)
+        window.director.failed.connect(self._gone)
 
-    def close(self, *_: Any) -> None:
+    def _gone(self, _what: Any) -> None:
+        self.close()
+
+    def close(self) -> None:
         """Go."""
         if self._screen is not None:
             self._screen.close()

@@ -196,6 +196,22 @@ class Scene:
             self.moves = True
             self._connect()
 
+    def color_by(self, color: str) -> None:
+        """Choose what the surface's colours show.
+
+        Parameters
+        ----------
+        color : str
+            A key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+
+        Raises
+        ------
+        InputError
+            If there is no such word.
+        """
+        self.view.color = color
+        self._carry()
+
     def update(self, time: float | None = None) -> None:
         """Run what needs to be run for a time.
 
