@@ -106,14 +106,18 @@ class MainWindow(QMainWindow):
         if not self.files.may_leave():
             event.ignore()
             return
-        settings = QSettings()
-        settings.setValue("geometry", self.saveGeometry())
-        settings.setValue("columns", self.splitter.saveState())
+        self.keep_state()
         self.modes.stop()
         self.exports.stop()
         self.director.stop()
         self.view.shut()
         super().closeEvent(event)
+
+    def keep_state(self) -> None:
+        """Let the next window come where this one is."""
+        settings = QSettings()
+        settings.setValue("geometry", self.saveGeometry())
+        settings.setValue("columns", self.splitter.saveState())
 
     def discard(self) -> None:
         """Close without asking whether changes should be saved."""
