@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from window import require_display, settled, wait_until
 
@@ -17,6 +20,7 @@ from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E402
+from spacemap_vtk.child import run_child  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
 
@@ -134,3 +138,31 @@ def test_closing_ends_a_run_too(open_window: Any) -> None:
     window.discard()
     assert time.monotonic() - begun < slack()
     assert not window.engine.isRunning()
+
+
+def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> None:
+    interrupt, ends = Interrupt(), []
+    code = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
+
+    def work() -> None:
+        try:
+            interrupt.guard(lambda: run_child([sys.executable, "-c", code], tmp_path))
+        except Interrupted:
+            ends.append(time.monotonic())
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
+    begun = time.monotonic()
+    interrupt.end()
+    thread.join(10.0)
+    assert ends[0] - begun < slack()
+    assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
+
+
+def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
+    code = "import sys; print('x' * 100_000); sys.stderr.write('wrong'); sys.exit(3)"
+    done = run_child([sys.executable, "-c", code], tmp_path)
+    assert done.returncode == 3
+    assert len(done.stdout.strip()) == 100_000
+    assert done.stderr == "wrong"

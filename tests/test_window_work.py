@@ -156,7 +156,10 @@ def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
     again = MainWindow()
     try:
         assert (again.width(), again.height()) == (1010, 707)
-        assert again.splitter.sizes()[0] == pytest.approx(window.splitter.sizes()[0], abs=3)
+        again.start("plain_weave")
+        again.show()
+        wait_until(lambda: settled(again))
+        assert again.splitter.sizes() == pytest.approx(window.splitter.sizes(), abs=3)
         assert again.menus.dark.isChecked()
     finally:
         again.menus.dark.trigger()
