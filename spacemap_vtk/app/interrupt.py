@@ -56,12 +56,16 @@ class Interrupt:
         Interrupted
             If it was ended.
         """
-        with self._lock:
-            self._run += 1
-            self._thread = threading.get_ident()
         try:
-            return work()
+            try:
+                with self._lock:
+                    self._run += 1
+                    self._thread = threading.get_ident()
+                return work()
+            finally:
+                self._close()
         finally:
+            # A blow just before the first call would leave the door open for the next.
             self._close()
 
     def end(self) -> None:

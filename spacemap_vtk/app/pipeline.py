@@ -168,7 +168,7 @@ class Pipeline:
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
-            self._interrupt.guard(lambda: scene.update_stage(stage, at))
+            self._interrupt.guard(lambda: self._unless_stopped(scene, stage, at))
         except Cancelled:
             # Wherever it was ended: what it had begun is not taken for a result.
             stage.Modified()
@@ -178,6 +178,12 @@ class Pipeline:
             stage.RemoveObserver(observer)
         if stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
+
+    def _unless_stopped(self, scene: Scene, stage: Stage, at: float) -> None:
+        # Once more: whoever stopped it may have looked before it was known what runs.
+        if self._stopped:
+            raise Cancelled("the run was stopped")
+        scene.update_stage(stage, at)
 
     def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""
