@@ -6,12 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkInformationVector
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import (
+    vtkDataObject,
+    vtkPointSet,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkFiltersParallel import (
+    vtkExtractPolyDataPiece,
+    vtkExtractUnstructuredGridPiece,
+)
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.extent import tell_bounds
+from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.filters.reading import merged, read_blocks
 from spacemap_vtk.parameters import FilePath, Real, Vector
 
@@ -54,6 +65,8 @@ class ObjectSource(Stage):
     )
 
     _kept: tuple[tuple[Path, int, int], vtkPointSet] | None = None
+    _kind: tuple[tuple[Path, int, int], str] | None = None
+    _kept_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
 
     def load(self) -> vtkPointSet:
         """Read the file, once as long as it does not change.
@@ -73,15 +86,38 @@ class ObjectSource(Stage):
         if not self.file.is_file():
             self._kept = None
             read_blocks(self.file)  # says what is wrong
-        state = self.file.stat()
-        key = self.file, state.st_mtime_ns, state.st_size
+        key = self._state()
         if self._kept is None or self._kept[0] != key:
             self._kept = key, merged(read_blocks(self.file), self.file)
+            self._kind = key, self._kept[1].GetClassName()
         return self._kept[1]
+
+    def _state(self) -> tuple[Path, int, int]:
+        assert self.file is not None
+        state = self.file.stat()
+        return self.file, state.st_mtime_ns, state.st_size
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Put the object in its place."""
-        data = self.load()
+        piece = self.piece
+        if piece.of > 1:
+            self._run_piece(output, piece)
+            return
+        self._place(self.load(), output)
+
+    def _run_piece(self, output: vtkPointSet, piece: Piece) -> None:
+        """Keep of the object what is asked for, and let go of the rest."""
+        key = (*self.settings.values(), self._state(), piece)
+        if self._kept_piece is None or self._kept_piece[0] != key:
+            whole = self.load().NewInstance()
+            self._place(self.load(), whole)
+            part = _cut(whole, piece)
+            tell_bounds(part, whole.GetBounds())
+            self._kept = None
+            self._kept_piece = key, part
+        output.ShallowCopy(self._kept_piece[1])
+
+    def _place(self, data: vtkPointSet, output: vtkPointSet) -> None:
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return
@@ -101,11 +137,27 @@ class ObjectSource(Stage):
     def _request_data_object(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
     ) -> None:
+        kind = "vtkPolyData"
         try:
-            data = self.load()
-        except Exception:
-            data = vtkPolyData()  # `run` meets the same error, where it can be told
+            if self.file is None or self._kind is None or self._kind[0] != self._state():
+                self.load()
+            if self._kind is not None:
+                kind = self._kind[1]
+        except Exception:  # `run` meets the same error, where it can be told
+            pass
         info = out_info.GetInformationObject(0)
         made = info.Get(vtkDataObject.DATA_OBJECT())
-        if made is None or made.GetClassName() != data.GetClassName():
-            info.Set(vtkDataObject.DATA_OBJECT(), data.NewInstance())
+        if made is None or made.GetClassName() != kind:
+            new = vtkPolyData() if kind == "vtkPolyData" else vtkUnstructuredGrid()
+            info.Set(vtkDataObject.DATA_OBJECT(), new)
+
+
+def _cut(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
+    """Return a piece of a mesh; what has no cells is not cut, and is the first's."""
+    if whole.GetNumberOfCells() == 0:
+        return whole if piece.number == 0 else whole.NewInstance()
+    is_surface = isinstance(whole, vtkPolyData)
+    cutter = vtkExtractPolyDataPiece() if is_surface else vtkExtractUnstructuredGridPiece()
+    cutter.SetInputData(whole)
+    cutter.UpdatePiece(*piece)
+    return cutter.GetOutput()
