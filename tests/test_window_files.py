@@ -175,7 +175,7 @@ def test_a_picture_is_what_is_seen(
     window = open_window()
     file = tmp_path / "seen.png"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
-    window.menus.actions["Save picture…"].trigger()
+    window.menus.actions["Save what is seen…"].trigger()
     seen = window.view.image().astype(int)
     assert np.abs(np.asarray(Image.open(file)).astype(int) - seen).max() < 8
 

@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app.look import COLORINGS  # noqa: E402
+from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
 from spacemap_vtk.scenes.picture import CAMERAS  # noqa: E402
 
 
@@ -22,7 +22,7 @@ def image(window: Any) -> np.ndarray:
     return window.view.image().astype(int)
 
 
-@pytest.mark.parametrize("name", ["fabric", "cage", "supports", "ghost"])
+@pytest.mark.parametrize("name", ["fabric", "cage", "supports", "loads", "ghost"])
 def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
     window = open_window()
     before = image(window)
@@ -35,14 +35,20 @@ def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
 def test_every_colouring_is_another_picture(open_window: Any) -> None:
     window = open_window()
     pictures = []
-    for name in COLORINGS:
-        window.tools.coloring.setCurrentText(name)
+    for name, coloring in COLORINGS.items():
+        window.tools.coloring.setCurrentText(coloring.label)
+        wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         pictures.append(image(window))
+        # What stands for a number has a scale, with its unit.
+        bar = window.view._fabric.bar
+        assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn"))
+        assert not bar.GetVisibility() or "[" in bar.GetTitle()
     for k, one in enumerate(pictures):
         for other in pictures[:k]:
             assert np.abs(one - other).max() > 60
-    # Displacement has a scale, and at the hem the brightest colour.
-    assert window.view._fabric.bar.GetVisibility()
+    # Each was a change that can be undone.
+    assert window.document.undo.count() == len(COLORINGS) - 1
+    assert window.document.values["view"]["color"] == "clearance"
 
 
 def test_every_camera_is_another_picture(open_window: Any) -> None:

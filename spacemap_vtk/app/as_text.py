@@ -5,8 +5,14 @@ from __future__ import annotations
 import json
 import pprint
 import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from spacemap_vtk.app.document import Document, values_of
+from spacemap_vtk.parameters import FilePath
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 
 def as_command(document: Document, time: float) -> str:
@@ -22,18 +28,44 @@ def as_command(document: Document, time: float) -> str:
     Returns
     -------
     str
-        One line for a shell.
+        One line for a shell; before it a comment, if something is automatic again that the file
+        sets, for which ``--set`` has no words.
     """
-    source = document.source
-    name = "plain_weave" if source is None else str(source)
+    # A scene that was never saved is told as what it changes of the one that everyone has.
+    name = "plain_weave" if document.source is None else str(document.source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
-    before = {} if source is None else values_of(source)
-    for section, table in document.values.items():
-        for key, value in table.items() if isinstance(table, dict) else ():
-            if before.get(section, {}).get(key) != value:
-                # A JSON string, number, flag or list is TOML too.
-                words += ["--set", f"{section}.{key}={json.dumps(value, ensure_ascii=False)}"]
-    return shlex.join(words)
+    before, here = Scene.read(name), document.scene
+    was_written, written = values_of(library.find(name)), document.values
+    unsaid = []
+    for section, cls in SECTIONS.items():
+        for key, parameter in cls.parameters.items():
+            value = getattr(getattr(here, section), key)
+            said = key in written.get(section, {}) or key in was_written.get(section, {})
+            if not said or value == getattr(getattr(before, section), key):
+                continue
+            told = written.get(section, {}).get(key, value)
+            if isinstance(parameter, FilePath) and value is not None:
+                told = str(Path(value).resolve())
+            if told is None:
+                unsaid.append(f"{section}.{key}")
+            else:
+                words += ["--set", f"{section}.{key}={_toml(told)}"]
+    line = shlex.join(words)
+    if unsaid:
+        line = (
+            f"# not said here, save the scene first: {', '.join(unsaid)} back to automatic\n{line}"
+        )
+    return line
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML in one line; tables too."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    # A JSON string, number or flag is TOML too.
+    return json.dumps(value, ensure_ascii=False)
 
 
 def as_script(document: Document, time: float) -> str:

@@ -67,6 +67,8 @@ class Director(QObject):
         engine.progressed.connect(self._progressed)
         engine.failed.connect(self._failed)
         engine.cancelled.connect(self._cancelled)
+        # What ends is told while the thread is still busy with ending.
+        engine.idle.connect(self._end_notice)
 
     def ask(self, coarse: bool = False) -> None:
         """Ask for a frame of the present document and time.
@@ -221,10 +223,9 @@ class Director(QObject):
 
     def _cancelled(self) -> None:
         self._times.waiting = False
-        if not self._engine.busy:
-            if self._running:
-                self._stages.set_state(self._running, "stale")
-            self._end_notice()
+        if self._running:
+            self._stages.set_state(self._running, "stale")
+        self._end_notice()
 
 
 def _timer(owner: QObject, milliseconds: int, slot: object) -> QTimer:

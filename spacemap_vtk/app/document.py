@@ -11,7 +11,7 @@ from typing import Any
 import tomlkit
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QUndoStack
-from tomlkit.items import Array
+from tomlkit.items import AoT, Array
 
 from spacemap_vtk.app.edit import Edit
 from spacemap_vtk.app.kept_drafts import KeptDrafts
@@ -246,9 +246,18 @@ class Document(QObject):
         self.scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
+        there = self._toml.get(section, {})
         if written is None:
-            if key in self._toml.get(section, {}):
-                del self._toml[section][key]
+            if key in there:
+                del there[key]
+        elif isinstance(there.get(key), AoT) and len(there[key]) == len(written):
+            # Key by key, so that the comments between them stay.
+            for table, wanted in zip(there[key], written, strict=True):
+                for name in [name for name in table if name not in wanted]:
+                    del table[name]
+                for name, value in wanted.items():
+                    if name not in table or not _same(table[name], value, key, name):
+                        table[name] = value
         elif section in self._toml:
             self._toml[section][key] = written
         else:
@@ -283,3 +292,27 @@ class Document(QObject):
                     self._put(section, key, os.path.relpath(target, folder))
         self._folder = folder
         self.scene = Scene(self.values, folder / "scene.toml")
+
+
+def _same(here: Any, wanted: Any, key: str, name: str) -> bool:
+    """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
+    record = next(
+        (
+            p.record
+            for cls in SECTIONS.values()
+            for k, p in cls.parameters.items()
+            if k == key and hasattr(p, "record")
+        ),
+        None,
+    )
+    if record is None:
+        return bool(here == wanted)
+    parameter = record.parameters[name]
+    try:
+        return bool(parameter.check(_unwrapped(here)) == parameter.check(wanted))
+    except InputError:
+        return False
+
+
+def _unwrapped(item: Any) -> Any:
+    return item.unwrap() if hasattr(item, "unwrap") else item

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PIL import Image
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
 from spacemap_vtk.app.document import Document
@@ -19,7 +19,7 @@ _RECENT = 8
 _PICTURES = {".png": "picture", ".jpg": "picture"}
 
 
-class Files:
+class Files(QObject):
     """What the menu "File" does.
 
     Parameters
@@ -32,7 +32,11 @@ class Files:
         Where failures are told.
     """
 
+    #: The files used lately are others.
+    remembered = Signal()
+
     def __init__(self, window: QWidget, document: Document, errors: ErrorBar) -> None:
+        super().__init__(window)
         self._window, self._document, self._errors = window, document, errors
 
     @property
@@ -75,6 +79,17 @@ class Files:
         if self._document.source is not None:
             self._remember(self._document.source)
         return True
+
+    def leave_for(self, name: str) -> None:
+        """Open another scene, if the present one can be left.
+
+        Parameters
+        ----------
+        name : str
+            As for `load`.
+        """
+        if self.may_leave():
+            self.load(name)
 
     def save(self) -> bool:
         """Save, asking for a name where there is none.
@@ -154,3 +169,4 @@ class Files:
     def _remember(self, path: Path) -> None:
         names = [str(path), *(name for name in self.recent if name != str(path))]
         QSettings().setValue("recent", names[:_RECENT])
+        self.remembered.emit()

@@ -7,6 +7,8 @@ from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
+from spacemap_vtk.scenes.load_arrows import Arrows
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -26,6 +28,12 @@ class Frame:
         The mode that is shown in place of the motion.
     generation : int
         Another number for another scene.
+    values : dict
+        The scene that it is of, as a file has it.
+    color : str
+        What the surface's colours show: a key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+    arrows : Arrows or None
+        What acts on the cage.
     warnings : tuple of str
         What the stages say of their trustworthiness.
     """
@@ -36,6 +44,9 @@ class Frame:
     coarse: bool
     swing: int | None
     generation: int
+    values: dict[str, Any]
+    color: str = "own"
+    arrows: Arrows | None = None
     warnings: tuple[str, ...] = ()
 
 

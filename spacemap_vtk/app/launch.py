@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 
 # pyvistaqt would take any Qt binding that it finds; this program is written for one.
 os.environ["QT_API"] = "pyside6"
@@ -16,13 +17,15 @@ from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
 
 
-def launch(scene: str | None) -> None:
+def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
     """Open the window and return when it is closed.
 
     Parameters
     ----------
     scene : str or None
-        Scene file, draft or name of a scene; None for the welcome page.
+        Scene file, draft or name of a scene; None for the paper's, and the gallery.
+    made : callable, optional
+        Given the window before it is shown.
 
     Raises
     ------
@@ -34,6 +37,8 @@ def launch(scene: str | None) -> None:
     app.setOrganizationName("spacemap")
     app.setApplicationVersion(__version__)
     window = MainWindow()
+    if made is not None:
+        made(window)
     window.start(scene)
     window.show()
     # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.

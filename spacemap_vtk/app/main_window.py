@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt
@@ -22,8 +23,10 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.draft.tab import DraftTab
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
+from spacemap_vtk.app.gallery import Gallery
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
@@ -34,7 +37,7 @@ from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
 
 
@@ -60,11 +63,14 @@ class MainWindow(QMainWindow):
         # Its line is white in the dark.
         self.tabs.tabBar().setDrawBase(False)
         self.draft = DraftTab(self.document)
+        self.gallery = Gallery()
+        self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.plots = PlotsTab(self.document, self.engine)
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
         self.files = Files(self, self.document, self.errors)
+        self.exports = Exports(self)
         self._lay_out()
         self.menus = Menus(self)
         self._connect()
@@ -85,8 +91,9 @@ class MainWindow(QMainWindow):
         InputError
             If it cannot be read.
         """
+        self._show_recent()
+        self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
-        self.stages.choose(next(iter(SECTIONS)))
 
     def report(self, error: BaseException) -> None:
         """Show an error, and mark the field that it names.
@@ -110,14 +117,19 @@ class MainWindow(QMainWindow):
         if not self.files.may_leave():
             event.ignore()
             return
-        settings = QSettings()
-        settings.setValue("geometry", self.saveGeometry())
-        settings.setValue("columns", self.splitter.saveState())
+        self.keep_state()
         self.modes.stop()
         self.plots.stop()
+        self.exports.stop()
         self.director.stop()
         self.view.shut()
         super().closeEvent(event)
+
+    def keep_state(self) -> None:
+        """Let the next window come where this one is."""
+        settings = QSettings()
+        settings.setValue("geometry", self.saveGeometry())
+        settings.setValue("columns", self.splitter.saveState())
 
     def discard(self) -> None:
         """Close without asking whether changes should be saved."""
@@ -192,6 +204,45 @@ class MainWindow(QMainWindow):
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
+        self.tools.colored.connect(self._recolor)
+        self.tools.backed.connect(self._back)
+        for told in (self.document.changed, self.document.replaced):
+            told.connect(self._show_colors)
+        self.document.replaced.connect(self._begin)
+        self.files.remembered.connect(self._show_recent)
+        self.gallery.chosen.connect(self.files.leave_for)
+        self.exports.failed.connect(self.report)
+        self.exports.written.connect(self._tell_written)
+        self.gallery.new.connect(self.files.new)
+        self.gallery.browse.connect(self.files.open)
+
+    def _recolor(self, color: str) -> None:
+        self._try(self.document.set, "view", "color", None if color == "own" else color)
+
+    def _back(self, bottom: str | None, top: str | None) -> None:
+        written = {"background": bottom, "background_top": top}
+        self._try(self.document.set_many, "view", written)
+
+    def _show_colors(self) -> None:
+        self.tools.show_scene(self.document.scene)
+
+    def _tell_written(self, file: str) -> None:
+        self.told.setText(f"Written: {file}")
+
+    def _show_recent(self) -> None:
+        self.gallery.show_recent(self.files.recent)
+
+    def _begin(self) -> None:
+        self.tools.clip.setChecked(False)
+        # The properties of a stage that another scene lacks would say nothing.
+        if self.stages.states.get(self.properties.section, "off") == "off":
+            self.stages.choose(self.document.scene.source.section)
+
+    def _try(self, change: Callable[..., None], *arguments: Any) -> None:
+        try:
+            change(*arguments)
+        except InputError as error:
+            self.report(error)
 
     def _name(self, *_: Any) -> None:
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
@@ -216,7 +267,6 @@ class MainWindow(QMainWindow):
 
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)
-        self.view.mark_points([pick.position])
 
     def _show_progress(self, section: str, share: float) -> None:
         for widget in (self.bar, self.cancel, self.running):

@@ -42,7 +42,11 @@ class Menus(QObject):
         menu.addSeparator()
         self._add(menu, "Save", keys.Save, files.save)
         self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
-        self._add(menu, "Save picture…", "Ctrl+P", self._save_picture)
+        menu.addSeparator()
+        self._add(menu, "Save what is seen…", "Ctrl+P", self._save_picture)
+        self._add(menu, "Export picture…", "Ctrl+Shift+P", window.exports.picture)
+        self._add(menu, "Export film…", "Ctrl+Shift+F", window.exports.film)
+        self._add(menu, "Export data…", "Ctrl+E", window.exports.data)
         menu.addSeparator()
         self._add(menu, "Close", keys.Close, window.close)
         menu = self._menu("&Edit")
@@ -104,10 +108,7 @@ class Menus(QObject):
         self.recent.setToolTipsVisible(True)
 
     def _open_named(self) -> None:
-        name = self.sender().data()
-        files = self.parent().files
-        if files.may_leave():
-            files.load(name)
+        self.parent().files.leave_for(self.sender().data())
 
     def _save_picture(self) -> None:
         self.parent().files.save_picture(self.parent().view)

@@ -15,16 +15,16 @@ class Pick:
 
     Parameters
     ----------
-    yarn : int
-        Its yarn: ends from 0 on, then picks.
-    family : int
+    yarn : int or None
+        Its yarn: ends from 0 on, then picks; None on an object.
+    family : int or None
         0 warp, 1 weft.
     position, rest, displacement : tuple of 3 float
         Where it is, where it is at rest, and the difference, in m.
     """
 
-    yarn: int
-    family: int
+    yarn: int | None
+    family: int | None
     position: Point
     rest: Point
     displacement: Point
@@ -34,7 +34,7 @@ class Pick:
         """One line for people."""
         size = sum(c * c for c in self.displacement) ** 0.5
         where = ", ".join(format_quantity(float(f"{c:.4g}"), "m") for c in self.position)
-        return (
-            f"yarn {self.yarn} ({('warp', 'weft')[self.family]})   at ({where})   "
-            f"moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
-        )
+        of = ""
+        if self.yarn is not None and self.family is not None:
+            of = f"yarn {self.yarn} ({('warp', 'weft')[self.family]})   "
+        return f"{of}at ({where})   moved by {format_quantity(float(f'{size:.4g}'), 'm')}"

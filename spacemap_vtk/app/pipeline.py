@@ -12,12 +12,15 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.frame import Frame, copied
+from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.filters.arrays import add_array, array_of, points_of
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.scenes.coloring import add_measure
+from spacemap_vtk.scenes.load_arrows import load_arrows
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
@@ -51,6 +54,7 @@ class Pipeline:
         self._swing_warp = BarycentricWarp()
         self._running: Stage | None = None
         self._stopped = False
+        self._interrupt = Interrupt()
 
     @property
     def scene(self) -> Scene | None:
@@ -100,10 +104,18 @@ class Pipeline:
             surface.update(job.time)
         else:
             self._update(scene, surface, job.time)
+        drawn, color = copied(surface.GetOutputDataObject(0)), scene.view.color
+        add_measure(drawn, color)
+        arrows = None
+        if cage is not None and swing is None and scene.mover is scene.response:
+            arrows = load_arrows(scene.response, cage, job.time)
         return Frame(
             time=job.time,
-            surface=copied(surface.GetOutputDataObject(0)),
+            surface=drawn,
             cage=cage,
+            values=job.values,
+            color=color,
+            arrows=arrows,
             coarse=surface is self._coarse,
             swing=swing.mode if swing else None,
             generation=job.generation,
@@ -138,11 +150,12 @@ class Pipeline:
         return here
 
     def stop(self) -> None:
-        """End the run as soon as its stage looks up; can be called from another thread."""
+        """End the run, within a second if no library keeps it; called from another thread."""
         self._stopped = True
         stage = self._running
         if stage is not None:
             stage.SetAbortExecute(1)
+            self._interrupt.end()
 
     def _update(self, scene: Scene, stage: Stage, at: float) -> None:
         if self._stopped:
@@ -160,12 +173,22 @@ class Pipeline:
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
-            scene.update_stage(stage, at)
+            self._interrupt.guard(lambda: self._unless_stopped(scene, stage, at))
+        except Cancelled:
+            # Wherever it was ended: what it had begun is not taken for a result.
+            stage.Modified()
+            raise
         finally:
             self._running = None
             stage.RemoveObserver(observer)
         if stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
+
+    def _unless_stopped(self, scene: Scene, stage: Stage, at: float) -> None:
+        # Once more: whoever stopped it may have looked before it was known what runs.
+        if self._stopped:
+            raise Cancelled("the run was stopped")
+        scene.update_stage(stage, at)
 
     def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""
@@ -179,7 +202,8 @@ class Pipeline:
 
     def _swung(self, scene: Scene, cage: vtkUnstructuredGrid) -> BarycentricWarp:
         self._swing.SetOutput(cage)
-        self._swing_warp.configure(**scene.warp.settings)
+        # A mode has no velocity that could ride along.
+        self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})
         self._swing_warp.SetInputConnection(0, scene.source.GetOutputPort())
         self._swing_warp.SetInputConnection(1, self._swing.GetOutputPort())
         return self._swing_warp

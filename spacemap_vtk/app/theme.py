@@ -24,8 +24,8 @@ _LIGHT = {
 _DARK = {
     _Role.Window: "#1d232b",
     _Role.WindowText: "#e6eaf0",
-    _Role.Base: "#161b22",
-    _Role.AlternateBase: "#222a34",
+    _Role.Base: "#28303b",
+    _Role.AlternateBase: "#2e3743",
     _Role.Text: "#e6eaf0",
     _Role.Button: "#2a333f",
     _Role.ButtonText: "#e6eaf0",
@@ -46,6 +46,14 @@ Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
+QListWidget#gallery, QListWidget#recent {{ border: none; background: transparent; }}
+QListWidget#gallery::item {{ padding: 4px; border-radius: 6px; }}
+QListWidget#gallery::item:hover, QListWidget#recent::item:hover {{ background: {check}; }}
+QListWidget#gallery::item:selected {{ background: {check}; color: {text}; }}
+QPushButton#side {{ padding: 3px 2px; }}
+QPushButton#side:checked {{ background: {check}; border: 1px solid {accent}; border-radius: 4px; }}
+QFrame#card {{ border: 1px solid {line}; border-radius: 6px; background: {card}; }}
+QToolButton::menu-indicator {{ image: none; }}
 QSplitter::handle {{ background: {line}; }}
 QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
@@ -79,6 +87,9 @@ def apply_theme(app: QApplication, dark: bool) -> None:
             bad="#ff7a85" if dark else "#c0394b",
             bad_back="#4a2229" if dark else "#fdecee",
             line="#333d49" if dark else "#d5dbe2",
+            accent="#4d9cc7" if dark else "#2d6a8e",
+            card="#1a2028" if dark else "#ffffff",
+            text="#e6eaf0" if dark else "#1f2730",
             check="#35546a" if dark else "#cfe3ef",
         )
     )

@@ -10,15 +10,19 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from pyvistaqt import QtInteractor
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, FabricActor, GhostActor, SupportActor, moved_points
+from spacemap_vtk.app.actors import CageActor, GhostActor, LoadActor, SupportActor, moved_points
+from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
+from spacemap_vtk.scenes.coloring import SHOWN
 from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
 
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
@@ -33,7 +37,10 @@ class View3D(QWidget):
         What is shown; `refresh` after a change.
     """
 
+    #: A point that was clicked at: a `Pick`.
     picked = Signal(object)
+    #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
+    picks_changed = Signal(list)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -45,19 +52,24 @@ class View3D(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
         add_lights(self.plotter)
-        self._fabric, self._ghost = FabricActor(), GhostActor()
-        self._cage, self._supports = CageActor(), SupportActor()
+        self._fabric, self._ghost = SurfaceActor(), GhostActor()
+        self._cage, self._supports, self._loads = CageActor(), SupportActor(), LoadActor()
         for actor in self._actors:
             self.plotter.renderer.AddActor(actor)
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
+        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors)
+        #: Points that the user has picked, the last one last; see `picks_changed`.
+        self.picks: list[Pick] = []
+        self._span: tuple[object, Span] | None = None
+        self._plain: tuple[int, ...] = (185, 196, 207)
         self._pressed: QPointF | None = None
         self._closed = False
 
     @property
     def _actors(self) -> list[Any]:
-        return [self._fabric, self._ghost, self._cage, self._supports]
+        return [self._fabric, self._ghost, self._cage, self._supports, self._loads]
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame.
@@ -74,7 +86,12 @@ class View3D(QWidget):
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._color(view)
+        if first:
+            self.clip.set_on(False, None)
+            self.clip.forget()
+            self.forget_picks()
         self.refresh(render=False)
+        self._mark()
         if first:
             self.reset_camera(view.camera)
         self.render()
@@ -90,7 +107,7 @@ class View3D(QWidget):
         frame, look = self.frame, self.look
         if frame is None:
             return
-        self._fabric.show(frame.surface, look.coloring)
+        self._fabric.show(frame.surface, frame.color, self._plain, self._span_of(frame))
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         self._ghost.SetVisibility(look.ghost)
@@ -100,6 +117,9 @@ class View3D(QWidget):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
+        self._loads.SetVisibility(look.loads)
+        if look.loads:
+            self._loads.show(frame.arrows)
         if render:
             self.render()
 
@@ -144,27 +164,85 @@ class View3D(QWidget):
         camera.SetParallelProjection(on)
         self.render()
 
-    def mark_points(self, positions: list[tuple[float, float, float]]) -> None:
-        """Show where picked points are.
+    @property
+    def place(self) -> dict[str, Any]:
+        """Where the camera stands, as `spacemap_vtk.scenes.picture.Place` has it."""
+        camera = self.plotter.camera
+        return {
+            "position": tuple(camera.position),
+            "focus": tuple(camera.focal_point),
+            "up": tuple(camera.up),
+            "parallel_scale": camera.parallel_scale if camera.GetParallelProjection() else 0.0,
+        }
+
+    def set_clip(self, on: bool) -> None:
+        """Cut the view open with a plane, or show the whole.
 
         Parameters
         ----------
-        positions : list of tuple of float
-            In m.
+        on : bool
+            Cut.
         """
-        self.plotter.remove_actor("picked points", render=False)
-        if positions:
-            self.plotter.add_points(
-                np.array(positions),
-                color="#d9642c",
-                point_size=14,
-                render_points_as_spheres=True,
-                name="picked points",
-                reset_camera=False,
-                render=False,
-                pickable=False,
-            )
+        self.clip.set_on(on, self._extent())
         self.render()
+
+    def reset_clip(self, normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)) -> None:
+        """Put the plane that cuts through the middle again.
+
+        Parameters
+        ----------
+        normal : tuple of float, optional
+            Points to what stays in sight.
+        """
+        points = self._extent()
+        if points is not None:
+            self.clip.reset(points, normal)
+            self.clip.set_on(True, points)
+            self.render()
+
+    def add_pick(self, pick: Pick, alone: bool = True) -> None:
+        """Keep a picked point, and mark it.
+
+        Parameters
+        ----------
+        pick : Pick
+            The point.
+        alone : bool, optional
+            Whether it takes the place of those picked before.
+        """
+        self.picks = [pick] if alone else [*self.picks, pick]
+        self._mark()
+        self.render()
+        self.picks_changed.emit(list(self.picks))
+
+    def forget_picks(self) -> None:
+        """Forget the picked points."""
+        if self.picks:
+            self.picks = []
+            self._mark()
+            self.picks_changed.emit([])
+
+    def _mark(self) -> None:
+        """Show picked points where they are now."""
+        if not self.picks or self.frame is None:
+            self.plotter.remove_actor("picked points", render=False)
+            return
+        surface = self.frame.surface
+        rest = points_of(surface)
+        moved = surface.GetPointData().GetArray("displacement")
+        if moved is not None:
+            rest = rest - vtk_to_numpy(moved)
+        nearest = [int(((rest - p.rest) ** 2).sum(axis=1).argmin()) for p in self.picks]
+        self.plotter.add_points(
+            points_of(surface)[nearest].astype(np.float64),
+            color="#d9642c",
+            point_size=14,
+            render_points_as_spheres=True,
+            name="picked points",
+            reset_camera=False,
+            render=False,
+            pickable=False,
+        )
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Return what lies under a point of the widget.
@@ -190,14 +268,14 @@ class View3D(QWidget):
         if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
             return None
         surface, cell, point = self.frame.surface, picker.GetCellId(), picker.GetPointId()
-        if cell < 0 or surface.GetCellData().GetArray("yarn") is None:
+        if cell < 0 or point < 0:
             return None
         position = points_of(surface)[point].astype(float)
         moved = surface.GetPointData().GetArray("displacement")
         displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
         return Pick(
-            yarn=int(surface.GetCellData().GetArray("yarn").GetTuple1(cell)),
-            family=int(surface.GetCellData().GetArray("family").GetTuple1(cell)),
+            yarn=_number(surface, "yarn", cell),
+            family=_number(surface, "family", cell),
             position=_three(position),
             rest=_three(position - displacement),
             displacement=_three(displacement),
@@ -219,6 +297,7 @@ class View3D(QWidget):
         if not self._closed:
             self._closed = True
             self.plotter.removeEventFilter(self)
+            self.clip.close()
             self.plotter.close()
             self.frame = None
 
@@ -233,6 +312,8 @@ class View3D(QWidget):
             if (at - start).manhattanLength() <= _STEADY:
                 found = self.pick(at.x(), at.y())
                 if found is not None:
+                    adding = event.modifiers() & Qt.KeyboardModifier.ShiftModifier
+                    self.add_pick(found, alone=not adding)
                     self.picked.emit(found)
         return False
 
@@ -240,10 +321,20 @@ class View3D(QWidget):
         self.plotter.set_background(view.background, top=view.background_top)
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
-        dark = sum(view.background) < 384
-        ink = (0.92, 0.94, 0.97) if dark else (0.16, 0.18, 0.21)
-        self._fabric.bar.GetTitleTextProperty().SetColor(*ink)
-        self._fabric.bar.GetLabelTextProperty().SetColor(*ink)
+        self._plain = view.object_color
+        height = 720 if self.plotter.height() < 720 else self.plotter.height()
+        scale_text(self._fabric.bar, height * 3 // 4, view.background)
+
+    def _span_of(self, frame: Frame) -> Span | None:
+        """Return the ends of the scale; while only time passes, they never come nearer."""
+        numbers = frame.surface.GetPointData().GetArray(SHOWN)
+        if numbers is None:
+            return None
+        low, high = natural_span(vtk_to_numpy(numbers))
+        if self._span is not None and self._span[0] == (frame.values, frame.swing):
+            low, high = min(low, self._span[1][0]), max(high, self._span[1][1])
+        self._span = (frame.values, frame.swing), (low, high)
+        return low, high
 
     def _extent(self) -> NDArray[np.float64] | None:
         if self.frame is None:
@@ -253,6 +344,11 @@ class View3D(QWidget):
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
         return np.concatenate(clouds)
+
+
+def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
+    array = surface.GetCellData().GetArray(name)
+    return None if array is None else int(array.GetTuple1(cell))
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSize, Qt
+import numpy as np
+from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QComboBox, QLabel, QToolBar
+from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton
 
-from spacemap_vtk.app.look import COLORINGS
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.picture import CAMERAS
+from spacemap_vtk.scenes.scene import Scene
 
 #: What can be shown: attribute of `Look`, words, key.
 _SHOWN = (
     ("fabric", "Fabric", "F"),
     ("cage", "Cage", "C"),
     ("supports", "Supports", "S"),
+    ("loads", "Loads", "L"),
     ("ghost", "Ghost", "G"),
 )
+#: Backgrounds to choose from: the colours at the bottom and at the top; None is the default.
+BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
+    "Light": (None, None),
+    "White": ("#ffffff", "#ffffff"),
+    "Dark": ("#1b222b", "#36424f"),
+    "Black": ("#000000", "#000000"),
+}
 
 
 class ViewBar(QToolBar):
-    """Tools that change the look and nothing else.
+    """What is shown, in which colours, from where.
 
     Parameters
     ----------
     view : View3D
         What they act on.
     """
+
+    #: A key of `COLORINGS`.
+    colored = Signal(str)
+    #: Colours at the bottom and at the top, as a scene file has them.
+    backed = Signal(object, object)
 
     def __init__(self, view: View3D) -> None:
         super().__init__("View")
@@ -48,38 +63,101 @@ class ViewBar(QToolBar):
         self.addSeparator()
         self.addWidget(QLabel(" Colour by "))
         self.coloring = QComboBox()
-        self.coloring.addItems(COLORINGS)
-        self.coloring.currentTextChanged.connect(self._colored)
+        for name, coloring in COLORINGS.items():
+            self.coloring.addItem(coloring.label, name)
+        self.coloring.currentIndexChanged.connect(self._colored)
         self.addWidget(self.coloring)
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}
+        cameras = self._menu("Camera", "Where it is seen from")
         for number, name in enumerate(CAMERAS, 1):
             action = QAction(name.capitalize(), self)
             action.setShortcut(QKeySequence(str(number)))
             action.setToolTip(f"Look from the {name} ({number})")
             action.setData(name)
             action.triggered.connect(self._aimed)
-            self.addAction(action)
+            cameras.addAction(action)
             self.cameras[name] = action
-        self.orthographic = QAction("Orthographic", self)
-        self.orthographic.setCheckable(True)
-        self.orthographic.setShortcut(QKeySequence("O"))
-        self.orthographic.setToolTip("Parallel projection (O)")
+        cameras.addSeparator()
+        self.orthographic = self._switch("Orthographic", "O", "Parallel projection (O)")
         self.orthographic.toggled.connect(view.set_orthographic)
-        self.addAction(self.orthographic)
+        cameras.addAction(self.orthographic)
+        self.clip = self._switch("Clip", "X", "Cut it open with a plane; the mouse moves it (X)")
+        self.clip.toggled.connect(view.set_clip)
+        self.addAction(self.clip)
+        self.clip_sides: list[QAction] = []
+        for axis, normal in zip("xyz", np.eye(3), strict=True):
+            action = QAction(f"Clip across {axis}", self)
+            action.setData(tuple(float(-n) for n in normal))
+            action.triggered.connect(self._clipped_across)
+            self.clip_sides.append(action)
+        self.backgrounds: dict[str, QAction] = {}
+        backgrounds = self._menu("Background", "What lies behind")
+        for name, colors in BACKGROUNDS.items():
+            action = QAction(name, self)
+            action.setData(colors)
+            action.triggered.connect(self._backed)
+            backgrounds.addAction(action)
+            self.backgrounds[name] = action
+
+    def show_scene(self, scene: Scene) -> None:
+        """Show what a scene's colours mean, and what else they could.
+
+        Parameters
+        ----------
+        scene : Scene
+            The document's.
+        """
+        possible = scene.colorings
+        self.coloring.blockSignals(True)
+        for index, name in enumerate(COLORINGS):
+            self.coloring.model().item(index).setEnabled(name in possible)
+            if name == scene.view.color:
+                self.coloring.setCurrentIndex(index)
+        self.coloring.blockSignals(False)
 
     @property
     def choices(self) -> list[QAction]:
         """Every action, for a menu."""
-        return [*self.shown.values(), *self.cameras.values(), self.orthographic]
+        return [
+            *self.shown.values(),
+            *self.cameras.values(),
+            self.orthographic,
+            self.clip,
+            *self.clip_sides,
+            *self.backgrounds.values(),
+        ]
 
     def _toggled(self, on: bool) -> None:
         setattr(self._view.look, self.sender().data(), on)
         self._view.refresh()
 
-    def _colored(self, coloring: str) -> None:
-        self._view.look.coloring = coloring
-        self._view.refresh()
+    def _colored(self, index: int) -> None:
+        self.colored.emit(self.coloring.itemData(index))
 
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
+
+    def _clipped_across(self) -> None:
+        self._view.reset_clip(tuple(self.sender().data()))
+        self.clip.setChecked(True)
+
+    def _backed(self) -> None:
+        self.backed.emit(*self.sender().data())
+
+    def _switch(self, name: str, key: str, tip: str) -> QAction:
+        action = QAction(name, self)
+        action.setCheckable(True)
+        action.setShortcut(QKeySequence(key))
+        action.setToolTip(tip)
+        return action
+
+    def _menu(self, name: str, tip: str) -> QMenu:
+        button = QToolButton()
+        button.setText(f"{name} ▾")
+        button.setToolTip(tip)
+        button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(button)
+        button.setMenu(menu)
+        self.addWidget(button)
+        return menu

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 _PAIRS = 2**17  # pairs of a triangle and a hexahedron that are looked at together
 _SLACK = 1e-9  # of an edge: what lies on a face touches both sides
@@ -111,6 +110,8 @@ def grown(kept: NDArray[np.bool_], margin: int, fill: bool) -> NDArray[np.bool_]
     (nz, ny, nx) bool
         As large as `kept`.
     """
+    from scipy import ndimage  # with all it brings: a tenth of a second
+
     if margin:
         kept = ndimage.binary_dilation(kept, np.ones((3, 3, 3)), iterations=margin)
     result: NDArray[np.bool_] = ndimage.binary_fill_holes(kept) if fill else kept
@@ -133,6 +134,8 @@ def pieces(kept: NDArray[np.bool_]) -> tuple[list[int], int]:
         Pieces where edges and corners count too. If there are fewer than sizes, some of those
         hang on hinges.
     """
+    from scipy import ndimage  # with all it brings: a tenth of a second
+
     labels, _ = ndimage.label(kept)
     sizes = np.sort(np.bincount(labels.ravel())[1:])[::-1]
     _, loose = ndimage.label(kept, np.ones((3, 3, 3)))

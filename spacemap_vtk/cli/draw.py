@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Quiet, Set, Size, Time, opened, tell_warnings
+from spacemap_vtk.cli.options import Quiet, Set, Shown, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import report
@@ -33,6 +33,7 @@ def render(
     output: Output,
     time: Time = None,
     size: Size = None,
+    color: Shown = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -46,7 +47,7 @@ def render(
         A .png or .jpg file.
     """
     check_output(output, STILL_FORMATS)
-    opened_scene = opened(scene, set_, time=time, size=size)
+    opened_scene = opened(scene, set_, time=time, size=size, color=color)
     from PIL import Image as PILImage
 
     from spacemap_vtk.scenes.picture import Picture
@@ -67,6 +68,7 @@ def animate(
     *,
     output: Output,
     size: Size = None,
+    color: Shown = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -89,7 +91,7 @@ def animate(
             f"{output}: frames need a number in their name",
             allowed=f"for example {output.with_name(output.stem + '-%04d.png')}",
         )
-    opened_scene = opened(scene, set_, size=size)
+    opened_scene = opened(scene, set_, size=size, color=color)
     from spacemap_vtk.scenes.film import write_film, write_frames
     from spacemap_vtk.scenes.picture import Picture
 

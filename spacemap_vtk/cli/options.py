@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 Set = Annotated[
@@ -24,6 +25,10 @@ Set = Annotated[
 ]
 Time = Annotated[str | None, Parameter(help="Time in s, as in 0.4 or 400ms.")]
 Size = Annotated[str | None, Parameter(help="Width and height in pixels, as in 1920x1080.")]
+Shown = Annotated[
+    str | None,
+    Parameter(name="--color", help=f"What colours show: {', '.join(COLORINGS)}."),
+]
 Quiet = Annotated[
     bool, Parameter(name=["--quiet", "-q"], negative="", help="No progress, no warnings.")
 ]
@@ -36,6 +41,7 @@ def opened(
     *,
     time: str | None = None,
     size: str | None = None,
+    color: str | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it.
 
@@ -45,8 +51,8 @@ def opened(
         What the user wrote for SCENE.
     assignments : sequence of str
         What followed each ``--set``.
-    time, size : str, optional
-        What followed ``--time`` and ``--size``.
+    time, size, color : str, optional
+        What followed ``--time``, ``--size`` and ``--color``.
 
     Returns
     -------
@@ -64,6 +70,9 @@ def opened(
     if time is not None:
         with _naming("--time"):
             scene.view.time = time
+    if color is not None:
+        with _naming("--color"):
+            scene.color_by(color)
     if size is not None:
         width, cross, height = size.lower().partition("x")
         if not cross:

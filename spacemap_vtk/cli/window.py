@@ -20,7 +20,11 @@ def gui(
     if scene is not None:
         library.find(scene)
     require_window()
-    # Qt takes half a second to import: only this command pays for it.
+    # Qt and VTK's window take a second to import: only this command pays for it, and what will
+    # come is on the screen meanwhile.
+    from spacemap_vtk.app.splash import Splash
+
+    splash = Splash(scene)
     from spacemap_vtk.app.launch import launch
 
-    launch(scene)
+    launch(scene, splash.give_way_to)

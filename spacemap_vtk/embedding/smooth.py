@@ -127,6 +127,22 @@ class SmoothInterpolation:
             )
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
+    def apply(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Interpolate any values, as smoothly as displacements.
+
+        Parameters
+        ----------
+        values : (V, k) array_like
+            Values at the vertices, of any unit.
+
+        Returns
+        -------
+        (N, k) float64
+            Values at the points, of the same unit.
+        """
+        table = np.asarray(values, dtype=np.float64)
+        return self._rows.apply(np.concatenate((table, self._slopes @ table)))
+
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
         """Return the gradient of the map at each point, blended from those of the vertices.
 

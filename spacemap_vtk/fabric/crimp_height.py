@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scipy.optimize import brentq
-
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.cloth import Cloth
 
@@ -104,5 +102,7 @@ def height_for_crimp(cloth: Cloth, family: str, crimp: float) -> float:
 
     def remainder(height: float) -> float:
         return crimp_at(cloth, family, height) - crimp
+
+    from scipy.optimize import brentq  # with all it brings: a tenth of a second
 
     return float(brentq(remainder, low, high, xtol=1e-15 * cloth.diameter_sum, rtol=1e-15))

@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.units import format_quantity
@@ -212,6 +211,8 @@ def height_from_crimp(spacing: float, crimp: float, diameter_sum: float) -> floa
     # at jam the root is the end of the bracket, and may lie past it by rounding
     theta = min(length / d, pi)
     if remainder(theta) < 0.0:
+        from scipy.optimize import brentq  # with all it brings: a tenth of a second
+
         theta = float(brentq(remainder, 0.0, theta, xtol=1e-300, rtol=1e-15))
     height = (length - d * theta) * np.sin(theta) + 2.0 * d * np.sin(0.5 * theta) ** 2
     return min(float(height), highest)

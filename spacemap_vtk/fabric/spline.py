@@ -11,7 +11,6 @@ from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from spacemap_vtk.fabric.axis import Axes, crossing_heights
 from spacemap_vtk.fabric.cloth import Yarns
@@ -52,6 +51,8 @@ def spline_axes(
         knots = np.concatenate([[knots[0] - overhang], knots, [knots[-1] + overhang]])
     # in units of the cloth, so that micrometres and metres round alike
     unit = knots[-1] - knots[0]
+    from scipy.interpolate import CubicSpline  # with all it brings: a tenth of a second
+
     curve = CubicSpline(knots / unit, height.T / unit, bc_type="clamped")
     fraction = np.arange(PARTS) / PARTS
     stations = np.append((knots[:-1, None] + np.diff(knots)[:, None] * fraction).ravel(), knots[-1])

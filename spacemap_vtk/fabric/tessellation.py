@@ -254,14 +254,12 @@ class Tessellation:
         n = self.subdivisions
         place = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
         corners = np.stack((place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]), axis=2)
-        first = np.empty(self.patch_count, dtype=np.int64)
-        step = np.empty(self.patch_count, dtype=np.int64)
+        result = np.empty((self.patch_count, corners.size), dtype=np.int64)
+        # Chunk by chunk: what is written is in the cache, and a user can end it in between.
         for chunk in self._chunks:
-            patch = np.arange(chunk.patch_count)
-            first[chunk.first + patch] = chunk.first * place.size + patch
-            step[chunk.first + patch] = chunk.patch_count
-        result = corners.ravel() * step[:, None]
-        result += first[:, None]
+            within = result[chunk.first : chunk.first + chunk.patch_count]
+            np.multiply(corners.ravel(), chunk.patch_count, out=within)
+            within += (chunk.first * place.size + np.arange(chunk.patch_count))[:, None]
         return _frozen(result.reshape(-1, 4))
 
     @cached_property

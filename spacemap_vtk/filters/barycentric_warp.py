@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
+from spacemap_vtk.embedding.averaging import vertex_averages
 from spacemap_vtk.embedding.gradients import cofactors, deformation_gradients, turned_normals
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
@@ -26,7 +29,7 @@ from spacemap_vtk.filters.arrays import (
 )
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.kept import Geometry
-from spacemap_vtk.parameters import Choice, Flag
+from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
 
 
@@ -68,6 +71,12 @@ class BarycentricWarp(Stage):
         "Cubic in each tetrahedron, so that no kinks show at their borders, in place of affine.",
     )
 
+    carried = Text(
+        "",
+        'Names of the cage\'s other arrays that ride along, as in "velocity von_mises"; those of '
+        "tetrahedra are averaged at the vertices first.",
+    )
+
     _kept: _Prepared | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
@@ -88,6 +97,33 @@ class BarycentricWarp(Stage):
         if output.GetCellData().GetNormals() is not None:
             _renew_cell_normals(output)
         add_array(data, "displacement", displacement)
+        for name in self.carried.replace(",", " ").split():
+            values = self._at_vertices(inputs[1], prepared, name)
+            add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
+
+    def _at_vertices(
+        self, cage: vtkUnstructuredGrid, prepared: _Prepared, name: str
+    ) -> NDArray[np.float64]:
+        at_points, of_cells = cage.GetPointData(), cage.GetCellData()
+        if at_points.GetArray(name) is not None:
+            values = vtk_to_numpy(at_points.GetArray(name))
+        elif of_cells.GetArray(name) is not None:
+            values = vtk_to_numpy(of_cells.GetArray(name))
+        else:
+            names = {
+                data.GetArrayName(i)
+                for data in (at_points, of_cells)
+                for i in range(data.GetNumberOfArrays())
+                if not data.GetArrayName(i).startswith("mode_")
+            }
+            raise InputError(
+                "the cage has no such array",
+                key="carried",
+                value=name,
+                allowed=", ".join(sorted(names)) or "none: it has no arrays",
+            )
+        table = values.reshape(len(values), -1).astype(np.float64, copy=False)
+        return table if at_points.GetArray(name) is not None else prepared.averages @ table
 
     def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Prepared:
         kept = self._kept
@@ -127,7 +163,7 @@ class BarycentricWarp(Stage):
                 points=Geometry(points),
                 cage=Geometry(cage),
                 vertices=vertices,
-                tetrahedra=corners,
+                elements=elements,
                 tetrahedron=where.tetrahedron,
                 interpolation=ride,
                 note=note,
@@ -145,7 +181,7 @@ class _Prepared:
     points: Geometry
     cage: Geometry
     vertices: NDArray[np.float64]
-    tetrahedra: NDArray[np.int64]
+    elements: NDArray[np.int64]
     tetrahedron: NDArray[np.int32]
     interpolation: Interpolation | SmoothInterpolation
     note: str
@@ -155,12 +191,17 @@ class _Prepared:
     ) -> bool:
         return self.settings == settings and self.points.matches(points) and self.cage.matches(cage)
 
+    @cached_property
+    def averages(self) -> csr_matrix:
+        """Values of tetrahedra to values at vertices, (V, T)."""
+        return vertex_averages(self.vertices, self.elements)
+
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
         if isinstance(self.interpolation, SmoothInterpolation):
             gradients = self.interpolation.gradients(displacement)
             return turned_normals(normals, cofactors(gradients), np.arange(len(normals)))
         # Of a quadratic tetrahedron the mean turn, which its corners give, has to do.
-        gradients = deformation_gradients(self.vertices, self.tetrahedra, displacement)
+        gradients = deformation_gradients(self.vertices, self.elements[:, :4], displacement)
         return turned_normals(normals, cofactors(gradients), self.tetrahedron)
 
 

@@ -57,7 +57,7 @@ class Series(Parameter[Any]):
         What each number must be.
     """
 
-    kind = "series"
+    kind = "numbers"
     annotation = "sequence of float"
 
     def __init__(self, help: str, *, component: Real) -> None:
@@ -69,6 +69,10 @@ class Series(Parameter[Any]):
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise InputError("not a list")
         return tuple(self.component.convert(component) for component in value)
+
+    def show(self, value: Any) -> str:
+        """Return TOML's spelling, in SI."""
+        return self.automatic if value is None else _toml(tuple(float(f"{v:.6g}") for v in value))
 
     @property
     def allowed(self) -> str:

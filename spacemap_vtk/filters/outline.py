@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
@@ -93,6 +92,8 @@ def envelope(shape: Outline, distance: float) -> Outline:
     solid = grown(touched(points, triangles, origin, np.full(3, voxel), counts.tolist()), 0, True)
     # what touches a voxel is at most half a diagonal from its middle
     reach = distance + 0.9 * voxel
+    from scipy import ndimage  # with all it brings: a tenth of a second
+
     away = ndimage.distance_transform_edt(~solid) * voxel
     image = vtkImageData()
     image.SetDimensions(*counts.tolist())

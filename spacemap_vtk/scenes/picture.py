@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -15,9 +16,11 @@ from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
+from spacemap_vtk.scenes.coloring import add_measure, measure
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shading import averaged, contact_shade
+from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
 
 Image = NDArray[np.uint8]
 
@@ -36,6 +39,16 @@ _OBJECT_RELIEF = 0.03
 _SAMPLES = 2
 
 
+class Place(NamedTuple):
+    """Where a camera stands, in m."""
+
+    position: tuple[float, float, float]
+    focus: tuple[float, float, float]
+    up: tuple[float, float, float]
+    parallel_scale: float = 0.0
+    """Half the height of what a parallel projection shows; 0 for perspective."""
+
+
 class Picture:
     """Draws a scene at one time after the other, from a camera that stands still.
 
@@ -49,6 +62,8 @@ class Picture:
         Width and height in pixels; by default the scene's.
     show : sequence of str, optional
         What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
+    place : Place, optional
+        Where the camera stands; by default where the scene says.
 
     Raises
     ------
@@ -62,18 +77,21 @@ class Picture:
         times: Sequence[float],
         size: tuple[int, int] | None = None,
         show: Sequence[str] | None = None,
+        place: Place | None = None,
     ) -> None:
         prepare_offscreen()
+        self._place = place
         self.scene = scene
         width, height = size or scene.view.size
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
-        extent = _motion_extent(scene, times)
+        extent, self._span = _over_motion(scene, times)
         self._relief = _relief(scene)
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
         self._followers: list[vtkAlgorithm] = []
+        self._solids: list[SurfaceActor] = []
         self._panels = [
             (
                 self._plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
@@ -99,6 +117,13 @@ class Picture:
         for follower in self._followers:
             # A change of time is no change of the pipeline: each branch must ask for it itself.
             follower.UpdateTimeStep(time)
+        if self._solids:
+            surface = vtkPolyData()
+            surface.ShallowCopy(self.scene.polygons)
+            add_measure(surface, self.scene.view.color)
+            for solid in self._solids:
+                view = self.scene.view
+                solid.show(surface, view.color, view.object_color, self._span)
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
     def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:
@@ -107,7 +132,10 @@ class Picture:
         light = plotter.screenshot(None, return_img=True).astype(np.float32)
         if shaded:
             camera = plotter.camera
-            pixel = 2 * camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2)) / light.shape[0]
+            half = camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2))
+            if camera.GetParallelProjection():
+                half = camera.parallel_scale
+            pixel = 2 * half / light.shape[0]
             light *= contact_shade(_depth(plotter), self._relief, self._relief / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
 
@@ -118,9 +146,19 @@ class Picture:
         plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         plotter.set_background(view.background, top=view.background_top)
         aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+        if self._place is not None:
+            plotter.camera.position, plotter.camera.focal_point = self._place[:2]
+            plotter.camera.up = self._place.up
+            if self._place.parallel_scale:
+                plotter.camera.parallel_scale = self._place.parallel_scale
+                plotter.camera.SetParallelProjection(True)
         add_lights(plotter)
         if panel in ("fabric", "both"):
-            plotter.add_actor(_solid(scene), reset_camera=False)
+            solid = _solid()
+            scale_text(solid.bar, size[1], view.background)
+            self._solids.append(solid)
+            plotter.add_actor(solid, reset_camera=False)
+            plotter.renderer.AddViewProp(solid.bar)
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
@@ -175,21 +213,24 @@ def storyboard(
     return label_storyboard(np.concatenate(columns, axis=1), times)
 
 
-def _motion_extent(scene: Scene, times: Sequence[float]) -> NDArray[np.float64]:
-    """Return points that span the scene over some of the times, shape (n, 3)."""
+def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float64], Span | None]:
+    """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in np.unique(np.linspace(0, len(times) - 1, 9).astype(int))]
-    clouds = []
+    clouds, ends = [], []
     for time in chosen:
         scene.update(time)
         points = _points(scene.patches)
         clouds.append(points[:: max(1, len(points) // 20_000)])
+        numbers = measure(scene.polygons, scene.view.color)
+        if numbers is not None:
+            ends += [float(numbers.min()), float(numbers.max())]
         if scene.moves:
             cage = scene.deformed_cage
             clouds.append(
                 _points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
             )
-    return np.concatenate(clouds)
+    return np.concatenate(clouds), natural_span(np.array(ends)) if ends else None
 
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
@@ -203,7 +244,10 @@ def _depth(plotter: pv.Plotter) -> NDArray[np.float32]:
     plotter.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
     z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
     near, far = plotter.camera.clipping_range
-    distance = near * far / (far - z * (far - near))
+    if plotter.camera.GetParallelProjection():
+        distance = near + z * (far - near)
+    else:
+        distance = near * far / (far - z * (far - near))
     distance[z >= 1.0] = np.nan
     return distance.astype(np.float32)
 
@@ -216,46 +260,13 @@ def _relief(scene: Scene) -> float:
     return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()
 
 
-def _solid(scene: Scene) -> vtkActor:
-    mapper = vtkPolyDataMapper()
-    mapper.SetInputConnection(scene.surface.GetOutputPort())
-    actor = vtkActor()
-    actor.SetMapper(mapper)
+def _solid() -> SurfaceActor:
+    actor = SurfaceActor()
     surface = actor.GetProperty()
-    found = _colors(scene.polygons)
-    if found is None:
-        mapper.ScalarVisibilityOff()
-        surface.SetColor(*(c / 255 for c in scene.view.object_color))
-    else:
-        on_points, name = found
-        if on_points:
-            mapper.SetScalarModeToUsePointFieldData()
-        else:
-            mapper.SetScalarModeToUseCellFieldData()
-        mapper.SelectColorArray(name)
-        mapper.SetColorModeToDirectScalars()
-    surface.SetAmbient(0.22)
-    surface.SetDiffuse(0.9)
-    surface.SetSpecular(0.12)
-    surface.SetSpecularPower(18.0)
     # for objects of lines or points alone
     surface.SetLineWidth(2.0 * _SAMPLES)
     surface.SetPointSize(3.0 * _SAMPLES)
     return actor
-
-
-def _colors(data: vtkPolyData) -> tuple[bool, str] | None:
-    """Return whether colours lie on points, and the name of their array."""
-    for on_points, arrays in ((False, data.GetCellData()), (True, data.GetPointData())):
-        for i in range(arrays.GetNumberOfArrays()):
-            array = arrays.GetArray(i)
-            if (
-                array is not None
-                and array.GetDataTypeAsString() == "unsigned char"
-                and array.GetNumberOfComponents() in (3, 4)
-            ):
-                return on_points, array.GetName()
-    return None
 
 
 def _cage_edges(scene: Scene) -> vtkAlgorithm:

@@ -25,6 +25,7 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.settings import Animation, View
 
 #: Every section of a scene file, in the order of the pipeline.
@@ -105,6 +106,7 @@ class Scene:
                     self._set_title(value)
                 else:
                     self._configure(name, value)
+        self._carry()
         self._connect()
 
     @classmethod
@@ -184,6 +186,7 @@ class Scene:
         part = self._part(section)
         with _naming_section(section):
             part.configure(**{key: value})
+        self._carry()
         if part is self.object and self.source is not part:
             self.source = self.object
             self._connect()
@@ -193,6 +196,22 @@ class Scene:
         if section in _MOTION and not self.moves:
             self.moves = True
             self._connect()
+
+    def color_by(self, color: str) -> None:
+        """Choose what the surface's colours show.
+
+        Parameters
+        ----------
+        color : str
+            A key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+
+        Raises
+        ------
+        InputError
+            If there is no such word.
+        """
+        self.view.color = color
+        self._carry()
 
     def update(self, time: float | None = None, piece: Piece | None = None) -> None:
         """Run what needs to be run for a time.
@@ -231,6 +250,7 @@ class Scene:
             If a stage refuses its input; the message names the scene's file.
         """
         with self._naming_file():
+            self._check_color()
             stage.update(time, piece)
         for run in self.stages:
             self._warnings |= dict.fromkeys(run.warnings)
@@ -250,12 +270,43 @@ class Scene:
                     self.object.load()
             else:
                 self._check_weave()
+            self._check_color()
             with _naming_section("modal"):
                 self.modal.constants(1.0)
             with _naming_section("response"):
                 _ = self.response.damping
             with _naming_section("animation"):
                 self.animation.frame_times()
+
+    @property
+    def colorings(self) -> list[str]:
+        """What the surface's colours can show: keys of `COLORINGS`."""
+        lacking = set() if self.mover is self.response else {"velocity", "strain", "stress"}
+        if self.mover is self.response and not self.response.stress:
+            lacking = {"strain", "stress"}
+        return [
+            name
+            for name, coloring in COLORINGS.items()
+            if (self.moves or not coloring.moves)
+            and (self.source is self.weave or not coloring.weave)
+            and name not in lacking
+        ]
+
+    def _check_color(self) -> None:
+        with _naming_section("view"):
+            if self.view.color not in self.colorings:
+                raise InputError(
+                    "this scene has nothing of that kind to show",
+                    key="color",
+                    value=self.view.color,
+                    allowed=", ".join(self.colorings),
+                )
+
+    def _carry(self) -> None:
+        """Let ride along what the colours show."""
+        array, carried = COLORINGS[self.view.color].carried, self.warp.carried
+        if array and self.view.color in self.colorings and array not in carried.split():
+            self.warp.carried = f"{carried} {array}".strip()
 
     def _check_weave(self) -> None:
         with _naming_section("weave"):

@@ -6,6 +6,7 @@ import math
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
+from spacemap_vtk.scenes.coloring import COLORINGS
 
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
@@ -21,6 +22,12 @@ class View(Parameterised):
         "What is drawn: the fabric or object, the cage's edges, both in one place, or both side "
         "by side.",
         ["fabric", "cage", "both", "side by side"],
+    )
+    color = Choice(
+        "own",
+        "What the surface's colours show; numbers get a scale. Velocity, strain and stress are the "
+        "cage's, and ride along.",
+        list(COLORINGS),
     )
     camera = Choice(
         "three-quarter",

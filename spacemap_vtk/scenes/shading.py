@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 #: Radii of the surroundings in yarn diameters, and how dark each can make a pixel.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
@@ -39,6 +38,8 @@ def contact_shade(
     ndarray of float32, shape (height, width)
         From 0 to 1; 1 where nothing is.
     """
+    from scipy import ndimage  # with all it brings: a tenth of a second
+
     there = np.isfinite(depth)
     filled = np.where(there, depth, np.float32(0.0))
     coarse, weight = _reduced(filled), _reduced(there.astype(np.float32))

@@ -15,14 +15,33 @@ from spacemap_vtk.parameters import Parameter, Real
 _bursts = itertools.count(1)
 
 
+def next_burst() -> int:
+    """Return a number that no drag has had.
+
+    Returns
+    -------
+    int
+        Above 0.
+    """
+    return next(_bursts)
+
+
 class NumberEditor(Editor):
     """A number with its unit; the slider sets it while it is dragged.
 
     Also for a series of numbers, whose slider rests while there are several.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        The declaration.
+    bare : bool, optional
+        Show the number in SI without its unit, which stands elsewhere.
     """
 
-    def __init__(self, parameter: Parameter[Any]) -> None:
+    def __init__(self, parameter: Parameter[Any], bare: bool = False) -> None:
         super().__init__(parameter)
+        self._bare = bare
         component: Any = getattr(parameter, "component", parameter)
         self.real: Real = component
         self.line = QLineEdit()
@@ -49,7 +68,7 @@ class NumberEditor(Editor):
     def show_value(self, value: Any) -> None:
         """Show it in the line, and on the slider unless that is being dragged."""
         self._value = value if isinstance(value, (int, float)) else None
-        self._shown = "" if value is None else self.parameter.show(value)
+        self._shown = "" if value is None else self._text(value)
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(self._shown)
         self.slider.setEnabled(self._value is not None)
@@ -63,6 +82,9 @@ class NumberEditor(Editor):
             if not self.slider.isSliderDown():
                 self._span = None
                 self._place_slider()
+
+    def _text(self, value: Any) -> str:
+        return f"{value:.6g}" if self._bare else self.parameter.show(value)
 
     def _place_slider(self) -> None:
         # The span stays while the value is inside: a slider that jumps is no ruler.
@@ -87,7 +109,7 @@ class NumberEditor(Editor):
             self.edited.emit(written, 0)
 
     def _pressed(self) -> None:
-        self._burst = next(_bursts)
+        self._burst = next_burst()
         self.held.emit(True)
 
     def _released(self) -> None:
@@ -104,5 +126,5 @@ class NumberEditor(Editor):
         if self.real.kind == "integer":
             written: Any = round(number)
         else:
-            written = self.real.show(number) if self.real.unit else number
+            written = self.real.show(number) if self.real.unit and not self._bare else number
         self.edited.emit(written, self._burst)

@@ -101,7 +101,8 @@ def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = 
     if open_low and parameter.below is not None:
         inset = (parameter.below - (parameter.above or 0.0)) / STEPS
         return Span((parameter.above or 0.0) + inset, parameter.below - inset)
-    size = abs(value or 0.0) or abs(parameter.default or 0.0)
+    # A vector's component has no default of its own.
+    size = abs(value or 0.0) or abs(getattr(parameter, "default", None) or 0.0)
     size = size or (1e-2 if parameter.unit == "s" else 1.0)
     if open_low:
         low = size / 8.0

@@ -4,44 +4,48 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QLineEdit
+from PySide6.QtWidgets import QGridLayout, QLabel
 
-from spacemap_vtk.app.fields.editor import Editor, written_from
+from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.number import NumberEditor
 from spacemap_vtk.parameters import Vector
 
 
 class VectorEditor(Editor):
-    """A line for each component, which knows its unit."""
+    """A line and a slider for each component; the unit stands once, and others can be typed."""
 
     def __init__(self, parameter: Vector) -> None:
         super().__init__(parameter)
-        self.vector = parameter
-        self.lines: list[QLineEdit] = []
-        layout = QHBoxLayout(self)
+        self.components: list[NumberEditor] = []
+        self._value: tuple[Any, ...] | None = None
+        layout = QGridLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        for label in parameter.labels:
-            line = QLineEdit()
-            line.setMinimumWidth(36)
-            line.editingFinished.connect(self._finished)
-            layout.addWidget(QLabel(label))
-            layout.addWidget(line, 1)
-            self.lines.append(line)
-        if parameter.unit:
-            layout.addWidget(QLabel(parameter.unit))
-        self.setFocusProxy(self.lines[0])
-        self._shown = [""] * len(self.lines)
+        layout.setHorizontalSpacing(6)
+        for column, label in enumerate(parameter.labels):
+            editor = NumberEditor(parameter.component, bare=True)
+            editor.setObjectName(label)
+            editor.edited.connect(self._edited)
+            editor.held.connect(self.held)
+            editor.line.setMinimumWidth(34)
+            editor.slider.setMinimumWidth(34)
+            head = f"{label}  [{parameter.unit}]" if parameter.unit else label
+            name = QLabel(head if column == 0 else label)
+            name.setObjectName("about")
+            layout.addWidget(name, 0, column)
+            layout.addWidget(editor, 1, column)
+            layout.setColumnStretch(column, 1)
+            self.components.append(editor)
+        self.setFocusProxy(self.components[0])
 
     def show_value(self, value: Any) -> None:
         """Show the components in SI."""
-        self._shown = [f"{number:.6g}" for number in value] if value else [""] * len(self.lines)
-        for line, text in zip(self.lines, self._shown, strict=True):
-            line.setText(text)
+        self._value = value
+        for number, editor in enumerate(self.components):
+            editor.show_value(None if value is None else value[number])
 
-    def _finished(self) -> None:
-        texts = [line.text() for line in self.lines]
-        if texts == self._shown:
-            return
-        # Refused texts are kept in sight; the same ones are not offered twice.
-        self._shown = texts
-        self.edited.emit([written_from(text) for text in texts], 0)
+    def _edited(self, written: object, burst: int) -> None:
+        moved = self.components.index(self.sender())
+        # Of a vector that was automatic, the other components begin at zero.
+        values = list(self._value or [0.0] * len(self.components))
+        values[moved] = 0.0 if written is None else written
+        self.edited.emit(values, burst)

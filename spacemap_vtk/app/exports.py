@@ -1,0 +1,234 @@
+"""Writing pictures, films and data: asks where and how, shows how far it is, and can be stopped."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, Signal
+from PySide6.QtWidgets import QFileDialog, QProgressDialog
+
+from spacemap_vtk.app.export_dialog import ExportDialog
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.base import Cancelled
+from spacemap_vtk.scenes.background import Order
+from spacemap_vtk.scenes.output import check_output, whole_folder
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.main_window import MainWindow
+
+#: Endings, by what is written.
+_ENDINGS = {
+    "picture": {".png": "picture", ".jpg": "picture"},
+    "film": {".mp4": "film", ".gif": "film", ".png": "numbered frames, as in frame-%04d.png"},
+}
+#: What data there are, in words, with the endings that hold them.
+DATA = {
+    "patches": ("Bézier patches", (".vtu",)),
+    "surface": ("Surface", (".vtp", ".stl", ".ply")),
+    "cage": ("Cage with its motion", (".vtu",)),
+    "draft": ("Weaver's draft", (".wif",)),
+}
+
+
+class Exports(QObject):
+    """What the menu "Export" does. The work is a child process: cancelling ends it at once.
+
+    Parameters
+    ----------
+    window : MainWindow
+        Qt's owner, and what is exported.
+    """
+
+    #: The file that was written.
+    written = Signal(str)
+    failed = Signal(object)
+
+    def __init__(self, window: MainWindow) -> None:
+        super().__init__(window)
+        self._window = window
+        self._process: QProcess | None = None
+        self._progress: QProgressDialog | None = None
+        self._files: ExitStack | None = None
+        self._target = Path()
+        self._error: SpacemapError | None = None
+
+    def picture(self) -> None:
+        """Ask for a picture's file and size, and write it."""
+        self._drawn("picture", "Pictures (*.png *.jpg)", "picture.png")
+
+    def film(self) -> None:
+        """Ask for a film's file and size, and write it."""
+        self._drawn("film", "Films (*.mp4 *.gif);;Numbered frames (*.png)", "film.mp4")
+
+    def data(self) -> None:
+        """Ask for a file, and write what its format holds."""
+        filters = {
+            f"{words} (*{ending})": kind
+            for kind, (words, endings) in DATA.items()
+            for ending in endings
+        }
+        name, chosen = QFileDialog.getSaveFileName(
+            self._window, "Export data", "", ";;".join(filters)
+        )
+        if not name:
+            return
+        kind = filters.get(chosen, "patches")
+        path = Path(name)
+        if not path.suffix:
+            path = path.with_suffix(DATA[kind][1][0])
+        if path.suffix.lower() not in DATA[kind][1]:
+            kind = next((k for k, (_, e) in DATA.items() if path.suffix.lower() in e), kind)
+        self.start(kind, path)
+
+    def start(
+        self,
+        kind: str,
+        path: Path,
+        size: tuple[int, int] = (1280, 960),
+        panels: list[str] | None = None,
+        camera: dict[str, Any] | None = None,
+    ) -> None:
+        """Begin to write.
+
+        Parameters
+        ----------
+        kind : str
+            ``"picture"``, ``"film"``, or a key of `DATA`.
+        path : Path
+            The file.
+        size : tuple of 2 int, optional
+            Width and height in pixels.
+        panels : list of str, optional
+            What is shown, as `spacemap_vtk.scenes.background.Order` has it.
+        camera : dict, optional
+            Where it is seen from, likewise.
+        """
+        document, times = self._window.document, self._window.times
+        endings = _ENDINGS.get(kind) or dict.fromkeys(DATA[kind][1], DATA[kind][0])
+        try:
+            if self._process is not None:
+                raise InputError("something is being written already")
+            check_output(path, endings)
+            if kind == "film" and path.suffix.lower() == ".png" and "%" not in path.name:
+                path = path.with_name(f"{path.stem}-%04d.png")
+            self._files = ExitStack()
+            folder = self._files.enter_context(whole_folder(path.parent))
+        except (SpacemapError, OSError) as error:
+            self.failed.emit(error)
+            return
+        self._target, self._error = path, None
+        order = Order(
+            values=document.values,
+            base=str(document.base.resolve()),
+            kind=kind,
+            output=str(folder / path.name),
+            time=times.time,
+            size=size,
+            panels=panels or [],
+            camera=camera or {},
+        )
+        self._show_progress(kind)
+        self._process = process = QProcess(self)
+        environment = QProcessEnvironment.systemEnvironment()
+        environment.insert("PYTHONPATH", ":".join(p for p in sys.path if p))
+        process.setProcessEnvironment(environment)
+        process.readyReadStandardOutput.connect(self._read)
+        process.finished.connect(self._finished)
+        process.start(sys.executable, ["-m", "spacemap_vtk.scenes.background"])
+        process.write(order.text.encode())
+        process.closeWriteChannel()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being written."""
+        return self._process is not None
+
+    def cancel(self) -> None:
+        """End the work at once; nothing of it stays."""
+        if self._process is not None:
+            self._error = Cancelled("the export was stopped")
+            self._process.kill()
+
+    def stop(self) -> None:
+        """Cancel, and wait until the process has ended."""
+        process = self._process
+        if process is not None:
+            self.cancel()
+            process.waitForFinished(5000)
+
+    def _drawn(self, kind: str, filters: str, proposal: str) -> None:
+        window = self._window
+        size = tuple(window.document.scene.view.size)
+        dialog = ExportDialog(window, kind, proposal, filters, size)
+        if dialog.exec():
+            panels = camera = None
+            if dialog.as_window:
+                look = window.view.look
+                fabric = look.fabric or not window.document.scene.moves
+                panels = ["both" if fabric and look.cage else "fabric" if fabric else "cage"]
+                camera = window.view.place
+            self.start(kind, dialog.file, dialog.size_chosen, panels, camera)
+
+    def _show_progress(self, kind: str) -> None:
+        words = DATA[kind][0] if kind in DATA else kind
+        progress = QProgressDialog(
+            f"Writing {words.lower()}: {self._target.name}", "Cancel", 0, 0, self._window
+        )
+        progress.setWindowTitle("Export")
+        progress.setWindowModality(Qt.WindowModality.WindowModal)
+        progress.setMinimumDuration(0)
+        progress.setAutoClose(False)
+        progress.setAutoReset(False)
+        progress.setMinimumWidth(360)
+        progress.canceled.connect(self.cancel)
+        progress.show()
+        self._progress = progress
+
+    def _read(self) -> None:
+        process, progress = self._process, self._progress
+        while process is not None and process.canReadLine():
+            text = bytes(process.readLine().data()).decode()
+            try:
+                line = json.loads(text)
+            except json.JSONDecodeError:
+                continue  # something that a library prints
+            if "error" in line:
+                told = line["error"]
+                section = told.pop("section", None)
+                self._error = SpacemapError(**told)
+                self._error.section = section
+            elif progress is not None:
+                progress.setMaximum(line["of"])
+                progress.setValue(line["done"])
+
+    def _finished(self, code: int, _status: object) -> None:
+        process, files, progress = self._process, self._files, self._progress
+        if process is None or files is None:
+            return
+        self._read()
+        error: BaseException | None = self._error
+        if error is None and code != 0:
+            said = bytes(process.readAllStandardError().data()).decode(errors="replace")
+            last = said.strip().splitlines()[-1:] or [f"it ended with code {code}"]
+            error = SpacemapError(f"{self._target.name} could not be written: {last[0]}")
+        try:
+            if error is None:
+                files.close()
+            else:
+                files.__exit__(type(error), error, None)
+        except OSError as failure:
+            error = failure
+        self._process = self._files = self._progress = None
+        process.deleteLater()
+        if progress is not None:
+            progress.canceled.disconnect(self.cancel)
+            progress.close()
+            progress.deleteLater()
+        if error is None:
+            self.written.emit(str(self._target))
+        elif not isinstance(error, Cancelled):
+            self.failed.emit(error)

@@ -1,0 +1,117 @@
+"""Editor of a series of colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import QColorDialog, QHBoxLayout, QLineEdit, QVBoxLayout, QWidget
+
+from spacemap_vtk.app.fields.editor import Editor
+
+_SIDE, _GAP, _IN_A_ROW = 20, 3, 11
+
+
+class ColorsEditor(Editor):
+    """A swatch for each colour of the series, which opens a dialog, and their digits."""
+
+    def __init__(self, parameter: Any) -> None:
+        super().__init__(parameter)
+        self.swatches = Swatches()
+        self.line = QLineEdit()
+        self.line.setPlaceholderText(parameter.automatic)
+        self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
+        self._shown = ""
+        self._colors: list[str] = []
+        row = QHBoxLayout()
+        row.addWidget(self.swatches)
+        row.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addLayout(row)
+        layout.addWidget(self.line)
+        self.setFocusProxy(self.line)
+        self.line.editingFinished.connect(self._typed)
+        self.swatches.chosen.connect(self._choose)
+
+    def show_value(self, value: Any) -> None:
+        """Show swatches and digits."""
+        self._shown = "" if value is None else self.parameter.show(value)
+        self._colors = self._shown.split(", ") if self._shown else []
+        self.swatches.show_colors(self._colors)
+        self.line.setText(self._shown)
+        self.line.setCursorPosition(0)
+
+    def _typed(self) -> None:
+        if self.line.text() != self._shown:
+            self.edited.emit(self.line.text() or None, 0)
+
+    def _choose(self, number: int) -> None:
+        before = QColor(self._colors[number]) if self._colors else QColor("#2d6a8e")
+        color = QColorDialog.getColor(before, self, self.parameter.label)
+        if color.isValid():
+            colors = self._colors or [""]
+            changed = [*colors[:number], color.name(), *colors[number + 1 :]]
+            self.edited.emit(changed if len(changed) > 1 else changed[0], 0)
+
+
+class Swatches(QWidget):
+    """Colours side by side; a click chooses one."""
+
+    chosen = Signal(int)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colors: list[str] = []
+        self.setCursor(Qt.CursorShape.PointingHandCursor)
+        self.setToolTip("Click to choose another colour")
+
+    def show_colors(self, colors: list[str]) -> None:
+        """Show other colours.
+
+        Parameters
+        ----------
+        colors : list of str
+            As ``#rrggbb``; none: an empty swatch.
+        """
+        self.colors = colors
+        count = max(1, len(colors))
+        columns, rows = min(count, _IN_A_ROW), -(-count // _IN_A_ROW)
+        self.setFixedSize(QSize(columns * (_SIDE + _GAP), rows * (_SIDE + _GAP)))
+        self.update()
+
+    def place(self, number: int) -> QRectF:
+        """Return where a swatch lies.
+
+        Parameters
+        ----------
+        number : int
+            Which.
+
+        Returns
+        -------
+        QRectF
+            In pixels.
+        """
+        row, column = divmod(number, _IN_A_ROW)
+        step = _SIDE + _GAP
+        return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint them."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(QColor("#8a94a3"))
+        for number, color in enumerate(self.colors or [""]):
+            painter.setBrush(QColor(color) if color else Qt.BrushStyle.NoBrush)
+            painter.drawRoundedRect(self.place(number), 4, 4)
+        painter.end()
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Choose the one under the mouse."""
+        for number in range(max(1, len(self.colors))):
+            if self.place(number).contains(event.position()):
+                self.chosen.emit(number)
+                return

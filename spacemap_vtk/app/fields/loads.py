@@ -1,0 +1,182 @@
+"""Editor of loads: a card for each, made from what a load declares."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QMenu,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
+from spacemap_vtk.parameters import Parameter
+
+#: What a load begins with, by action; and what a time function cannot do without.
+_BEGINNINGS: dict[str, dict[str, Any]] = {
+    "pressure": {"pressure": "1 Pa", "on": "-z"},
+    "traction": {"traction": ["1 Pa", 0.0, 0.0], "on": "-z"},
+    "force": {"force": ["1 mN", 0.0, 0.0], "at": [0.0, 0.0, 0.0]},
+    "array": {"array": "force"},
+    "gravity": {"gravity": [0.0, "-1 g", 0.0]},
+    "base_acceleration": {"base_acceleration": [0.0, 0.0, "1 g"]},
+    "base_displacement": {"base_displacement": [0.0, 0.0, "1 mm"]},
+}
+_NEEDED: dict[str, Any] = {
+    "length": "100 ms",
+    "rise": "100 ms",
+    "times": [0.0, 0.1],
+    "values": [1.0, 0.0],
+    "frequency": "10 Hz",
+}
+assert set(_BEGINNINGS) == set(ACTIONS)
+
+
+class LoadsEditor(Editor):
+    """Cards, and a button that adds one."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.cards: list[_Card] = []
+        self._tables: list[dict[str, Any]] = []
+        self.add = QToolButton()
+        self.add.setText("Add a load ▾")
+        self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(self.add)
+        for action in ACTIONS:
+            menu.addAction(action.replace("_", " ").capitalize()).setData(action)
+        menu.triggered.connect(self._added)
+        self.add.setMenu(menu)
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(0, 0, 0, 0)
+        self._layout.addWidget(self.add)
+
+    def show_value(self, value: Any) -> None:
+        """Show the loads."""
+        tables = [load._values for load in value]
+        shapes = [_keys(load) for load in value]
+        if shapes != [card.keys for card in self.cards]:
+            for card in self.cards:
+                self._layout.removeWidget(card)
+                card.hide()
+                card.deleteLater()
+            self.cards = [_Card(number, load) for number, load in enumerate(value)]
+            for number, card in enumerate(self.cards):
+                card.edited.connect(self._card_edited)
+                card.held.connect(self.held)
+                self._layout.insertWidget(number, card)
+        for card, load in zip(self.cards, value, strict=True):
+            card.show_load(load)
+        self._tables = [{k: _plain(v) for k, v in table.items()} for table in tables]
+
+    def _added(self, action: Any) -> None:
+        self.edited.emit([*self._tables, dict(_BEGINNINGS[action.data()])], 0)
+
+    def _card_edited(self, number: int, changes: dict[str, Any] | None, burst: int) -> None:
+        tables = [dict(table) for table in self._tables]
+        if changes is None:
+            del tables[number]
+        else:
+            for key, value in changes.items():
+                if value is None:
+                    tables[number].pop(key, None)
+                else:
+                    tables[number][key] = value
+        self.edited.emit(tables, burst)
+
+
+class _Card(QFrame):
+    """One load: what acts, where, and its time function."""
+
+    #: Number of the load, what changes (None: it goes), burst.
+    edited = Signal(int, object, int)
+    held = Signal(bool)
+
+    def __init__(self, number: int, load: Load) -> None:
+        # A row makes its editor, and this is one: imported late.
+        from spacemap_vtk.app.fields.row import ParameterRow
+
+        super().__init__()
+        self.setObjectName("card")
+        self.setFrameShape(QFrame.Shape.StyledPanel)
+        self.number, self.keys = number, _keys(load)
+        self._load = weakref.ref(load)
+        self.action = QComboBox()
+        for action in ACTIONS:
+            self.action.addItem(action.replace("_", " ").capitalize(), action)
+        self.action.activated.connect(self._acted)
+        remove = QToolButton()
+        remove.setText("✕")
+        remove.setAutoRaise(True)
+        remove.setToolTip("Remove this load")
+        remove.clicked.connect(self._removed)
+        self.remove = remove
+        head = QHBoxLayout()
+        head.addWidget(QLabel(f"{number + 1}."))
+        head.addWidget(self.action, 1)
+        head.addWidget(remove)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(8, 6, 6, 4)
+        layout.setSpacing(4)
+        layout.addLayout(head)
+        self.rows: dict[str, QWidget] = {}
+        for name in self.keys:
+            row = ParameterRow(Load.parameters[name])
+            # A load's values are there or not: there is nothing to be automatic.
+            if row.automatic is not None:
+                row.automatic.hide()
+            row.reset.setVisible(name in _optional(load))
+            row.edited.connect(self._row_edited)
+            row.held.connect(self.held)
+            layout.addWidget(row)
+            self.rows[name] = row
+
+    def show_load(self, load: Load) -> None:
+        """Show a load of the same kind."""
+        self._now = load
+        with QSignalBlocker(self.action):
+            self.action.setCurrentIndex(self.action.findData(load.action))
+        for name, row in self.rows.items():
+            row.show_value(getattr(load, name), name not in load._values)
+
+    def _acted(self, _index: int) -> None:
+        chosen = self.action.currentData()
+        if chosen != self._now.action:
+            gone = dict.fromkeys([self._now.action, "on", "at"])
+            self.edited.emit(self.number, {**gone, **_BEGINNINGS[chosen]}, 0)
+
+    def _removed(self) -> None:
+        self.edited.emit(self.number, None, 0)
+
+    def _row_edited(self, name: str, written: object, burst: int) -> None:
+        changes: dict[str, Any] = {name: written}
+        if name == "time":
+            needed, possible = TIMES[str(written)]
+            others = {key for pair in TIMES.values() for keys in pair for key in keys}
+            changes |= dict.fromkeys(others - set(needed) - set(possible))
+            changes |= {key: _NEEDED[key] for key in needed if key not in self._now._values}
+        self.edited.emit(self.number, changes, burst)
+
+
+def _keys(load: Load) -> list[str]:
+    """Return the keys that a load can have, what acts first."""
+    place = ACTIONS[load.action]
+    needed, possible = TIMES[load.time]
+    return [load.action, *([place] if place else []), "time", *needed, *possible]
+
+
+def _optional(load: Load) -> tuple[str, ...]:
+    return TIMES[load.time][1]
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

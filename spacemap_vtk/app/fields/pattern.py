@@ -1,0 +1,214 @@
+"""Editor of a weave's pattern: its name, and its repeat as squares to click on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QSizePolicy,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.app.fields.editor import Editor, written_from
+from spacemap_vtk.app.fields.number import next_burst
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric import draft
+from spacemap_vtk.filters.weave_parameters import repeat_of
+from spacemap_vtk.parameters import Parameter
+
+#: Weaves to choose from; any other name can be typed.
+COMMON = (
+    "plain",
+    "twill 2/1",
+    "twill 2/2",
+    "twill 3/1",
+    "satin 5/2",
+    "satin 8/3",
+    "basket 2",
+)
+_LARGEST, _SMALLEST, _HEIGHT = 26.0, 3.0, 140
+_WARP, _WEFT = "#2d6a8e", "#e8c78f"
+
+
+class PatternEditor(Editor):
+    """A name to choose or to type, and the repeat; a square's click makes it a matrix."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.box = QComboBox()
+        self.box.setEditable(True)
+        self.box.addItems(COMMON)
+        self.box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.line = self.box.lineEdit()
+        self.grid = PatternGrid()
+        self.size = QLabel()
+        self.size.setObjectName("about")
+        self._shown = ""
+        beside = QGridLayout()
+        beside.setSpacing(3)
+        beside.addWidget(self.size, 0, 0, 1, 2)
+        self.buttons: dict[str, QToolButton] = {}
+        for text, tip, axis, more in (
+            ("+ end", "One end more in the repeat", 1, True),
+            ("− end", "One end less", 1, False),
+            ("+ pick", "One pick more in the repeat", 0, True),
+            ("− pick", "One pick less", 0, False),
+        ):
+            button = QToolButton()
+            button.setText(text)
+            button.setToolTip(tip)
+            button.setProperty("change", (axis, more))
+            button.clicked.connect(self._resized)
+            button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+            beside.addWidget(button, 2 - axis, int(more))
+            self.buttons[text] = button
+        beside.setRowStretch(3, 1)
+        below = QHBoxLayout()
+        below.setSpacing(10)
+        below.addWidget(self.grid, alignment=Qt.AlignmentFlag.AlignTop)
+        below.addLayout(beside)
+        below.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addWidget(self.box)
+        layout.addLayout(below)
+        self.setFocusProxy(self.box)
+        self.box.textActivated.connect(self._typed)
+        self.line.editingFinished.connect(self._typed)
+        self.grid.painted.connect(self._painted)
+        self.grid.held.connect(self.held)
+
+    def show_value(self, value: Any) -> None:
+        """Show name and squares."""
+        self._shown = (
+            value if isinstance(value, str) else "[" + ", ".join(f'"{row}"' for row in value) + "]"
+        )
+        self.line.setText(self._shown)
+        self.line.setCursorPosition(0)
+        try:
+            self.grid.show_repeat(repeat_of(value))
+        except InputError:
+            return
+        picks, ends = self.grid.repeat.shape
+        self.size.setText(f"{ends} ends, {picks} picks")
+
+    def _typed(self) -> None:
+        if self.line.text() != self._shown:
+            self.edited.emit(written_from(self.line.text()), 0)
+
+    def _painted(self, burst: int) -> None:
+        self.edited.emit(draft.rows(self.grid.repeat), burst)
+
+    def _resized(self) -> None:
+        axis, more = self.sender().property("change")
+        repeat = self.grid.repeat
+        if more:
+            # What follows in the repeat, so that the new line belongs to it.
+            repeat = np.concatenate([repeat, np.roll(repeat, 1, 1 - axis).take([-1], axis)], axis)
+        elif repeat.shape[axis] > 1:
+            repeat = repeat.take(range(repeat.shape[axis] - 1), axis)
+        self.edited.emit(draft.rows(repeat), 0)
+
+
+class PatternGrid(QWidget):
+    """One repeat: the first end on the left, the first pick at the bottom, as in the view."""
+
+    #: The repeat is another; a number that is the same during one drag.
+    painted = Signal(int)
+    held = Signal(bool)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.repeat: NDArray[np.bool_] = np.ones((1, 1), bool)
+        self._brush: bool | None = None
+        self._burst = 0
+        self.setToolTip("A dark square: the end lies over the pick. Click or drag to change.")
+
+    @property
+    def cell(self) -> float:
+        """Width of a square in pixels."""
+        picks, ends = self.repeat.shape
+        return max(_SMALLEST, min(_LARGEST, _HEIGHT / picks, 150 / ends))
+
+    def show_repeat(self, repeat: NDArray[np.bool_]) -> None:
+        """Show another repeat.
+
+        Parameters
+        ----------
+        repeat : ndarray of bool, shape (picks, ends)
+            True where the end lies over the pick.
+        """
+        self.repeat = np.array(repeat, bool)
+        picks, ends = self.repeat.shape
+        self.setFixedSize(QSize(int(ends * self.cell) + 2, int(picks * self.cell) + 2))
+        self.update()
+
+    def square(self, pick: int, end: int) -> QRectF:
+        """Return where a square lies.
+
+        Parameters
+        ----------
+        pick, end : int
+            Which.
+
+        Returns
+        -------
+        QRectF
+            In pixels.
+        """
+        cell = self.cell
+        return QRectF(1 + end * cell, 1 + (len(self.repeat) - 1 - pick) * cell, cell, cell)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint the squares."""
+        painter = QPainter(self)
+        painter.setPen(QColor(255, 255, 255, 60) if self.cell > 5 else Qt.PenStyle.NoPen)
+        for pick, row in enumerate(self.repeat):
+            for end, over in enumerate(row):
+                painter.setBrush(QColor(_WARP if over else _WEFT))
+                painter.drawRect(self.square(pick, end))
+        painter.end()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Turn a square over, and begin to paint with what it has become."""
+        there = self._under(event.position())
+        if event.button() == Qt.MouseButton.LeftButton and there is not None:
+            self._brush = not self.repeat[there]
+            self._burst = next_burst()
+            self.held.emit(True)
+            self._paint(there)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Paint on."""
+        there = self._under(event.position())
+        if self._brush is not None and there is not None:
+            self._paint(there)
+
+    def mouseReleaseEvent(self, _event: QMouseEvent) -> None:
+        """End the stroke."""
+        if self._brush is not None:
+            self._brush = None
+            self.held.emit(False)
+
+    def _paint(self, there: tuple[int, int]) -> None:
+        if self.repeat[there] != self._brush:
+            self.repeat[there] = self._brush
+            self.update()
+            self.painted.emit(self._burst)
+
+    def _under(self, at: QPointF) -> tuple[int, int] | None:
+        picks, ends = self.repeat.shape
+        end, up = int((at.x() - 1) // self.cell), int((at.y() - 1) // self.cell)
+        pick = picks - 1 - up
+        return (pick, end) if 0 <= end < ends and 0 <= pick < picks else None

@@ -1,0 +1,144 @@
+"""The scenes that come with the program, as pictures, and the files used lately."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QListView,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.scenes import library, thumbnails
+
+#: Smallest width of a picture that says something, in pixels, and height over width.
+_WIDTH, _FORM = 140, 2 / 3
+_NAME = Qt.ItemDataRole.UserRole
+
+
+class Gallery(QWidget):
+    """A picture for each scene; a click or Enter opens it."""
+
+    #: The name of a scene, or a file.
+    chosen = Signal(str)
+    #: Another beginning is wanted.
+    new = Signal()
+    browse = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        heading = QLabel("Scenes")
+        heading.setObjectName("heading")
+        about = QLabel("Click one to open it. Everything in it can then be changed.")
+        about.setObjectName("about")
+        about.setWordWrap(True)
+        self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
+        self.new_button.clicked.connect(self.new)
+        self.open_button.clicked.connect(self.browse)
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.new_button)
+        buttons.addWidget(self.open_button)
+        self.list = _Pictures()
+        for name in library.names():
+            item = QListWidgetItem(_picture(name), thumbnails.title_of(name))
+            item.setData(_NAME, name)
+            item.setToolTip(f"{thumbnails.title_of(name)}\n{name}")
+            self.list.addItem(item)
+        self.list.chosen.connect(self.chosen)
+        self._recent_label = QLabel("Used lately")
+        self.recent = QListWidget()
+        self.recent.setObjectName("recent")
+        self.recent.itemClicked.connect(self._recent_chosen)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(12, 10, 8, 8)
+        layout.addWidget(heading)
+        layout.addWidget(about)
+        layout.addLayout(buttons)
+        layout.addWidget(self.list, 1)
+        layout.addWidget(self._recent_label)
+        layout.addWidget(self.recent)
+        self.show_recent([])
+
+    def show_recent(self, files: list[str]) -> None:
+        """List the files used lately.
+
+        Parameters
+        ----------
+        files : list of str
+            The last one first.
+        """
+        self.recent.clear()
+        for name in files[:5]:
+            item = QListWidgetItem(Path(name).name)
+            item.setData(_NAME, name)
+            item.setToolTip(name)
+            self.recent.addItem(item)
+        for widget in (self.recent, self._recent_label):
+            widget.setVisible(bool(files))
+        row = self.recent.sizeHintForRow(0) if files else 0
+        self.recent.setFixedHeight(row * self.recent.count() + 6)
+
+    def _recent_chosen(self, item: QListWidgetItem) -> None:
+        self.chosen.emit(item.data(_NAME))
+
+
+class _Pictures(QListWidget):
+    """Pictures in as many columns as fit, as wide as there is room."""
+
+    chosen = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("gallery")
+        self.setViewMode(QListView.ViewMode.IconMode)
+        self.setResizeMode(QListView.ResizeMode.Adjust)
+        self.setMovement(QListView.Movement.Static)
+        self.setUniformItemSizes(True)
+        self.setWordWrap(True)
+        self.setTextElideMode(Qt.TextElideMode.ElideRight)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        self.itemClicked.connect(self._choose)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Give the pictures the width that there is."""
+        super().resizeEvent(event)
+        room = self.viewport().width() - 4
+        cell = room // max(1, room // (_WIDTH + 16))
+        width = cell - 12
+        self.setIconSize(QSize(width, round(width * _FORM)))
+        lines = 2 * self.fontMetrics().lineSpacing()
+        self.setGridSize(QSize(cell, round(width * _FORM) + lines + 16))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Open with Enter; the arrows choose."""
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self.currentItem():
+            self._choose(self.currentItem())
+        else:
+            super().keyPressEvent(event)
+
+    def _choose(self, item: QListWidgetItem) -> None:
+        self.chosen.emit(item.data(_NAME))
+
+
+def _picture(name: str) -> QIcon:
+    pixmap = QPixmap(str(thumbnails.file_of(name)))
+    if pixmap.isNull():
+        pixmap = QPixmap(*thumbnails.SIZE)
+        pixmap.fill(QColor("#dfe6ee"))
+        painter = QPainter(pixmap)
+        painter.setPen(QColor("#66717e"))
+        painter.drawText(pixmap.rect(), Qt.AlignmentFlag.AlignCenter, name)
+        painter.end()
+    icon = QIcon(pixmap)
+    # Chosen or not, a picture keeps its colours.
+    icon.addPixmap(pixmap, QIcon.Mode.Selected)
+    return icon

@@ -1,0 +1,82 @@
+"""What is on the screen while the window's libraries are loaded: a picture of what will come."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QPoint, QRect, Qt
+from PySide6.QtGui import QColor, QFont, QPainter, QPixmap
+from PySide6.QtWidgets import QApplication, QLabel
+
+from spacemap_vtk.scenes import library, thumbnails
+
+
+class Splash:
+    """Shows the scene's small picture at once; goes when the window has drawn its first one.
+
+    Parameters
+    ----------
+    scene : str or None
+        What the user wrote for SCENE.
+    """
+
+    def __init__(self, scene: str | None) -> None:
+        self.app = QApplication.instance() or QApplication(sys.argv[:1])
+        name = Path(scene or "plain_weave").stem
+        named = name if name in library.names() else "plain_weave"
+        # Not a QSplashScreen: where there is no window manager, that waits a second for one.
+        label = QLabel()
+        label.setWindowFlags(Qt.WindowType.SplashScreen | Qt.WindowType.FramelessWindowHint)
+        picture = _picture(named)
+        label.setPixmap(picture)
+        middle = self.app.primaryScreen().availableGeometry().center()
+        label.move(middle - QRect(QPoint(), picture.size()).center())
+        label.show()
+        # Exposed, then painted: two turns of the loop.
+        self.app.processEvents()
+        self.app.processEvents()
+        self._screen: QLabel | None = label
+
+    def give_way_to(self, window: Any) -> None:
+        """Go at the window's first picture, or when something is wrong.
+
+        Parameters
+        ----------
+        window : MainWindow
+            Not yet shown.
+        """
+        window.director.drawn.connect(self._gone)
+        window.director.failed.connect(self._gone)
+
+    def _gone(self, _what: Any) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Go."""
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None
+
+
+def _picture(name: str) -> QPixmap:
+    picture = QPixmap(str(thumbnails.file_of(name)))
+    width, height = thumbnails.SIZE
+    card = QPixmap(width, height + 64)
+    card.fill(QColor("#f4f6f8"))
+    painter = QPainter(card)
+    painter.drawPixmap(0, 0, picture)
+    heading, rest = QFont(), QFont()
+    heading.setPixelSize(22)
+    heading.setBold(True)
+    rest.setPixelSize(13)
+    painter.setPen(QColor("#1f2730"))
+    painter.setFont(heading)
+    left = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+    painter.drawText(QRect(20, height, width - 40, 38), left, "spacemap")
+    painter.setFont(rest)
+    painter.setPen(QColor("#66717e"))
+    painter.drawText(QRect(20, height + 32, width - 40, 24), left, thumbnails.title_of(name))
+    painter.end()
+    return card

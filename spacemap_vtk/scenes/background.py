@@ -1,0 +1,145 @@
+"""Pictures, films and data, written by a process of their own that can be ended at any moment.
+
+``python -m spacemap_vtk.scenes.background`` reads an `Order` as JSON from its standard input. It
+prints a line of JSON for each step: ``{"done": 3, "of": 50}``, and at last ``{"error": ...}`` if
+it fails. Whoever starts it makes files whole or not at all: the order's folder is a new one.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk.errors import SpacemapError
+
+
+@dataclass
+class Order:
+    """What is to be written.
+
+    Parameters
+    ----------
+    values : dict
+        The scene, as a file has it.
+    base : str
+        Relative paths count from the folder of this file.
+    kind : str
+        ``"picture"``, ``"film"``, or what data: ``"patches"``, ``"cage"``, ``"surface"``,
+        ``"draft"``.
+    output : str
+        The file; of a film of numbered frames, with ``%04d`` in it.
+    time : float
+        Of a picture and of data, in s.
+    size : sequence of 2 int
+        Of a picture or film, in pixels.
+    panels : sequence of str
+        What a picture shows: ``"fabric"``, ``"cage"`` or ``"both"``; none: as the scene says.
+    camera : dict
+        As `spacemap_vtk.scenes.picture.Place` has it; empty: as the scene says.
+    """
+
+    values: dict[str, Any]
+    base: str
+    kind: str
+    output: str
+    time: float = 0.0
+    size: tuple[int, int] = (1280, 960)
+    panels: list[str] = field(default_factory=list)
+    camera: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """The order as JSON."""
+        return json.dumps(asdict(self))
+
+
+def carry_out(order: Order) -> Iterator[tuple[int, int]]:
+    """Write what is ordered.
+
+    Parameters
+    ----------
+    order : Order
+        What.
+
+    Yields
+    ------
+    tuple of int
+        Steps done, and how many there are.
+
+    Raises
+    ------
+    SpacemapError
+        If the scene or the file is refused.
+    """
+    from spacemap_vtk.scenes.scene import Scene
+
+    scene, output = Scene(order.values, Path(order.base)), Path(order.output)
+    scene.check()
+    if order.kind not in ("picture", "film"):
+        from spacemap_vtk.scenes.export import write
+
+        yield 0, 2
+        if order.kind != "draft":
+            scene.update(order.time)
+        yield 1, 2
+        write(scene, order.kind, output)
+        yield 2, 2
+        return
+    from spacemap_vtk.scenes.picture import Picture, Place
+
+    film = order.kind == "film"
+    times = scene.animation.frame_times() if film else [order.time]
+    yield 0, len(times)
+    place = Place(**order.camera) if order.camera else None
+    width, height = order.size
+    picture = Picture(scene, times, (width, height), order.panels or None, place)
+    if film:
+        yield from _filmed(picture, times, output, scene.animation.frames_per_second)
+    else:
+        from PIL import Image
+
+        Image.fromarray(picture.draw(order.time)).save(output)
+        yield 1, 1
+    picture.close()
+
+
+def _filmed(
+    picture: Any, times: list[float], output: Path, rate: float
+) -> Iterator[tuple[int, int]]:
+    from spacemap_vtk.scenes.film import write_film, write_frames
+
+    def images() -> Iterator[Any]:
+        for done, time in enumerate(times, 1):
+            yield picture.draw(time)
+            _say({"done": done, "of": len(times)})
+
+    if "%" in output.name:
+        write_frames(output, images())
+    else:
+        write_film(output, images(), rate)
+    yield len(times), len(times)
+
+
+def _say(line: dict[str, Any]) -> None:
+    print(json.dumps(line), flush=True)
+
+
+def main() -> None:
+    """Carry out the order on standard input."""
+    try:
+        for done, of in carry_out(Order(**json.loads(sys.stdin.read()))):
+            _say({"done": done, "of": of})
+    except Exception as error:
+        known = isinstance(error, SpacemapError)
+        names = ("message", "section", "key", "value", "allowed", "cure")
+        told = {name: getattr(error, name, None) for name in names} if known else {}
+        _say({"error": {**told, "message": told.get("message") or str(error)}})
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,186 @@
+"""What a surface's colours can mean: declared here once, for pictures, films and the window."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.fabric.gaps import gaps
+from spacemap_vtk.filters.arrays import points_of, to_array
+from spacemap_vtk.units import UNITS
+
+#: Name of the array of numbers that are shown as colours.
+SHOWN = "shown"
+
+
+class Coloring(NamedTuple):
+    """A meaning of colours.
+
+    Parameters
+    ----------
+    label : str
+        Words for people; the title of the scale.
+    unit : str
+        SI unit of the numbers.
+    carried : str
+        Array of the cage that must ride along for it.
+    weave, moves : bool
+        Whether it takes yarns; whether it takes a cage that moves.
+    """
+
+    label: str
+    unit: str = ""
+    carried: str = ""
+    weave: bool = False
+    moves: bool = False
+
+
+#: By the word that a scene file has for it.
+COLORINGS = {
+    "own": Coloring("Own colours"),
+    "family": Coloring("Warp and weft", weave=True),
+    "yarn": Coloring("Yarn by yarn", weave=True),
+    "displacement": Coloring("Displacement", "m", moves=True),
+    "velocity": Coloring("Velocity", "m/s", "velocity", moves=True),
+    "strain": Coloring("Strain, largest principal", "", "strain", moves=True),
+    "stress": Coloring("Stress, von Mises", "Pa", "von_mises", moves=True),
+    "clearance": Coloring("Clearance", "m", weave=True),
+}
+#: The units of scales, the smallest first.
+_SCALES = {
+    "m": ("µm", "mm", "m"),
+    "m/s": ("mm/s", "m/s"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa"),
+    "": ("", "%"),
+}
+
+
+def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
+    """Return the number at each point of a surface that its colour shows.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        As a scene makes it.
+    color : str
+        A key of `COLORINGS`.
+
+    Returns
+    -------
+    ndarray of float32, shape (n_points,), or None
+        In SI; None for colours that stand for no number, and where the surface lacks what they
+        show.
+    """
+    if color == "clearance":
+        return _clearance(surface)
+    array = surface.GetPointData().GetArray(COLORINGS[color].carried or color)
+    if array is None or not COLORINGS[color].moves:
+        return None
+    values = vtk_to_numpy(array)
+    if color == "strain":
+        return largest_principal(values).astype(np.float32)
+    if values.ndim == 2 and values.shape[1] == 3:
+        return np.sqrt(np.einsum("nk,nk->n", values, values)).astype(np.float32)
+    return values.reshape(len(values)).astype(np.float32, copy=False)
+
+
+def add_measure(surface: vtkPolyData, color: str) -> None:
+    """Put on a surface what its colour shows, for `SurfaceActor`.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Gets a point array `SHOWN`, or loses it.
+    color : str
+        A key of `COLORINGS`.
+    """
+    values = measure(surface, color)
+    surface.GetPointData().RemoveArray(SHOWN)
+    if values is not None:
+        surface.GetPointData().AddArray(to_array(values, SHOWN))
+
+
+def largest_principal(tensors: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the largest eigenvalue of symmetric tensors.
+
+    Parameters
+    ----------
+    tensors : ndarray of float, shape (n, 6) or (n, 9)
+        In VTK's order: xx, yy, zz, xy, yz, xz; or row by row.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Of the same unit.
+
+    Notes
+    -----
+    In closed form by the angle of the deviator: O. K. Smith, "Eigenvalues of a symmetric 3 x 3
+    matrix", Comm. ACM 4 (1961).
+
+    Examples
+    --------
+    >>> tensors = np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+    >>> largest_principal(tensors).round(12).tolist()
+    [3.0, 1.0]
+    """
+    columns = np.asarray(tensors, np.float64).T
+    if len(columns) == 9:
+        columns = columns[[0, 4, 8, 1, 5, 2]]
+    xx, yy, zz, xy, yz, xz = columns
+    mean = (xx + yy + zz) / 3
+    a, b, c = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((a * a + b * b + c * c + 2 * (xy * xy + yz * yz + xz * xz)) / 6)
+    safe = np.where(size > 0.0, size, 1.0)
+    a, b, c, d, e, f = (part / safe for part in (a, b, c, xy, yz, xz))
+    half = (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)) / 2
+    return mean + 2 * size * np.cos(np.arccos(np.clip(half, -1.0, 1.0)) / 3)
+
+
+def unit_of(color: str, largest: float) -> tuple[str, float]:
+    """Return the unit in which a scale is easy to read.
+
+    Parameters
+    ----------
+    color : str
+        A key of `COLORINGS`.
+    largest : float
+        The scale's largest size, in SI.
+
+    Returns
+    -------
+    name : str
+        The unit.
+    size : float
+        Its size in SI.
+    """
+    unit = COLORINGS[color].unit
+    sizes = {"": 1.0, **UNITS.get(unit, {unit: 1.0})}
+    names = _SCALES.get(unit, (unit,))
+    if unit == "":
+        return ("%", 0.01) if largest < 0.5 else ("", 1.0)
+    best = names[0]
+    for name in names:
+        if largest >= sizes[name] * 0.2:
+            best = name
+    return best, sizes[best]
+
+
+def _clearance(surface: vtkPolyData) -> NDArray[np.float32] | None:
+    yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
+    polygons = surface.GetPolys()
+    count = surface.GetNumberOfCells()
+    if yarns is None or normals is None or not count:
+        return None
+    corners = vtk_to_numpy(polygons.GetConnectivityArray()).reshape(count, -1)
+    points = points_of(surface).astype(np.float64)
+    # No point belongs to two yarns.
+    yarn = np.zeros(len(points), np.int64)
+    yarn[corners] = vtk_to_numpy(yarns)[:, None]
+    diagonals = np.linalg.norm(points[corners[:, 0]] - points[corners[:, 2]], axis=1)
+    found = gaps(points, vtk_to_numpy(normals), yarn, reach=float(diagonals.mean()) / 2)
+    return found.astype(np.float32) if np.isfinite(found).all() else None

@@ -1,0 +1,134 @@
+"""What the cage has rides along with the fabric, and can be seen in pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.arrays import points_of
+from spacemap_vtk.scenes.coloring import COLORINGS, measure
+from spacemap_vtk.scenes.scene import Scene
+
+SMALL: dict[str, Any] = {
+    "weave": {"ends": 4, "picks": 4},
+    "cage": {"divisions": [3, 3, 1]},
+    "modal": {"youngs_modulus": "1 kPa"},
+    "response": {"gravity": [0.0, -3.0, 3.0]},
+    "surface": {"subdivisions": 3},
+}
+
+
+def scene_with(**more: Any) -> Scene:
+    return Scene({**SMALL, **more})
+
+
+def test_velocity_is_the_slope_of_the_displacement() -> None:
+    scene = scene_with(view={"color": "velocity"})
+    places, step, time = [], 1e-6, 0.02
+    for at in (time - step, time + step, time):
+        scene.update(at)
+        places.append(points_of(scene.patches).astype(np.float64))
+    slope = (places[1] - places[0]) / (2 * step)
+    carried = vtk_to_numpy(scene.patches.GetPointData().GetArray("velocity"))
+    assert np.abs(slope).max() > 1e-3
+    np.testing.assert_allclose(carried, slope, atol=2e-4 * np.abs(slope).max())
+    shown = measure(scene.polygons, "velocity")
+    assert shown is not None
+    assert abs(shown.max() / np.linalg.norm(slope, axis=1).max() - 1) < 0.1
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_uniform_strain_arrives_as_it_is(smooth: bool) -> None:
+    """A cage stretched by a motion from a file is stretched alike everywhere."""
+    scene = scene_with(warp={"smooth": smooth, "carried": "strain"})
+    scene.update(0.0)
+    cage = scene.deformed_cage.NewInstance()
+    cage.DeepCopy(scene.deformed_cage)
+    tensors = vtk_to_numpy(cage.GetCellData().GetArray("strain"))
+    tensors[:] = np.array([0.02, -0.01, 0.005, 0.003, -0.002, 0.001])
+    from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+
+    from spacemap_vtk import BarycentricWarp
+
+    producer, warp = vtkTrivialProducer(), BarycentricWarp(smooth=smooth, carried="strain")
+    producer.SetOutput(cage)
+    warp.SetInputConnection(0, scene.weave.GetOutputPort())
+    warp.SetInputConnection(1, producer.GetOutputPort())
+    warp.update()
+    carried = vtk_to_numpy(warp.GetOutputDataObject(0).GetPointData().GetArray("strain"))
+    np.testing.assert_allclose(carried, np.broadcast_to(tensors[0], carried.shape), rtol=1e-5)
+
+
+def test_what_the_cage_lacks_is_told_with_what_it_has() -> None:
+    scene = scene_with(warp={"carried": "warmth"})
+    with pytest.raises(InputError, match=r"warp\.carried") as refused:
+        scene.update(0.0)
+    assert "velocity" in str(refused.value)
+    assert "von_mises" in str(refused.value)
+    assert "mode_" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "color"),
+    [
+        ({"weave": {"ends": 3, "picks": 3}}, "velocity"),
+        ({"weave": {"ends": 3, "picks": 3}}, "displacement"),
+        ({**SMALL, "response": {"stress": False}}, "stress"),
+        ({"object": {"file": "scenes/objects/lever.stl"}}, "yarn"),
+        ({"object": {"file": "scenes/objects/lever.stl"}}, "clearance"),
+    ],
+)
+def test_a_scene_without_it_says_what_it_can_show(values: dict[str, Any], color: str) -> None:
+    root = Path(__file__).resolve().parents[1] / "scene.toml"
+    scene = Scene({**values, "view": {"color": color}}, root)
+    assert color not in scene.colorings
+    with pytest.raises(InputError, match=r"view\.color") as refused:
+        scene.update(0.0)
+    assert refused.value.allowed == ", ".join(scene.colorings)
+
+
+def test_another_colour_runs_the_last_stages_at_most() -> None:
+    scene = scene_with()
+    scene.update(0.01)
+    before = {stage.section: stage.executions for stage in scene.stages}
+    for color in ("family", "yarn", "displacement", "clearance", "own"):
+        scene.set(f"view.color={color}")
+        scene.update(0.01)
+    assert {stage.section: stage.executions for stage in scene.stages} == before
+    scene.set("view.color=stress")
+    scene.update(0.01)
+    changed = {s.section for s in scene.stages if s.executions != before[s.section]}
+    assert changed == {"warp", "surface"}
+
+
+@pytest.mark.parametrize("color", ["family", "velocity", "stress", "clearance"])
+def test_the_command_line_draws_colours(tmp_path: Path, color: str) -> None:
+    pictures = []
+    for name in ("own", color):
+        file = tmp_path / f"{name}.png"
+        words = f"render plain_weave -o {file} --time 0.02 --size 400x240 --color {name} -q"
+        with pytest.raises(SystemExit) as ended:
+            main([*words.split(), "--set", "view.show=fabric"])
+        assert ended.value.code == 0
+        pictures.append(np.asarray(Image.open(file)).astype(int))
+    assert np.abs(pictures[0] - pictures[1]).max() > 60
+    # A scale stands at the right where colours stand for numbers, and nowhere else.
+    strips = [np.ptp(picture[:, -60:], axis=2).max() for picture in pictures]
+    assert strips[0] < 40
+    assert (strips[1] > 60) == (color != "family")
+
+
+def test_a_wrong_colour_names_the_option(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["render", "plain_weave", "-o", "x.png", "--color", "stres"])
+    assert ended.value.code == 2
+    message = capsys.readouterr().err
+    assert "--color" in message
+    assert all(name in message for name in COLORINGS)

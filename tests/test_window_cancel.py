@@ -1,0 +1,168 @@
+"""Long work is ended within a second or so, wherever it stands, and the next result is whole."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E402
+from spacemap_vtk.child import run_child  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+
+
+def slack() -> float:
+    """Return the seconds that cancelling may take: others may be at work on this machine."""
+    return 2.5 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+
+
+def busy(seconds: float) -> str:
+    """Work in Python alone, and tell nothing."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        sum(range(1000))
+    return "done"
+
+
+def test_a_thread_is_ended_where_it_stands() -> None:
+    interrupt, ends = Interrupt(), []
+
+    def work() -> None:
+        try:
+            interrupt.guard(lambda: busy(30.0))
+        except Interrupted:
+            ends.append(time.monotonic())
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    time.sleep(0.2)
+    begun = time.monotonic()
+    interrupt.end()
+    thread.join(10.0)
+    assert ends
+    assert ends[0] - begun < GRACE + 1.0
+
+
+def test_work_that_has_ended_is_left_in_peace() -> None:
+    interrupt = Interrupt()
+    results: list[str] = []
+
+    def work() -> None:
+        for _ in range(20):
+            results.append(interrupt.guard(lambda: busy(0.01)))
+            interrupt.end()
+        time.sleep(2.5 * GRACE)
+        busy(0.2)
+        results.append("alive")
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join(20.0)
+    assert results == ["done"] * 20 + ["alive"]
+
+
+def test_blows_at_the_very_end_do_no_harm() -> None:
+    """An interrupt that falls while the guard closes must neither be lost nor stay behind."""
+    for round_ in range(60):
+        interrupt = Interrupt()
+        # Blows from the start on, whatever stands then: the guard's own lines among it.
+        with_end = GRACE - 0.003 + round_ * 0.0001
+        outcome: list[str] = []
+
+        def work(
+            interrupt: Interrupt = interrupt,
+            seconds: float = with_end,
+            outcome: list[str] = outcome,
+        ) -> None:
+            try:
+                outcome.append(interrupt.guard(lambda: busy(seconds)))
+            except Interrupted:
+                outcome.append("ended")
+            busy(0.002)
+            outcome.append("alive")
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        interrupt.end()
+        thread.join(10.0)
+        assert outcome in (["done", "alive"], ["ended", "alive"])
+
+
+HEAVY = {
+    "weave": ("weave", {"ends": 300, "picks": 300}),
+    "modal": ("cage", {"divisions": [24, 24, 2], "order": 2}),
+}
+
+
+@pytest.mark.parametrize("stage", list(HEAVY))
+def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None:
+    window = open_window()
+    frame = window.view.frame
+    window.document.set_many(*HEAVY[stage])
+    wait_until(lambda: window.stages.states[stage] == "running" and window.cancel.isVisible())
+    QTest.qWait(200)
+    begun = time.monotonic()
+    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: not window.engine.busy)
+    assert time.monotonic() - begun < slack()
+    wait_until(lambda: window.stages.states[stage] == "stale" and not window.cancel.isVisible())
+    assert window.errors.text == ""
+    assert window.view.frame is frame
+    # What was begun is not taken for a result: the scene before comes back whole.
+    before = np.array(frame.surface.GetBounds())
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+    np.testing.assert_allclose(window.view.frame.surface.GetBounds(), before, atol=1e-9)
+    assert window.view.frame.cage.GetNumberOfPoints() == 72
+
+
+def test_closing_ends_a_run_too(open_window: Any) -> None:
+    window = open_window(str(library.folder() / "animal_in_carved_cage.toml"))
+    window.document.set("cage", "divisions", [200, 150, 100])
+    wait_until(lambda: window.stages.states["cage"] == "running")
+    QTest.qWait(200)
+    begun = time.monotonic()
+    window.discard()
+    assert time.monotonic() - begun < slack()
+    assert not window.engine.isRunning()
+
+
+def test_a_child_process_goes_with_the_run_that_waits_for_it(tmp_path: Path) -> None:
+    interrupt, ends = Interrupt(), []
+    code = "import os, time; open('pid', 'w').write(str(os.getpid())); time.sleep(60)"
+
+    def work() -> None:
+        try:
+            interrupt.guard(lambda: run_child([sys.executable, "-c", code], tmp_path))
+        except Interrupted:
+            ends.append(time.monotonic())
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
+    begun = time.monotonic()
+    interrupt.end()
+    thread.join(10.0)
+    assert ends[0] - begun < slack()
+    assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
+
+
+def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
+    code = "import sys; print('x' * 100_000); sys.stderr.write('wrong'); sys.exit(3)"
+    done = run_child([sys.executable, "-c", code], tmp_path)
+    assert done.returncode == 3
+    assert len(done.stdout.strip()) == 100_000
+    assert done.stderr == "wrong"

@@ -1,0 +1,99 @@
+"""What is copied as a command line or as a script gives what the window shows."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtGui import QGuiApplication  # noqa: E402
+
+from spacemap_vtk.scenes import library  # noqa: E402
+
+
+def copied(window: Any, action: str) -> str:
+    window.menus.actions[action].trigger()
+    return QGuiApplication.clipboard().text()
+
+
+def change_a_lot(window: Any) -> None:
+    document = window.document
+    document.set("weave", "ends", 5)
+    document.set("weave", "pattern", ["110", "011", "101"])
+    document.set("response", "gravity", [0.0, "-1 g", 0.0])
+    # A key of the file that goes back to its default.
+    document.set("response", "initial", None)
+    loads = [{"pressure": "0.5 Pa", "on": "+z", "time": "table", "times": [0, 1], "values": [1, 1]}]
+    document.set("response", "loads", loads)
+    document.set("view", "color", "velocity")
+    document.set("view", "size", [200, 100])
+
+
+@pytest.mark.parametrize("start", ["gust", None])
+def test_the_command_line_draws_what_the_scene_draws(
+    open_window: Any, tmp_path: Path, start: str | None
+) -> None:
+    window = open_window("gust")
+    if start is None:
+        window.document.new()
+    change_a_lot(window)
+    wait_until(lambda: settled(window))
+    line = copied(window, "Copy as command line")
+    window.document.save(tmp_path / "same.toml")
+    words = shlex.split(line, comments=True)
+    assert words[:2] == ["spacemap", "render"]
+    same = ["render", "same.toml", "-o", "same.png", "--time", words[words.index("--time") + 1]]
+    for command in (words[1:], same):
+        done = subprocess.run(
+            [sys.executable, "-m", "spacemap_vtk", *command, "-q"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+    one, other = (np.asarray(Image.open(tmp_path / f"{n}.png")) for n in ("picture", "same"))
+    assert one.shape == (100, 200, 3)
+    assert np.abs(one.astype(int) - other).max() == 0
+
+
+def test_the_script_moves_every_point_as_the_window_does(open_window: Any, tmp_path: Path) -> None:
+    window = open_window("gust")
+    change_a_lot(window)
+    wait_until(lambda: settled(window))
+    script = tmp_path / "script.py"
+    script.write_text(
+        copied(window, "Copy as Python script") + "print(*surface.GetBounds(), sep=',')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    bounds = [float(number) for number in done.stdout.splitlines()[-1].split(",")]
+    np.testing.assert_allclose(bounds, window.view.frame.surface.GetBounds(), rtol=1e-12)
+
+
+def test_what_has_no_words_is_told(open_window: Any) -> None:
+    window = open_window()
+    window.document.set("weave", "warp_diameter", None)
+    line = copied(window, "Copy as command line")
+    assert line.startswith("# not said here")
+    assert "weave.warp_diameter" in line.splitlines()[0]
+
+
+def test_a_draft_is_named_by_its_file(open_window: Any) -> None:
+    draft = library.folder() / "32-shaft_twill.wif"
+    window = open_window(str(draft))
+    window.document.set("weave", "thick_yarns", "flatten")
+    line = copied(window, "Copy as command line")
+    assert str(draft.resolve()) in line
+    assert 'weave.thick_yarns="flatten"' in line

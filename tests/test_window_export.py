@@ -1,0 +1,142 @@
+"""Pictures, films and data written from the window: whole or not at all, and cancelled at once."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from window import require_display, settled, wait_until
+
+require_display()
+
+import pyvista as pv  # noqa: E402
+from PySide6.QtCore import Qt, QTimer  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QApplication, QFileDialog, QProgressDialog, QPushButton  # noqa: E402
+
+from spacemap_vtk.app.export_dialog import ExportDialog  # noqa: E402
+
+
+def written(window: Any) -> list[str]:
+    names: list[str] = []
+    window.exports.written.connect(names.append)
+    return names
+
+
+def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
+    """Type into the export dialog as soon as it is there, and press Save."""
+    dialog = QApplication.activeModalWidget()
+    if not isinstance(dialog, ExportDialog):
+        QTimer.singleShot(50, lambda: fill_dialog(file, width, height, seen))
+        return
+    dialog.line.selectAll()
+    QTest.keyClicks(dialog.line, str(file))
+    dialog.width_box.setValue(width)
+    dialog.height_box.setValue(height)
+    dialog.camera.setCurrentIndex(seen)
+    save = next(b for b in dialog.findChildren(QPushButton) if b.text() in ("Save", "&Save"))
+    QTest.mouseClick(save, Qt.MouseButton.LeftButton)
+
+
+def test_a_picture_is_seen_as_in_the_window(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.tools.shown["cage"].trigger()
+    done = written(window)
+    pictures = []
+    for camera in ("front", "side"):
+        window.tools.cameras[camera].trigger()
+        file = tmp_path / f"{camera}.png"
+        QTimer.singleShot(50, lambda file=file: fill_dialog(file, 320, 240, 0))
+        window.menus.actions["Export picture…"].trigger()
+        wait_until(lambda file=file: str(file) in done or window.errors.text)
+        assert window.errors.text == ""
+        pictures.append(np.asarray(Image.open(file)).astype(int))
+        assert pictures[-1].shape == (240, 320, 3)
+    # From the side a cloth is narrow.
+    coloured = [(np.ptp(picture, axis=2) > 40).any(axis=0).sum() for picture in pictures]
+    assert coloured[1] < 0.6 * coloured[0]
+
+
+def test_a_film_is_written_whole(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.document.set("animation", "stop", "20 ms")
+    done = written(window)
+    file = tmp_path / "swing.gif"
+    QTimer.singleShot(50, lambda: fill_dialog(file, 160, 120, 1))
+    window.menus.actions["Export film…"].trigger()
+    wait_until(lambda: done or window.errors.text, 60)
+    assert window.errors.text == ""
+    with Image.open(file) as film:
+        assert film.n_frames == 5
+    assert sorted(tmp_path.glob(".spacemap*")) == []
+
+
+def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
+    open_window: Any, tmp_path: Path
+) -> None:
+    window = open_window()
+    window.document.set("animation", "speed", 0.001)
+    file = tmp_path / "long.gif"
+    file.write_bytes(b"what was there")
+    window.exports.start("film", file, (320, 240))
+    progress = window.findChild(QProgressDialog)
+    wait_until(lambda: progress.maximum() > 100 and progress.value() >= 2, 60)
+    assert progress.isVisible()
+    cancel = progress.findChild(QPushButton)
+    begun = time.monotonic()
+    QTest.mouseClick(cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: not window.exports.busy)
+    assert time.monotonic() - begun < 1.0
+    assert file.read_bytes() == b"what was there"
+    assert [path.name for path in tmp_path.iterdir() if "spacemap-" in path.name] == []
+    assert window.errors.text == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "ending", "cells"),
+    [
+        ("Bézier patches", ".vtu", None),
+        ("Cage with its motion", ".vtu", 125),
+        ("Surface", ".vtp", None),
+        ("Surface", ".stl", None),
+    ],
+)
+def test_data_are_those_of_the_time_shown(
+    open_window: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: str,
+    ending: str,
+    cells: int | None,
+) -> None:
+    window = open_window()
+    done, file = written(window), tmp_path / f"data{ending}"
+    answer = str(file), f"{words} (*{ending})"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: answer)
+    window.menus.actions["Export data…"].trigger()
+    wait_until(lambda: done or window.errors.text)
+    assert window.errors.text == ""
+    data = pv.read(file)
+    assert cells is None or data.n_cells == cells
+    if words == "Surface":
+        here = np.array(window.view.frame.surface.GetBounds())
+        np.testing.assert_allclose(data.bounds, here, atol=1e-6)
+
+
+def test_what_cannot_be_written_is_told(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.exports.start("picture", tmp_path / "no" / "picture.png")
+    assert "does not exist" in window.errors.text
+    window.exports.start("picture", tmp_path / "picture.bmp")
+    assert ".bmp" in window.errors.text
+    # What the scene refuses in the other process arrives here.
+    window.document.set("animation", "start", "1 s")
+    wait_until(lambda: settled(window))
+    window.exports.start("film", tmp_path / "none.gif", (160, 120))
+    wait_until(lambda: not window.exports.busy)
+    assert "animation.stop" in window.errors.text
+    assert list(tmp_path.glob("none*")) == []

@@ -1,0 +1,179 @@
+"""Fields made for a kind of value: vectors, sides, patterns, colours, loads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from window import drag, require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtGui import QColor  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QColorDialog  # noqa: E402
+
+from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+
+
+def editor(window: Any, section: str, name: str) -> Any:
+    window.stages.choose(section)
+    row = window.properties.rows[name]
+    window.properties.ensureWidgetVisible(row)
+    return row.editor
+
+
+def click(widget: Any, at: Any = None) -> None:
+    QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at or widget.rect().center())
+
+
+def test_one_component_of_a_vector_is_dragged(open_window: Any) -> None:
+    window = open_window()
+    gravity = editor(window, "response", "gravity")
+    before = window.document.scene.response.gravity
+    drag(gravity.components[1].slider, 8)
+    wait_until(lambda: settled(window))
+    after = window.document.scene.response.gravity
+    assert after[1] > before[1]
+    assert (after[0], after[2]) == (before[0], before[2])
+    assert window.document.undo.count() == 1
+    assert [c.line.text() for c in gravity.components] == [f"{v:.6g}" for v in after]
+
+
+def test_a_component_takes_a_unit_and_refuses_a_word(open_window: Any) -> None:
+    window = open_window()
+    gravity = editor(window, "response", "gravity")
+    type_into(gravity.components[2].line, "-1 g")
+    assert window.document.scene.response.gravity[2] == -9.80665
+    type_into(gravity.components[2].line, "down")
+    assert window.properties.rows["gravity"].property("bad")
+    assert "gravity" in window.errors.text
+    assert window.document.scene.response.gravity[2] == -9.80665
+
+
+def test_sides_are_held_by_clicking(open_window: Any) -> None:
+    window = open_window()
+    fixed = editor(window, "modal", "fixed")
+    assert [s for s, b in fixed.sides.items() if b.isChecked()] == ["+y"]
+    click(fixed.sides["-y"])
+    assert set(window.document.scene.modal.fixed) == {"+y", "-y"}
+    wait_until(lambda: settled(window))
+    flags = window.view.frame.cage.GetPointData().GetArray("fixed")
+    assert sum(flags.GetTuple1(i) for i in range(72)) == 24
+    click(fixed.sides["+y"])
+    assert window.document.scene.modal.fixed == ("-y",)
+    # What has no button is typed, and a click leaves it alone.
+    type_into(fixed.line, "sphere(0, 0, 0, 1 mm):z")
+    click(fixed.sides["-x"])
+    assert window.document.scene.modal.fixed == ("-x", "sphere(0,0,0,0.001):z".replace(",", ", "))
+    type_into(fixed.line, "top")
+    assert window.properties.rows["fixed"].property("bad")
+
+
+def test_a_pattern_is_drawn_by_the_mouse(open_window: Any) -> None:
+    window = open_window()
+    pattern = editor(window, "weave", "pattern")
+    pattern.box.setCurrentText("")
+    pattern.line.setFocus()
+    QTest.keyClicks(pattern.line, "twill 2/2")
+    QTest.keyClick(pattern.line, Qt.Key.Key_Return)
+    assert window.document.scene.weave.pattern == "twill 2/2"
+    repeat = pattern.grid.repeat.copy()
+    assert repeat.shape == (4, 4)
+    # One stroke over a row: one step back.
+    count = window.document.undo.count()
+    start = pattern.grid.square(0, 0).center().toPoint()
+    step = QPoint(round(pattern.grid.cell), 0)
+    QTest.mousePress(pattern.grid, Qt.MouseButton.LeftButton, pos=start)
+    for k in range(1, 3):
+        QTest.mouseMove(pattern.grid, start + k * step)
+        QTest.qWait(20)
+    QTest.mouseRelease(pattern.grid, Qt.MouseButton.LeftButton, pos=start + 2 * step)
+    wait_until(lambda: settled(window))
+    rows = window.document.scene.weave.pattern
+    assert rows[0][:3] == ("0" if repeat[0, 0] else "1") * 3
+    assert rows[1:] == tuple("".join("01"[int(c)] for c in row) for row in repeat[1:])
+    assert window.document.undo.count() == count + 1
+    drawdown = window.engine._pipeline._scene.weave.fabric.drawdown
+    np.testing.assert_array_equal(drawdown[:4, :4], pattern.grid.repeat)
+    click(pattern.buttons["+ end"])
+    assert pattern.grid.repeat.shape == (4, 5)
+    click(pattern.buttons["− pick"])
+    assert pattern.grid.repeat.shape == (3, 5)
+
+
+def test_a_swatch_opens_the_dialog_for_its_colour(
+    open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window("tartan")
+    colors = editor(window, "weave", "warp_color")
+    asked: list[str] = []
+
+    def choose(before: QColor, *_: Any) -> QColor:
+        asked.append(before.name())
+        return QColor("#010203")
+
+    monkeypatch.setattr(QColorDialog, "getColor", choose)
+    before = window.document.scene.weave.warp_color
+    click(colors.swatches, colors.swatches.place(6).center().toPoint())
+    after = window.document.scene.weave.warp_color
+    assert asked == ["#3d5fa8"]
+    assert after[6] == (1, 2, 3)
+    assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
+
+
+def test_a_load_is_added_changed_and_removed(open_window: Any) -> None:
+    window = open_window()
+    loads = editor(window, "response", "loads")
+    for action in loads.add.menu().actions():
+        action.trigger()
+        if action.data() == "array":
+            # There is no such array, and the window says so.
+            wait_until(lambda: window.errors.text)
+            assert "force" in window.errors.text
+            loads.cards[-1].remove.click()
+        wait_until(lambda: settled(window))
+        assert window.errors.text == ""
+    made = [load.action for load in window.document.scene.response.loads]
+    assert made == [a.data() for a in loads.add.menu().actions() if a.data() != "array"]
+    for card in range(len(loads.cards)):
+        for time in ("pulse", "ramp", "table", "harmonic", "periodic", "step"):
+            box = loads.cards[card].rows["time"].editor.box
+            box.setCurrentText(time)
+            box.textActivated.emit(time)
+            assert window.errors.text == ""
+            assert window.document.scene.response.loads[card].time == time
+    type_into(loads.cards[0].rows["pressure"].editor.line, "3 kPa")
+    assert window.document.scene.response.loads[0].pressure == 3000.0
+    while loads.cards:
+        loads.cards[0].remove.click()
+    assert window.document.scene.response.loads == ()
+    wait_until(lambda: settled(window))
+
+
+def test_a_changed_load_keeps_the_comments_round_it(open_window: Any) -> None:
+    window = open_window("gust")
+    before = (library.folder() / "gust.toml").read_text().splitlines()
+    loads = editor(window, "response", "loads")
+    type_into(loads.cards[0].rows["pressure"].editor.line, "1.2 Pa")
+    after = window.document.text.splitlines()
+    changed = [(a, b) for a, b in zip(before, after, strict=True) if a != b]
+    assert len(changed) == 1
+    assert changed[0][1].split("#")[0].strip() == 'pressure = "1.2 Pa"'
+    assert changed[0][1].endswith("# from behind")
+
+
+@pytest.mark.parametrize("section", list(SECTIONS))
+def test_reset_brings_back_every_default(open_window: Any, section: str) -> None:
+    window = open_window("gust" if section == "response" else "plain_weave")
+    window.stages.choose(section)
+    for name, row in window.properties.rows.items():
+        if row.reset.isEnabled():
+            row.reset.click()
+        assert name not in window.document.values.get(section, {})
+    part = getattr(window.document.scene, section)
+    for name, parameter in part.parameters.items():
+        assert getattr(part, name) == parameter.default

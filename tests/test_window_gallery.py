@@ -1,0 +1,125 @@
+"""Started with nothing: the paper's scene, and the scenes to choose from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QMessageBox  # noqa: E402
+
+from spacemap_vtk.app.splash import Splash  # noqa: E402
+from spacemap_vtk.scenes import library, thumbnails  # noqa: E402
+
+
+def place(window: Any, name: str) -> Any:
+    pictures = window.gallery.list
+    item = next(
+        pictures.item(k)
+        for k in range(pictures.count())
+        if pictures.item(k).data(Qt.ItemDataRole.UserRole) == name
+    )
+    pictures.scrollToItem(item)
+    return pictures.visualItemRect(item).center()
+
+
+@pytest.mark.parametrize("name", library.names())
+def test_every_scene_has_a_picture_of_itself_as_it_is(name: str) -> None:
+    """After a change of a scene: python -m spacemap_vtk.scenes.thumbnails"""
+    assert thumbnails.drawn_from(name) == thumbnails.digest_of(name)
+
+
+def test_no_picture_is_left_over() -> None:
+    folder = thumbnails.file_of("").parent
+    assert sorted(path.stem for path in folder.glob("*.jpg")) == library.names()
+
+
+def test_nothing_named_shows_the_papers_scene_and_the_gallery(open_window: Any) -> None:
+    window = open_window(None)
+    assert window.document.source.stem == "plain_weave"
+    assert window.view.image().std() > 20
+    assert window.tabs.currentWidget() is window.gallery
+    assert window.gallery.list.count() == len(library.names())
+    # The pictures are there, in colours: a missing one would be a grey card.
+    for k in range(window.gallery.list.count()):
+        image = window.gallery.list.item(k).icon().pixmap(96, 64).toImage()
+        colors = {image.pixel(x, y) for x in range(0, 96, 4) for y in range(0, 64, 4)}
+        assert len(colors) > 20
+
+
+def test_a_named_scene_shows_no_gallery(open_window: Any) -> None:
+    window = open_window("gust")
+    assert window.tabs.currentWidget() is window.modes
+
+
+@pytest.mark.parametrize("how", ["click", "double click", "keyboard"])
+def test_a_scene_is_opened(open_window: Any, how: str) -> None:
+    window = open_window(None)
+    opened: list[str] = []
+    window.document.replaced.connect(lambda: opened.append(window.document.source.stem))
+    pictures, left = window.gallery.list, Qt.MouseButton.LeftButton
+    at = place(window, "twill_2_2")
+    if how == "keyboard":
+        pictures.setFocus()
+        pictures.setCurrentRow(0)
+        row = library.names().index("twill_2_2")
+        while pictures.currentRow() != row:
+            before = pictures.currentRow()
+            QTest.keyClick(pictures, Qt.Key.Key_Right)
+            if pictures.currentRow() == before:
+                QTest.keyClick(pictures, Qt.Key.Key_Down)
+            assert pictures.currentRow() != before
+        QTest.keyClick(pictures, Qt.Key.Key_Return)
+    else:
+        QTest.mouseClick(pictures.viewport(), left, pos=at)
+        if how == "double click":
+            QTest.mouseDClick(pictures.viewport(), left, pos=at)
+    wait_until(lambda: settled(window))
+    assert opened[0] == "twill_2_2"
+    assert window.document.source.stem == "twill_2_2"
+    assert window.errors.text == ""
+
+
+def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    window = open_window(None)
+    window.document.set("weave", "ends", 5)
+    monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Cancel)
+    at = place(window, "gust")
+    QTest.mouseClick(window.gallery.list.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    assert window.document.source.stem == "plain_weave"
+    assert window.document.scene.weave.ends == 5
+
+
+def test_what_was_used_lately_is_listed(open_window: Any, tmp_path: Path) -> None:
+    window = open_window(None)
+    assert window.gallery.recent.isHidden()
+    window.document.save(tmp_path / "mine.toml")
+    window.files.load(str(tmp_path / "mine.toml"))
+    window.files.load("gust")
+    item = window.gallery.recent.item(0)
+    assert item.toolTip().endswith("gust.toml")
+    assert window.gallery.recent.item(1).text() == "mine.toml"
+    at = window.gallery.recent.visualItemRect(window.gallery.recent.item(1)).center()
+    QTest.mouseClick(window.gallery.recent.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    wait_until(lambda: settled(window))
+    assert window.document.file == tmp_path / "mine.toml"
+
+
+def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> None:
+    splash = Splash("gust")
+    screen = splash._screen
+    assert screen.isVisible()
+    seen = screen.grab().toImage()
+    assert len({seen.pixel(x, 160) for x in range(0, 480, 3)}) > 20
+    window = open_window("gust", wait=False)
+    splash.give_way_to(window)
+    wait_until(lambda: settled(window))
+    assert not screen.isVisible()
+    assert np.isfinite(window.view.frame.time)

@@ -1,0 +1,217 @@
+"""What stands round the fabric: loads, clip plane, background, picked points, camera."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.app.view_bar import BACKGROUNDS  # noqa: E402
+from spacemap_vtk.filters.arrays import points_of  # noqa: E402
+from spacemap_vtk.scenes.load_arrows import load_arrows  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+
+def arrows_of(loads: list[dict[str, Any]], time: float, gravity: Any = (0, 0, 0)) -> Any:
+    values = {
+        "weave": {"ends": 3, "picks": 3},
+        "cage": {"divisions": [2, 2, 1]},
+        "response": {"gravity": list(gravity), "loads": loads},
+    }
+    scene = Scene(values)
+    scene.update(time)
+    return load_arrows(scene.response, scene.deformed_cage, time), scene
+
+
+def test_gravity_points_down_from_below_the_cage() -> None:
+    arrows, scene = arrows_of([], 0.0, (0.0, -9.8, 0.0))
+    assert arrows.kinds == ("gravity",)
+    way = arrows.vectors[0] / np.linalg.norm(arrows.vectors[0])
+    np.testing.assert_allclose(way, [0, -1, 0], atol=1e-12)
+    assert abs(arrows.starts[0, 1] - points_of(scene.deformed_cage)[:, 1].min()) < 1e-9
+
+
+def test_a_pressure_ends_at_its_side_and_is_as_long_as_its_factor() -> None:
+    load = {"pressure": 1.0, "on": "+z", "time": "table", "times": [0, 1], "values": [0.5, 1.0]}
+    lengths = []
+    for time in (0.0, 1.0):
+        arrows, scene = arrows_of([load], time)
+        assert set(arrows.kinds) == {"pressure"}
+        assert len(arrows.starts) == 8  # two triangles on each of the four hexahedra
+        np.testing.assert_allclose(arrows.vectors[:, :2], 0.0, atol=1e-15)
+        assert (arrows.vectors[:, 2] < 0).all()
+        tips = arrows.starts + arrows.vectors
+        cage = scene.deformed_cage
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        moved = points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+        side = moved[np.isclose(points_of(cage)[:, 2], points_of(cage)[:, 2].max())]
+        assert (
+            side[:, 2].min() - 1e-9
+            <= tips[:, 2].min()
+            <= tips[:, 2].max()
+            <= (side[:, 2].max() + 1e-9)
+        )
+        lengths.append(np.linalg.norm(arrows.vectors, axis=1).max())
+    assert abs(lengths[0] / lengths[1] - 0.5) < 1e-9
+
+
+def test_suction_pulls_a_force_ends_at_its_vertex_and_what_is_over_is_gone() -> None:
+    pull, _ = arrows_of([{"pressure": -1.0, "on": "-z"}], 0.1)
+    assert (pull.vectors[:, 2] < 0).all()
+    force = {"force": [0.0, 0.0, 2e-6], "at": [1.0, -1.0, 1.0]}
+    arrows, scene = arrows_of([force], 0.0)
+    tip = (arrows.starts + arrows.vectors)[0]
+    corner = points_of(scene.deformed_cage)
+    nearest = corner[np.linalg.norm(corner - [1.0, -1.0, 1.0], axis=1).argmin()]
+    np.testing.assert_allclose(tip, nearest, atol=1e-9)
+    gone, _ = arrows_of([{**force, "time": "pulse", "length": 0.1}], 0.2)
+    assert len(gone.starts) == 0
+
+
+def test_loads_are_drawn_and_follow_time(open_window: Any) -> None:
+    window = open_window("gust")
+    window.tools.shown["loads"].trigger()
+    without = window.view.image().astype(int)
+    window.tools.shown["loads"].trigger()
+    assert np.abs(window.view.image().astype(int) - without).max() > 60
+    assert {"gravity", "pressure", "traction"} == set(window.view.frame.arrows.kinds)
+    type_into(window.times.line, "0.5")
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.5)
+    assert "pressure" not in window.view.frame.arrows.kinds
+
+
+def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
+    window = open_window()
+    window.tools.cameras["front"].trigger()
+    window.tools.shown["loads"].trigger()
+    whole = window.view.image().astype(int)
+    window.tools.clip.trigger()
+    half = window.view.image().astype(int)
+    width = half.shape[1]
+
+    def colored(image: np.ndarray) -> np.ndarray:
+        # Yarns are blue or sand; the plane's own tint is faint.
+        return (np.ptp(image, axis=2) > 70).sum(axis=0)
+
+    right = slice(int(width * 0.56), int(width * 0.75))
+    assert colored(whole)[right].sum() > 2000
+    assert colored(half)[right].sum() < 0.15 * colored(whole)[right].sum()
+    # The mouse takes hold of the plane and moves it.
+    window.tools.cameras["three-quarter"].trigger()
+    QTest.qWait(100)
+    origin = np.array(window.view.clip.plane.GetOrigin())
+    widget, at = window.view.plotter, None
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    for step in range(-30, 40, 10):
+        at = middle + QPoint(step, 60)
+        QTest.mouseMove(widget, at)
+        QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+        for k in range(8):
+            QTest.mouseMove(widget, at + QPoint(10 * k, 0))
+            QTest.qWait(5)
+        QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at + QPoint(70, 0))
+        if np.linalg.norm(np.array(window.view.clip.plane.GetOrigin()) - origin) > 1e-5:
+            break
+    assert np.linalg.norm(np.array(window.view.clip.plane.GetOrigin()) - origin) > 1e-5
+    window.tools.clip_sides[0].trigger()
+    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), origin, atol=1e-4)
+    window.tools.clip_sides[2].trigger()
+    np.testing.assert_allclose(np.abs(window.view.clip.plane.GetNormal()), [0, 0, 1])
+    window.tools.clip.trigger()
+    window.tools.cameras["front"].trigger()
+    assert np.abs(window.view.image().astype(int) - whole).mean() < 1.0
+
+
+def test_another_scene_is_whole(open_window: Any) -> None:
+    window = open_window()
+    window.tools.clip.trigger()
+    assert window.view.clip.on
+    window.document.open("twill_2_2")
+    wait_until(lambda: settled(window))
+    assert not window.view.clip.on
+    assert not window.tools.clip.isChecked()
+
+
+@pytest.mark.parametrize("name", list(BACKGROUNDS))
+def test_the_background_is_chosen_and_undone_as_one(open_window: Any, name: str) -> None:
+    window = open_window()
+    before = window.document.text
+    window.tools.backgrounds[name].trigger()
+    wait_until(lambda: settled(window))
+    corner = window.view.image()[-4, 4].astype(int)
+    bottom = BACKGROUNDS[name][0] or "#ffffff"
+    assert np.abs(corner - list(bytes.fromhex(bottom[1:]))).max() < 8
+    if name != "Light":
+        assert window.document.undo.count() == 1
+        window.document.undo.undo()
+    assert window.document.text == before
+
+
+def test_picked_points_are_kept_offered_and_ride_along(open_window: Any) -> None:
+    window = open_window()
+    window.tools.cameras["front"].trigger()
+    type_into(window.times.line, "0")
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
+    told: list[list[Any]] = []
+    window.view.picks_changed.connect(told.append)
+    widget = window.view.plotter
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    left, shift = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ShiftModifier
+    for k, modifier in ((0, Qt.KeyboardModifier.NoModifier), (1, shift), (2, shift)):
+        QTest.mouseClick(widget, left, modifier, middle + QPoint(0, 90 * (k - 1)))
+    assert [len(picks) for picks in told] == list(range(1, len(told) + 1))
+    assert len(told) >= 2
+    assert window.view.picks == told[-1]
+    actor = widget.renderer.actors["picked points"]
+    still = np.array(actor.GetMapper().GetInput().GetBounds())
+    type_into(window.times.line, "20 ms")
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
+    actor = widget.renderer.actors["picked points"]
+    moved = np.array(actor.GetMapper().GetInput().GetBounds())
+    assert np.abs(moved - still).max() > 1e-4
+    # A click alone begins anew, and another scene forgets them.
+    QTest.mouseClick(widget, left, Qt.KeyboardModifier.NoModifier, middle)
+    assert len(window.view.picks) <= 1 or len(told[-1]) == 1
+    window.document.open("twill_2_2")
+    wait_until(lambda: settled(window))
+    assert window.view.picks == []
+    assert told[-1] == []
+
+
+def test_an_object_is_picked_too(open_window: Any) -> None:
+    window = open_window("animal_in_carved_cage")
+    widget = window.view.plotter
+    QTest.mouseClick(
+        widget, Qt.MouseButton.LeftButton, pos=QPoint(widget.width() // 2, widget.height() // 2)
+    )
+    assert window.view.picks
+    assert window.view.picks[0].yarn is None
+    assert "moved by" in window.told.text()
+
+
+def test_the_scale_never_shrinks_while_time_passes(open_window: Any) -> None:
+    window = open_window()
+    window.document.set("view", "color", "displacement")
+    tops = []
+    for text, time in (("0", 0.0), ("20 ms", 0.02), ("5 ms", 0.005)):
+        type_into(window.times.line, text)
+        wait_until(
+            lambda time=time: (
+                settled(window)
+                and window.view.frame.time == time
+                and window.view.frame.color == "displacement"
+            )
+        )
+        tops.append(window.view._span[1][1])
+    assert tops[0] < tops[1] == tops[2]
+    window.document.set("modal", "youngs_modulus", "20 kPa")
+    wait_until(lambda: settled(window))
+    assert window.view._span[1][1] < tops[2]
