@@ -9,6 +9,8 @@ Invariants:
   marked as a duplicate in all but the first.
 - No stage holds a reference to itself or to a stage above it, not even through an observer or a
   stored bound method: on VTK 9.2 such an object is never freed.
+- What a stage keeps for its next run, and may hold VTK objects, is an attribute that its class
+  declares as None: before VTK 9.7 it must go with the last reference from Python.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ from typing import Any, ClassVar
 from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
-from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation, vtkInformationVector
+from vtkmodules.vtkCommonCore import (
+    vtkGarbageCollector,
+    vtkInformation,
+    vtkInformationVector,
+    vtkVersion,
+)
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
@@ -42,6 +49,11 @@ _PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
+
+#: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
+#: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
+#: there are VTK objects among them, the table is corrupted, and the program crashes later.
+_GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
 #: For `Stage.output`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkPointSet"
@@ -95,6 +107,13 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         self.AddObserver("ErrorEvent", observer)
         self.GetExecutive().AddObserver("ErrorEvent", observer)
         Parameterised.__init__(self, **values)
+
+    if _GHOSTS_ARE_FRAGILE:
+
+        def __del__(self) -> None:
+            values = self.__dict__
+            for name in [name for name in values if getattr(type(self), name, name) is None]:
+                del values[name]
 
     @property
     def executions(self) -> int:
