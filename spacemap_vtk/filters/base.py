@@ -19,9 +19,7 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
-import numpy as np
 from vtkmodules.util.misc import calldata_type
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
 from vtkmodules.vtkCommonCore import (
@@ -30,7 +28,7 @@ from vtkmodules.vtkCommonCore import (
     vtkInformationVector,
     vtkVersion,
 )
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet, vtkDataSetAttributes
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
     vtkDemandDrivenPipeline,
@@ -38,6 +36,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 )
 
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.extent import mark_owner
 from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, world
 from spacemap_vtk.parameters import Parameterised
 
@@ -369,7 +368,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             raise self._untold
         self.run(inputs, output, time)
         if self.replicated and self._piece.of > 1:
-            _mark(output, 0 if self._piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL)
+            mark_owner(output, self._piece)
 
     def _request_update_extent(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
@@ -431,17 +430,6 @@ def _piece_of(info: vtkInformation) -> Piece:
     if not info.Has(_PIECE[1]) or info.Get(_PIECE[1]) <= 1:
         return WHOLE
     return Piece(*(info.Get(key) for key in _PIECE))
-
-
-def _mark(output: vtkDataSet, value: int) -> None:
-    """Mark all cells and points: 0, or as duplicates of another piece's."""
-    for data, count in (
-        (output.GetCellData(), output.GetNumberOfCells()),
-        (output.GetPointData(), output.GetNumberOfPoints()),
-    ):
-        array = numpy_to_vtk(np.full(count, value, dtype=np.uint8))
-        array.SetName(vtkDataSetAttributes.GhostArrayName())
-        data.AddArray(array)
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:
