@@ -141,7 +141,7 @@ def test_the_outside_is_told_with_count_and_distance() -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(tetwild.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
@@ -164,14 +164,24 @@ def test_a_surface_is_filled_once(cache: Path) -> None:
     assert check_mesh(third.points, tetrahedra_of(third)) == pytest.approx(2.0, rel=0.02)
 
 
-def test_the_cache_is_bounded(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh = np.random.default_rng(0).random((2000, 3)), np.zeros((1, 4), dtype=np.int64)
-    monkeypatch.setattr(tetwild, "CACHE_BYTES", 150_000)
-    for number in range(6):
-        tetwild._write(cache / f"{number}.npz", mesh)
-    kept = list(cache.glob("*"))
-    assert 1 <= len(kept) < 6
-    assert sum(file.stat().st_size for file in kept) <= 150_000
+def test_nothing_is_left_where_the_user_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither fTetWild's own file, nor, where the cache is off, anything of ours."""
+    pytest.importorskip("pytetwild")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SPACEMAP_CACHE", "off")
+    part = pv.Cube().triangulate()
+    meshes = [cage_of(part, method="tetwild", edge_length=0.6)[1] for _ in range(2)]
+    assert all(mesh.n_cells for mesh in meshes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pytetwild")
+    monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")
+    with pytest.raises(GeometryError, match="its process ended with -6.*envelope"):
+        cage_of(pv.Cube().triangulate(), method="tetwild", edge_length=0.6)
 
 
 def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
