@@ -180,7 +180,7 @@ def test_nothing_is_left_where_the_user_works(
 def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pytetwild")
     monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")
-    with pytest.raises(GeometryError, match="its process ended with -6.*envelope"):
+    with pytest.raises(GeometryError, match=r"its process ended with -6.*envelope"):
         cage_of(pv.Cube().triangulate(), method="tetwild", edge_length=0.6)
 
 

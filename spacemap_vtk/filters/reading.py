@@ -12,20 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
-from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet
+from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
-from spacemap_vtk.filters.arrays import add_array
+from spacemap_vtk.filters.arrays import add_array, to_cells
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
 
-#: Endings of files that hold an object; pyvista reads more, by the name of a scene's file.
+#: Endings of files that hold an object, read by VTK or, with pyvista, by meshio.
 OBJECT_ENDINGS = (
     *(".stl", ".ply", ".obj", ".vtp", ".vtu", ".vtk", ".gltf", ".glb", ".vtm", ".vtmb", ".vtkhdf"),
-    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".g", ".byu", ".facet", ".e", ".ex2", ".exo"),
-    *(".case", ".cas", ".cgns", ".msh", ".inp", ".off", ".3ds", ".wrl", ".dae", ".fbx", ".nas"),
+    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
+    *(".e", ".ex2", ".exo", ".exii", ".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
+    *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
+    *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
+    *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
 )
 
 
@@ -130,7 +133,7 @@ def read_blocks(path: Path) -> Any:
         ) from None
     try:
         with quiet_vtk(path):
-            return pv.read(path)
+            return pv.read(path, **_other_format(path))
     except InputError:
         raise
     except ImportError as error:
@@ -141,6 +144,22 @@ def read_blocks(path: Path) -> Any:
             f"{path}: cannot be read: {' '.join(str(error).split())[:200]}",
             allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
         ) from None
+
+
+def _other_format(path: Path) -> dict[str, str]:
+    """Return pyvista's option for a format that has the ending of another one."""
+    with path.open("rb") as file:
+        begin = file.read(256).lstrip()
+    ending = path.suffix.lower()
+    if ending == ".msh":
+        # Not meshio's reader of ANSYS, which comes first there and takes Gmsh's for its own.
+        gmsh = begin.startswith(b"$MeshFormat")
+        return {"file_format": "gmsh"} if gmsh else {"force_ext": ".cas"}
+    if ending == ".inp" and begin.startswith(b"*"):
+        return {"file_format": "abaqus"}  # and not VTK's AVS
+    if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
+        return {"file_format": "xdmf"}  # VTK's reader knows the second version
+    return {}
 
 
 def check_ply(path: Path) -> None:
@@ -195,8 +214,9 @@ _PLY_BYTES = {
 def merged(data: Any, path: Path) -> vtkPointSet:
     """Return one point set out of whatever a file holds.
 
-    Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, so that
-    none is lost, and the cell array ``block`` numbers the blocks.
+    Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, a colour
+    with white, so that none is lost, and the cell array ``block`` numbers the blocks. Points
+    without any cell get one each, so that they can be seen.
 
     Parameters
     ----------
@@ -238,6 +258,8 @@ def merged(data: Any, path: Path) -> vtkPointSet:
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
     _name_roles(result)
+    if result.GetNumberOfCells() == 0:
+        result = _dotted(result)
     finite = np.isfinite(vtk_to_numpy(result.GetPoints().GetData())).all(axis=1)
     if not finite.all():
         raise GeometryError(
@@ -255,6 +277,16 @@ def _name_roles(data: vtkPointSet) -> None:
         table.SetActiveNormals("NORMAL")
     if table.GetTCoords() is None and table.HasArray("TEXCOORD_0"):
         table.SetActiveTCoords("TEXCOORD_0")
+
+
+def _dotted(data: vtkPointSet) -> vtkPointSet:
+    """Return points that each have a cell."""
+    result = vtkPolyData()
+    result.SetPoints(data.GetPoints())
+    result.SetVerts(to_cells(np.arange(data.GetNumberOfPoints())[:, None]))
+    result.GetPointData().ShallowCopy(data.GetPointData())
+    result.GetFieldData().ShallowCopy(data.GetFieldData())
+    return result
 
 
 def _leaves(data: Any) -> Iterator[vtkDataSet]:
@@ -279,4 +311,6 @@ def _fill_up(tables: list[tuple[vtkFieldData, int]]) -> None:
         for table, count in tables:
             if not table.HasArray(name):
                 shape = (count, components) if components > 1 else (count,)
-                add_array(table, name, np.full(shape, np.nan if kind.kind == "f" else 0, kind))
+                white = kind == np.uint8 and components in (3, 4)
+                fill = np.nan if kind.kind == "f" else 255 if white else 0
+                add_array(table, name, np.full(shape, fill, kind))

@@ -72,15 +72,15 @@ class Skin:
             (grid.GetPointData(), output.GetPointData(), points),
             (grid.GetCellData(), output.GetCellData(), cells),
         ):
-            roles = [source.GetAttribute(role) for role in range(source.NUM_ATTRIBUTES)]
             for i in range(source.GetNumberOfArrays()):
                 array = source.GetArray(i)
                 if array is None or not array.GetName():
                     continue
                 taken = to_array(np.take(vtk_to_numpy(array), rows, axis=0), array.GetName())
                 target.AddArray(taken)
-                if array in roles:
-                    target.SetActiveAttribute(array.GetName(), roles.index(array))
+                role = source.IsArrayAnAttribute(i)
+                if role >= 0:
+                    target.SetActiveAttribute(array.GetName(), role)
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
 
