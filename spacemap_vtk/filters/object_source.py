@@ -6,27 +6,28 @@ from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkInformationVector
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPointSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.reading import merged, read_blocks
+from spacemap_vtk.filters.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import FilePath, Real, Vector
 
 
 class ObjectSource(Stage):
     """Read an object: a surface, a volume, lines or points, in any format that pyvista reads.
 
-    Arrays, texture coordinates and colours are kept. The blocks of a multi-block are merged, with
-    a cell array ``block``. The object is scaled about the origin, then turned about x, y and z in
-    this order, then moved.
+    Arrays, texture coordinates and colours are kept; so are the colours and pictures of the
+    materials of .obj and .gltf files, all pictures in one (`picture`). The blocks of a multi-block
+    are merged, with a cell array ``block``. The object is scaled about the origin, then turned
+    about x, y and z in this order, then moved.
 
     Notes
     -----
     The output is vtkPolyData where the file holds nothing else, and vtkUnstructuredGrid otherwise.
-    pyvista is imported for formats that VTK's own readers do not cover.
+    pyvista is imported for the rarer formats.
 
     Examples
     --------
@@ -39,6 +40,11 @@ class ObjectSource(Stage):
     output = "vtkPointSet"
 
     file = FilePath(None, "The mesh to read.", automatic="none, which is an error")
+    texture = FilePath(
+        None,
+        "A picture to paint the object with, by its texture coordinates.",
+        automatic="those that an .obj or .gltf file names",
+    )
     scale = Real(
         1.0, "Factor on all lengths: 0.001 for a file that counts in millimetres.", above=0.0
     )
@@ -53,7 +59,7 @@ class ObjectSource(Stage):
         component=Real(0.0, "", unit="m"),
     )
 
-    _kept: tuple[tuple[Path, int, int], vtkPointSet] | None = None
+    _kept: tuple[list[tuple[Path, int, int]], ReadObject] | None = None
 
     def load(self) -> vtkPointSet:
         """Read the file, once as long as it does not change.
@@ -73,15 +79,24 @@ class ObjectSource(Stage):
         if not self.file.is_file():
             self._kept = None
             read_blocks(self.file)  # says what is wrong
-        state = self.file.stat()
-        key = self.file, state.st_mtime_ns, state.st_size
+        files = [self.file] if self.texture is None else [self.file, self.texture]
+        states = [(file, file.stat()) for file in files if file.is_file()]
+        key = [(file, state.st_mtime_ns, state.st_size) for file, state in states]
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, merged(read_blocks(self.file), self.file)
-        return self._kept[1]
+            self._kept = key, read_object(self.file, self.texture)
+        return self._kept[1].data
+
+    @property
+    def picture(self) -> vtkImageData | None:
+        """What the object is painted with, by its texture coordinates; None if with nothing."""
+        self.load()
+        return self._kept[1].picture if self._kept else None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Put the object in its place."""
         data = self.load()
+        for note in self._kept[1].notes if self._kept else []:
+            self.warn(note)
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import importlib
-import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
-from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import (
+    vtkCompositeDataSet,
+    vtkDataSet,
+    vtkImageData,
+    vtkMultiBlockDataSet,
+    vtkPointSet,
+    vtkPolyData,
+)
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
+from spacemap_vtk.filters import materials
 from spacemap_vtk.filters.arrays import add_array, to_cells
+from spacemap_vtk.filters.paint import Material, apply, read_picture
+from spacemap_vtk.filters.quiet import quiet_vtk
+from spacemap_vtk.filters.whole import CHECKS
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
@@ -32,8 +41,6 @@ OBJECT_ENDINGS = (
 )
 
 
-#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
-_HARMLESS = "InformationKey"
 _OWN_READERS = {
     ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
     ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
@@ -44,47 +51,79 @@ _OWN_READERS = {
     ".stl": ("vtkIOGeometry", "vtkSTLReader"),
     ".obj": ("vtkIOGeometry", "vtkOBJReader"),
     ".ply": ("vtkIOPLY", "vtkPLYReader"),
+    ".gltf": ("vtkIOGeometry", "vtkGLTFReader"),
+    ".glb": ("vtkIOGeometry", "vtkGLTFReader"),
 }
 
 
-@contextmanager
-def quiet_vtk(path: Path) -> Iterator[None]:
-    """Turn what VTK prints as an error while a file is read into an exception.
+@dataclass
+class ReadObject:
+    """An object as it stands in its file.
+
+    Parameters
+    ----------
+    data : vtkPointSet
+        The mesh.
+    picture : vtkImageData or None
+        What it is painted with, by its texture coordinates.
+    notes : list of str
+        What was not found.
+    """
+
+    data: vtkPointSet
+    picture: vtkImageData | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def read_object(path: Path, texture: Path | None = None) -> ReadObject:
+    """Read a mesh, and the pictures and colours of its materials.
 
     Parameters
     ----------
     path : Path
-        The file, for the message.
+        The mesh.
+    texture : Path, optional
+        A picture in place of those that the file names.
 
-    Yields
-    ------
-    None
-        While the window of messages is another.
+    Returns
+    -------
+    ReadObject
+        One mesh, and one picture for all of it.
 
     Raises
     ------
     InputError
-        If VTK reported an error.
+        If a file is missing or damaged, or there is a picture and no texture coordinates.
+    MissingLibraryError
+        If pyvista, or what it needs for that format, is not installed.
     """
-    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkOutputWindow.SetInstance(window)
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
-    try:
-        yield
-    finally:
-        vtkOutputWindow.SetInstance(usual)
-        vtkLogger.SetStderrVerbosity(verbosity)
-    errors = [
-        " ".join(text.split("):")[-1].split())
-        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
-        if text.startswith("ERROR") and _HARMLESS not in text
-    ]
-    if errors:
-        raise InputError(
-            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
-            cure="Write the file again, whole.",
-        )
+    data, reader = _read(path)
+    notes: list[str] = []
+    ending, picture = path.suffix.lower(), None
+    if texture is None and ending in (".obj", ".gltf", ".glb"):
+        if ending == ".obj":
+            blocks, paint = materials.of_obj(data, path)
+        else:
+            blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
+            paint = materials.of_gltf(blocks, reader)
+        picture = apply(blocks, paint.materials)
+        notes = paint.notes
+        data = vtkMultiBlockDataSet()
+        for number, block in enumerate(blocks):
+            data.SetBlock(number, block)
+    made = merged(data, path)
+    if texture is not None:
+        pixels = read_picture(texture)
+        coordinates = made.GetPointData().GetTCoords()
+        if coordinates is None:
+            raise InputError(
+                f"{path} has no texture coordinates",
+                key="texture",
+                value=str(texture),
+                cure="Leave texture out, or give the mesh coordinates in the program it is from.",
+            )
+        picture = apply([made], [Material(pixels, coordinates=coordinates.GetName())])
+    return ReadObject(made, picture, notes)
 
 
 def read_blocks(path: Path) -> Any:
@@ -107,12 +146,17 @@ def read_blocks(path: Path) -> Any:
     MissingLibraryError
         If pyvista, or what it needs for that format, is not installed.
     """
+    return _read(path)[0]
+
+
+def _read(path: Path) -> tuple[Any, Any]:
+    """Return what `read_blocks` does, and VTK's reader if it was one of the common formats."""
     if not path.is_file():
         raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}", key="file")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")
-    if path.suffix.lower() == ".ply":
-        check_ply(path)
+    if path.suffix.lower() in CHECKS:
+        CHECKS[path.suffix.lower()](path)
     if path.suffix.lower() in _OWN_READERS:
         # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
         # harmless message.
@@ -124,7 +168,7 @@ def read_blocks(path: Path) -> Any:
             made = reader.GetOutputDataObject(0)
         if made is None:
             raise InputError(f"{path}: VTK found nothing in it", key="file")
-        return made
+        return made, reader
     try:
         import pyvista as pv
     except ImportError:
@@ -133,7 +177,7 @@ def read_blocks(path: Path) -> Any:
         ) from None
     try:
         with quiet_vtk(path):
-            return pv.read(path, **_other_format(path))
+            return pv.read(path, **_other_format(path)), None
     except InputError:
         raise
     except ImportError as error:
@@ -160,55 +204,6 @@ def _other_format(path: Path) -> dict[str, str]:
     if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
         return {"file_format": "xdmf"}  # VTK's reader knows the second version
     return {}
-
-
-def check_ply(path: Path) -> None:
-    """Refuse a PLY file that is shorter than its header says: VTK's reader crashes on it.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If it has no header, or too few bytes or lines.
-    """
-    content = path.read_bytes()
-    header, end, body = content.partition(b"end_header")
-    lines = [line.split() for line in header.decode("latin-1").splitlines()]
-    if not content.startswith(b"ply") or not end:
-        raise InputError(f"{path}: no PLY file: it does not begin with a PLY header", key="file")
-    sizes: list[list[int]] = []  # count of elements, least bytes of one
-    for words in lines:
-        if words[:1] == ["element"] and words[-1].isdigit():
-            sizes.append([int(words[-1]), 0])
-        elif words[:1] == ["property"] and sizes:
-            # of a list, its count alone is certain
-            kind = words[2] if words[1] == "list" else words[1]
-            sizes[-1][1] += _PLY_BYTES.get(kind, 1)
-    if ["format", "ascii", "1.0"] in lines:
-        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(n for n, _ in sizes)
-    else:
-        short = len(body) < sum(count * size for count, size in sizes)
-        # faces of a surface have at least three corners of a byte each
-        faces = [n for n, _ in sizes[1:2]]
-        short |= len(body) < sum(n * s for n, s in sizes) + 3 * sum(faces)
-    if short:
-        raise InputError(
-            f"{path}: truncated: it holds less than its header promises",
-            key="file",
-            cure="Write the file again, whole.",
-        )
-
-
-_PLY_BYTES = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
-}
 
 
 def merged(data: Any, path: Path) -> vtkPointSet:

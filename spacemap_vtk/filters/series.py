@@ -15,7 +15,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.reading import merged, quiet_vtk, read_blocks
+from spacemap_vtk.filters.quiet import quiet_vtk
+from spacemap_vtk.filters.reading import merged, read_blocks
 
 #: What a motion can be read from, in words.
 KINDS = (

@@ -9,11 +9,11 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPointSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.scene import Scene
@@ -223,7 +223,10 @@ def _solid(scene: Scene) -> vtkActor:
     actor.SetMapper(mapper)
     surface = actor.GetProperty()
     found = _colors(scene.polygons)
-    if found is None:
+    if scene.source is scene.object and scene.object.picture is not None:
+        mapper.ScalarVisibilityOff()
+        actor.SetTexture(texture_of(scene.object.picture))
+    elif found is None:
         mapper.ScalarVisibilityOff()
         surface.SetColor(*(c / 255 for c in scene.view.object_color))
     else:
@@ -242,6 +245,27 @@ def _solid(scene: Scene) -> vtkActor:
     surface.SetLineWidth(2.0 * _SAMPLES)
     surface.SetPointSize(3.0 * _SAMPLES)
     return actor
+
+
+def texture_of(picture: vtkImageData) -> vtkTexture:
+    """Return the texture of a picture.
+
+    Parameters
+    ----------
+    picture : vtkImageData
+        With its pixels as scalars.
+
+    Returns
+    -------
+    vtkTexture
+        Interpolated, and repeated beyond its edges.
+    """
+    texture = vtkTexture()
+    texture.SetInputData(picture)
+    texture.InterpolateOn()
+    texture.MipmapOn()
+    texture.RepeatOn()
+    return texture
 
 
 def _colors(data: vtkPolyData) -> tuple[bool, str] | None:
