@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import io
+import logging
 from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +28,7 @@ from spacemap_vtk.filters import materials
 from spacemap_vtk.filters.arrays import add_array, to_cells
 from spacemap_vtk.filters.paint import Material, apply, read_picture
 from spacemap_vtk.filters.quiet import quiet_vtk
-from spacemap_vtk.filters.whole import CHECKS
+from spacemap_vtk.filters.whole import CHECKS, truncated
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
@@ -51,6 +54,11 @@ _OWN_READERS = {
     ".stl": ("vtkIOGeometry", "vtkSTLReader"),
     ".obj": ("vtkIOGeometry", "vtkOBJReader"),
     ".ply": ("vtkIOPLY", "vtkPLYReader"),
+    ".vtm": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
+    ".vtmb": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
+    ".pvtu": ("vtkIOXML", "vtkXMLPUnstructuredGridReader"),
+    ".pvtp": ("vtkIOXML", "vtkXMLPPolyDataReader"),
+    ".vtkhdf": ("vtkIOHDF", "vtkHDFReader"),
     ".gltf": ("vtkIOGeometry", "vtkGLTFReader"),
     ".glb": ("vtkIOGeometry", "vtkGLTFReader"),
 }
@@ -175,19 +183,36 @@ def _read(path: Path) -> tuple[Any, Any]:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
+    said = io.StringIO()
     try:
-        with quiet_vtk(path):
-            return pv.read(path, **_other_format(path)), None
+        # meshio prints, and ends the program where it cannot read
+        with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
+            made = pv.read(path, **_other_format(path))
     except InputError:
         raise
     except ImportError as error:
         raise MissingLibraryError(f"{path}: {error}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # pyvista's and meshio's own: unknown endings, broken headers, missing parts
+        why = said.getvalue() if isinstance(error, SystemExit) else str(error)
         raise InputError(
-            f"{path}: cannot be read: {' '.join(str(error).split())[:200]}",
+            f"{path}: cannot be read: {' '.join(why.split())[:200]}",
             allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
         ) from None
+    if "not closed" in said.getvalue():  # meshio goes on with what there is
+        raise truncated(path)
+    return made, None
+
+
+@contextmanager
+def _quiet_logging() -> Iterator[None]:
+    """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def _other_format(path: Path) -> dict[str, str]:

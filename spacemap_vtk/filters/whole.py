@@ -7,7 +7,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+import numpy as np
+
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters import whole_legacy, whole_netcdf
 from spacemap_vtk.filters.paint import read_picture
 
 
@@ -49,31 +52,71 @@ def check_ply(path: Path) -> None:
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
         raise InputError(f"{path}: no PLY file: it does not begin with a PLY header", key="file")
-    sizes: list[list[int]] = []  # count of elements, least bytes of one
+    # how many of each, and the types of its properties: of a list two
+    elements: list[tuple[int, list[list[str]]]] = []
     for words in lines:
         if words[:1] == ["element"] and words[-1].isdigit():
-            sizes.append([int(words[-1]), 0])
-        elif words[:1] == ["property"] and sizes:
-            # of a list, its count alone is certain
-            kind = words[2] if words[1] == "list" else words[1]
-            sizes[-1][1] += _PLY_BYTES.get(kind, 1)
+            elements.append((int(words[-1]), []))
+        elif words[:1] == ["property"] and elements:
+            elements[-1][1].append(words[2:4] if words[1] == "list" else words[1:2])
     if ["format", "ascii", "1.0"] in lines:
-        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(n for n, _ in sizes)
+        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
+            count for count, _ in elements
+        )
     else:
-        short = len(body) < sum(count * size for count, size in sizes)
-        # faces of a surface have at least three corners of a byte each
-        faces = [n for n, _ in sizes[1:2]]
-        short |= len(body) < sum(n * s for n, s in sizes) + 3 * sum(faces)
+        big = ["format", "binary_big_endian", "1.0"] in lines
+        short = _ply_end(body.partition(b"\n")[2], elements, ">" if big else "<") is None
     if short:
         raise truncated(path)
 
 
-_PLY_BYTES = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
+_PLY_TYPES = {
+    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1"},
+    **{"short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2"},
+    **{"int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
+    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
+
+
+def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: str) -> int | None:
+    """Return where the last element of a binary PLY file ends; None if the file ends before."""
+    at = 0
+    for count, properties in elements:
+        types = [[np.dtype(order + _PLY_TYPES.get(t, "u1")) for t in kinds] for kinds in properties]
+        left = count
+        while left:
+            size, counts = _ply_row(body, at, types)
+            if at + size > len(body):
+                return None
+            # all that follow with lists of the same lengths at once
+            rows = min(left, (len(body) - at) // size)
+            if counts:
+                table = np.frombuffer(body, np.uint8, rows * size, at).reshape(rows, size)
+                same = np.ones(rows, dtype=np.bool_)
+                for place, width in counts:
+                    part = table[:, place : place + width]
+                    same &= (part == part[0]).all(axis=1)
+                rows = rows if same.all() else int(np.argmin(same))
+            at, left = at + rows * size, left - rows
+    return at
+
+
+def _ply_row(
+    body: bytes, at: int, types: list[list[np.dtype[Any]]]
+) -> tuple[int, list[tuple[int, int]]]:
+    """Return the bytes of one element, and place and width of the counts of its lists."""
+    size, counts = 0, []
+    for kinds in types:
+        if len(kinds) == 2:
+            width = kinds[0].itemsize
+            text = body[at + size : at + size + width]
+            if len(text) < width:
+                return len(body) + 1, []
+            counts.append((size, width))
+            size += width + int(np.frombuffer(text, kinds[0])[0]) * kinds[1].itemsize
+        else:
+            size += kinds[0].itemsize
+    return size, counts
 
 
 def check_gltf(path: Path) -> None:
@@ -141,5 +184,42 @@ def check_stl(path: Path) -> None:
         raise truncated(path)
 
 
+def check_legacy(path: Path) -> None:
+    """Refuse a legacy .vtk file that is truncated.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If it is.
+    """
+    if whole_legacy.is_cut_off(path):
+        raise truncated(path)
+
+
+def check_exodus(path: Path) -> None:
+    """Refuse an Exodus file that is truncated.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If it is.
+    """
+    if whole_netcdf.is_cut_off(path):
+        raise truncated(path)
+
+
 #: For each ending the check of its files.
-CHECKS = {".ply": check_ply, ".stl": check_stl, ".gltf": check_gltf, ".glb": check_gltf}
+CHECKS = {
+    **{".ply": check_ply, ".stl": check_stl, ".gltf": check_gltf, ".glb": check_gltf},
+    **{".vtk": check_legacy, **dict.fromkeys((".e", ".ex2", ".exo", ".exii"), check_exodus)},
+}
