@@ -307,11 +307,33 @@ def test_points_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     mesh = ball()
     mesh.points[7] = np.nan
     mesh.save(tmp_path / "nan.vtp")
-    with pytest.raises(GeometryError, match=r"1 of .* not finite, the first is number 7"):
+    with pytest.raises(GeometryError, match=r"1 of .* not finite.* the first is number 7"):
         ObjectSource(file=tmp_path / "nan.vtp").update()
     pv.PolyData().save(tmp_path / "none.vtp")
     with pytest.raises(GeometryError, match="no points"):
         ObjectSource(file=tmp_path / "none.vtp").update()
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "vtk", "vtu"])
+def test_cells_of_points_that_are_not_there(tmp_path: Path, kind: str) -> None:
+    points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    texts = {
+        "obj": "".join(f"v {p}\n" for p in points.splitlines()) + "f 1 2 9\n",
+        "ply": "ply\nformat ascii 1.0\nelement vertex 4\n"
+        + "".join(f"property float {axis}\n" for axis in "xyz")
+        + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        + f"{points}3 0 1 9\n",
+        "vtk": "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+        f"POINTS 4 float\n{points}CELLS 1 5\n4 0 1 2 9\nCELL_TYPES 1\n10\n",
+    }
+    if kind == "vtu":
+        file = tmp_path / "bad.vtu"
+        pv.ImageData(dimensions=(3, 3, 3)).to_tetrahedra().save(file, binary=False)
+        content = file.read_bytes().replace(b'NumberOfPoints="27"', b'NumberOfPoints="20"')
+    else:
+        content = texts[kind].encode()
+    text = refused(tmp_path, content, f".{kind}")
+    assert "a cell names point" in text or "f 1 2 9" in text
 
 
 def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:

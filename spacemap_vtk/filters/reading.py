@@ -44,6 +44,8 @@ OBJECT_ENDINGS = (
 )
 
 
+#: What is further away than this, in m, has no square in single precision.
+_LARGEST = 1e18
 _OWN_READERS = {
     ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
     ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
@@ -258,6 +260,8 @@ def merged(data: Any, path: Path) -> vtkPointSet:
     blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
+    for block in blocks:
+        _check_numbers(block, path)
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
         copies = [block.NewInstance() for block in blocks]
@@ -280,14 +284,33 @@ def merged(data: Any, path: Path) -> vtkPointSet:
     _name_roles(result)
     if result.GetNumberOfCells() == 0:
         result = _dotted(result)
-    finite = np.isfinite(vtk_to_numpy(result.GetPoints().GetData())).all(axis=1)
-    if not finite.all():
+    largest = np.abs(vtk_to_numpy(result.GetPoints().GetData())).max(axis=1)
+    good = largest < _LARGEST  # not so for NaN
+    if not good.all():
         raise GeometryError(
-            f"{path}: {np.count_nonzero(~finite)} of {len(finite)} points are not finite, the "
-            f"first is number {np.argmin(finite)}",
+            f"{path}: {np.count_nonzero(~good)} of {len(good)} points are not finite, or further "
+            f"away than {_LARGEST:g}; the first is number {np.argmin(good)}",
             cure="Remove or repair them; a mesh program's cleaning does that.",
         )
     return result
+
+
+def _check_numbers(block: vtkDataSet, path: Path) -> None:
+    """Refuse cells of points that are not there: VTK does not look, and reads wild memory."""
+    if block.IsA("vtkUnstructuredGrid"):
+        parts = [block.GetCells()]
+    elif block.IsA("vtkPolyData"):
+        parts = [block.GetVerts(), block.GetLines(), block.GetPolys(), block.GetStrips()]
+    else:
+        return
+    count = block.GetNumberOfPoints()
+    for part in parts:
+        numbers = vtk_to_numpy(part.GetConnectivityArray())
+        if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
+            wrong = numbers.min() if numbers.min() < 0 else numbers.max()
+            raise GeometryError(
+                f"{path}: a cell names point {wrong}", allowed=f"0 to {count - 1}: its points"
+            )
 
 
 def _name_roles(data: vtkPointSet) -> None:

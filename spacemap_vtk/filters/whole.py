@@ -202,7 +202,7 @@ def check_legacy(path: Path) -> None:
 
 
 def check_exodus(path: Path) -> None:
-    """Refuse an Exodus file that is truncated.
+    """Refuse an Exodus file that is truncated, or none: its library prints at length.
 
     Parameters
     ----------
@@ -214,6 +214,10 @@ def check_exodus(path: Path) -> None:
     InputError
         If it is.
     """
+    with path.open("rb") as file:
+        magic = file.read(4)
+    if magic[:3] != b"CDF" and magic != b"\x89HDF":
+        raise InputError(f"{path}: no Exodus file: neither netCDF nor HDF5", key="file")
     if whole_netcdf.is_cut_off(path):
         raise truncated(path)
 
