@@ -1,12 +1,9 @@
 """A smooth map in place of the piecewise affine one: no kinks at the borders of tetrahedra.
 
-In each tetrahedron the displacement is a cubic Bernstein-Bézier polynomial. Its values and first
-derivatives at a vertex are shared by all tetrahedra there: the values are the cage's, the
-derivatives are those of a quadratic fitted to the values around. The control points of the faces
-are set as for quadratic precision (G. Farin, "Triangular Bernstein-Bézier patches", CAGD 3, 1986).
-The map is continuous everywhere and smooth at vertices; across faces the normal derivative still
-jumps, by an order of the cage's edge length less than before. It is linear in the displacement of
-the vertices, and affine motions are reproduced.
+The displacement is a cubic spline with continuous first derivatives everywhere inside the cage
+(`spacemap_vtk.embedding.worsey_farin`). Its values at the vertices are the cage's; its gradients
+there are those of a quadratic fitted to the values around. It is linear in the displacement of the
+vertices; affine motions are reproduced, and quadratic ones where there are enough vertices to tell.
 """
 
 from __future__ import annotations
@@ -21,12 +18,13 @@ from scipy.sparse import csr_matrix
 
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parallel import for_each
 
 #: Weight of second derivatives against the data, where these are of order 1.
 _DAMPING = 1e-2
-_BLOCK = 2**13  # points that are prepared together
+_BLOCK = 2**12  # points that are prepared together; bounds the scratch memory
 _FITS = 2**9  # vertices that are fitted together; bounds the scratch memory
 
 
@@ -66,35 +64,45 @@ class SmoothInterpolation:
         clamp: bool = False,
     ) -> None:
         count = len(vertices)
-        weights = location.weights
+        weights, foot = location.weights, location.weights
         beyond = np.flatnonzero(location.is_outside)
         if len(beyond):
             # A cubic must not be asked for its value outside: it runs away.
-            weights = weights.copy()
-            nearest = locate(points[beyond], vertices, tetrahedra, "clamp")
-            weights[beyond] = nearest.weights
+            foot = weights.copy()
+            foot[beyond] = locate(points[beyond], vertices, tetrahedra, "clamp").weights
+        if clamp:
+            weights = foot
         rows = np.empty((len(points), 16))
+        used, local = np.unique(location.tetrahedron, return_inverse=True)
+        cells = np.asarray(tetrahedra)
+        good = np.flatnonzero(has_volume(vertices, cells))
+        centres, faces = split_points(vertices, cells[good])
+        table = np.searchsorted(good, used)
+        # by tetrahedron, so that a block of points needs few of them
+        order = np.argsort(local, kind="stable")
 
         def fill() -> Callable[[int], None]:
             def do(begin: int) -> None:
-                block = slice(begin, begin + _BLOCK)
-                corners = vertices[tetrahedra[location.tetrahedron[block]]]
-                rows[block, :4], slopes = _cubic(weights[block], corners)
-                rows[block, 4:] = slopes.reshape(-1, 12)
+                block = order[begin : begin + _BLOCK]
+                here, which = np.unique(local[block], return_inverse=True)
+                middle, split = centres[table[here]], faces[table[here]]
+                corners = vertices[cells[used[here]]]
+                points_of = coefficients(corners, middle, split)
+                onward = weights[block] - foot[block] if len(beyond) else None
+                found = evaluated(foot[block], which, points_of, middle, split, onward)
+                edges = corners[:, None] - corners[:, :, None]  # tetrahedron, from, to, axis
+                slopes = found[:, 4:].reshape(-1, 4, 4)
+                rows[block, :4] = found[:, :4]
+                rows[block, 4:] = np.matmul(slopes[:, :, None], edges[which]).reshape(-1, 12)
 
             return do
 
         for_each(range(0, len(points), _BLOCK), fill)
-        if len(beyond) and not clamp:
-            corners = vertices[tetrahedra[location.tetrahedron[beyond]]]
-            foot = np.einsum("ni,nik->nk", weights[beyond], corners)
-            away = weights[beyond, :, None] * (points[beyond] - foot)[:, None]
-            rows[beyond, 4:] += away.reshape(-1, 12)
         self._slopes = vertex_gradients(vertices, tetrahedra)
         columns = count + 3 * np.asarray(tetrahedra)[:, :, None] + np.arange(3)
         wide = np.concatenate((tetrahedra, columns.reshape(-1, 12)), axis=1)
         self._rows = Interpolation(replace(location, weights=rows), wide, 4 * count)
-        self._blend = Interpolation(replace(location, weights=weights), tetrahedra, count)
+        self._blend = Interpolation(replace(location, weights=foot), tetrahedra, count)
 
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
@@ -146,29 +154,29 @@ class SmoothInterpolation:
         return np.eye(3) + blended.transpose(0, 2, 1)
 
 
-def _cubic(
-    weights: NDArray[np.float64], corners: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the factors (n, 4) of the corners' values, and (n, 4, 3) of their gradients."""
-    # one array for each pair of corners: small enough for the cache, and no sums over short axes
-    w = np.ascontiguousarray(weights.T)
-    values, slopes = w**3, np.zeros((3, 4, len(weights)))
-    x = np.ascontiguousarray(corners.transpose(2, 1, 0))  # axis, corner, point
-    for i in range(4):
-        for j in range(i):
-            both = w[i] * w[j]
-            left = 1.0 - w[i] - w[j]
-            # of the control points on the edge, a third of the way from either end
-            from_i, from_j = both * (3.0 * w[i] + 1.5 * left), both * (3.0 * w[j] + 1.5 * left)
-            values[i] += from_i
-            values[j] += from_j
-            # the faces' control points take half of what their three edges have given too much
-            values[i] -= 0.5 * both * left
-            values[j] -= 0.5 * both * left
-            along = x[:, j] - x[:, i]
-            slopes[:, i] += from_i * along
-            slopes[:, j] -= from_j * along
-    return values.T, slopes.transpose(2, 1, 0) / 3.0
+def has_volume(
+    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
+) -> NDArray[np.bool_]:
+    """Return which tetrahedra are not flat.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    (T,) bool
+        True where there is a volume.
+    """
+    corners = vertices[tetrahedra]
+    edges = corners[:, 1:] - corners[:, :1]
+    result: NDArray[np.bool_] = (
+        np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
+    )
+    return result
 
 
 def vertex_gradients(
@@ -193,10 +201,7 @@ def vertex_gradients(
         so for quadratic ones where there are enough vertices to tell.
     """
     count = len(vertices)
-    corners = vertices[tetrahedra]
-    edges = corners[:, 1:] - corners[:, :1]
-    good = np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
-    cells = np.asarray(tetrahedra)[good]
+    cells = np.asarray(tetrahedra)[has_volume(vertices, tetrahedra)]
     member = csr_matrix(
         (np.ones(cells.size), (np.repeat(np.arange(len(cells)), 4), cells.ravel())),
         shape=(len(cells), count),

@@ -64,7 +64,8 @@ class BarycentricWarp(Stage):
 
     smooth = Flag(
         False,
-        "Cubic in each tetrahedron, so that no kinks show at their borders, in place of affine.",
+        "A cubic spline through the cage's vertices, without kinks at the borders of tetrahedra, "
+        "in place of a map that is affine in each.",
     )
 
     _kept: _Prepared | None = None
