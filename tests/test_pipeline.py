@@ -375,6 +375,39 @@ def test_arrays_ride_along_to_the_surface() -> None:
     assert surface.GetFieldData().GetArray("warp_theta") is not None
 
 
+def test_a_surface_of_the_same_cells_keeps_its_polygons_and_cell_arrays() -> None:
+    chain = Chain()
+    chain.update()
+    before = chain.surface.GetOutputDataObject(0)
+    polygons, yarn = before.GetPolys(), before.GetCellData().GetArray("yarn")
+    position = before.GetPoint(0)
+    chain.weave.warp_diameter = 1.1e-4
+    chain.update()
+    after = chain.surface.GetOutputDataObject(0)
+    assert after.GetPoint(0) != position
+    assert after.GetPolys() is polygons
+    assert after.GetCellData().GetArray("yarn") is yarn
+    chain.weave.ends = 5
+    chain.update()
+    assert chain.surface.GetOutputDataObject(0).GetPolys() is not polygons
+
+
+def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
+    weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
+    weave.update()
+    grid = vtkUnstructuredGrid()
+    grid.DeepCopy(weave.GetOutputDataObject(0))
+    surface.SetInputDataObject(0, grid)
+    surface.update()
+    array = grid.GetCellData().GetArray("yarn")
+    vtk_to_numpy(array)[:] = 7
+    array.Modified()
+    grid.Modified()
+    surface.update()
+    carried = surface.GetOutputDataObject(0).GetCellData().GetArray("yarn")
+    assert (vtk_to_numpy(carried) == 7).all()
+
+
 def test_any_point_set_can_ride_and_keeps_its_type() -> None:
     chain = Chain()
     chain.update(time=0.05)

@@ -1,8 +1,9 @@
 """Values at the vertices of a tetrahedral mesh, carried over to points that ride along.
 
-Equation (8) of Furukawa, Kitagawa and Shimizu: one sparse product with four weights a row (ten in
-quadratic tetrahedra). It is bound by the memory that the weights take, so that it gains by a second
-thread; one affine map for each tetrahedron reads as much, and must put its points back into order.
+Equation (8) of Furukawa, Kitagawa and Shimizu: four weights a point (ten in quadratic tetrahedra).
+Points of one tetrahedron take the same vertices, so that where they are many their values are one
+dense product, put back into order afterwards; elsewhere a sparse product takes all tetrahedra in
+one call. Either is bound by the memory that points and weights take, and gains by a second thread.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
 
 _BLOCK = 2**16  # points a block: its product is still in the cache when it is put into the result
+_MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
+_BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
 
 
 class Interpolation:
@@ -69,23 +72,13 @@ class Interpolation:
         self.vertex_count = vertex_count
         self._threads = threads
         self._recycler = Recycler()
-        self._blocks: list[tuple[slice, Any]] = []
-        nodes = corners.shape[1]
-        starts = np.arange(0, nodes * _BLOCK + 1, nodes, dtype=np.int32)
+        self._blocks: list[tuple[slice, _Sparse | _Sorted]] = []
         for begin in range(0, self.point_count, _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
-            # a view of the location's weights, and 32 bits for vertex numbers: what is read counts
-            weights = location.weights[rows]
-            if nodes == 10 and weights.shape[1] == 4:
+            weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
+            if corners.shape[1] == 10 and weights.shape[1] == 4:
                 weights = quadratic_weights(weights)
-            vertices = corners[location.tetrahedron[rows]].reshape(-1)
-            count = rows.stop - begin
-            matrix = csr_matrix(
-                (weights.reshape(-1), vertices, starts[: count + 1]),
-                shape=(count, vertex_count),
-                copy=False,
-            )
-            self._blocks.append((rows, matrix))
+            self._blocks.append((rows, _product(weights, tetrahedron, corners, vertex_count)))
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
         """Interpolate.
@@ -111,14 +104,15 @@ class Interpolation:
                 f"values of shape {np.shape(values)} at the vertices of the cage",
                 allowed=f"({self.vertex_count},) or ({self.vertex_count}, k)",
             )
-        result = self._recycler.empty((self.point_count, *table.shape[1:]), np.float64)
+        columns = table.reshape(len(table), -1)
+        result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
 
-        def do(block: tuple[slice, Any]) -> None:
-            rows, matrix = block
-            result[rows] = matrix @ table
+        def do(block: tuple[slice, _Sparse | _Sorted]) -> None:
+            rows, product = block
+            product.write(columns, result[rows])
 
         for_each(self._blocks, lambda: do, self._threads)
-        return result
+        return result.reshape(-1, *table.shape[1:])
 
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
@@ -153,11 +147,76 @@ class Interpolation:
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
 
-        def do(block: tuple[slice, Any]) -> None:
+        def do(block: tuple[slice, _Sparse | _Sorted]) -> None:
             # the sum is made while the block is in the cache
-            rows, matrix = block
-            shift[rows] = matrix @ table
+            rows, product = block
+            product.write(table, shift[rows])
             np.add(points[rows], shift[rows], out=moved[rows])
 
         for_each(self._blocks, lambda: do, self._threads)
         return moved, shift
+
+
+def _product(
+    weights: NDArray[np.float64],
+    tetrahedron: NDArray[np.int32],
+    corners: NDArray[np.int32],
+    vertex_count: int,
+) -> _Sparse | _Sorted:
+    """Prepare the product that is fastest for some points."""
+    order = np.argsort(tetrahedron, kind="stable")
+    ordered = tetrahedron[order]
+    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
+    if len(begins) * _MANY > len(ordered):
+        return _Sparse(weights, corners[tetrahedron], vertex_count)
+    longest = _BLAS_SERIAL // (3 * corners.shape[1])
+    begins = np.union1d(begins, np.arange(0, len(ordered), longest))
+    return _Sorted(weights[order], order, begins, corners[ordered[begins]])
+
+
+class _Sparse:
+    """One sparse product."""
+
+    def __init__(
+        self, weights: NDArray[np.float64], vertices: NDArray[np.int32], vertex_count: int
+    ) -> None:
+        count, nodes = weights.shape
+        # A view of the location's weights, and 32 bits for vertex numbers: what is read counts.
+        starts = np.arange(0, nodes * count + 1, nodes, dtype=np.int32)
+        self._matrix = csr_matrix(
+            (weights.reshape(-1), vertices.reshape(-1), starts),
+            shape=(count, vertex_count),
+            copy=False,
+        )
+
+    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
+        """Write the values at the points, of those at the vertices."""
+        out[...] = self._matrix @ values
+
+
+class _Sorted:
+    """A dense product for each tetrahedron, over points that are sorted by it."""
+
+    def __init__(
+        self,
+        weights: NDArray[np.float64],
+        order: NDArray[np.intp],
+        begins: NDArray[np.intp],
+        vertices: NDArray[np.int32],
+    ) -> None:
+        self._weights, self._vertices = weights, vertices
+        ends = [*begins[1:].tolist(), len(order)]
+        self._runs = [slice(begin, end) for begin, end in zip(begins.tolist(), ends, strict=True)]
+        self._place = np.empty(len(order), np.min_scalar_type(len(order) - 1))
+        self._place[order] = np.arange(len(order))
+
+    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
+        """Write the values at the points, of those at the vertices."""
+        result = np.empty((len(self._place), values.shape[1]))
+        for run, corners in zip(self._runs, values[self._vertices], strict=True):
+            np.matmul(self._weights[run], corners, out=result[run])
+        if out.dtype == result.dtype:
+            # "clip" is the mode without a buffered copy; every place is in range
+            np.take(result, self._place, axis=0, out=out, mode="clip")
+        else:
+            out[...] = result[self._place]

@@ -20,6 +20,7 @@ Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -170,12 +171,12 @@ class Cloth:
                 allowed="a length from 0 m on",
             )
 
-    @property
+    @cached_property
     def diameter_sum(self) -> float:
         """Sum D of the mean diameters of warp and weft, in metres."""
-        return float(np.mean(self.warp_diameter) + np.mean(self.weft_diameter))
+        return _average(self.warp_diameter) + _average(self.weft_diameter)
 
-    @property
+    @cached_property
     def height(self) -> float:
         """Crimp height h1 of the warp, in metres; that of the weft is D - h1."""
         if self.warp_crimp_height is not None:
@@ -254,7 +255,7 @@ class Cloth:
             getattr(self, f"{family}_section"),
         )
 
-    @property
+    @cached_property
     def _tightest(self) -> tuple[float, float]:
         """The spacings p1 and p2 at which yarns of mean diameters would be as tight as the worst.
 
@@ -377,6 +378,10 @@ def _between(diameter: float | NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the means of neighbours: (n - 1,) of n values, a scalar of one for all."""
     values = np.asarray(diameter)
     return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
+
+
+def _average(lengths: float | NDArray[np.float64]) -> float:
+    return lengths if isinstance(lengths, float) else float(np.mean(lengths))
 
 
 def _mean(spacing: float | NDArray[np.float64], width: float) -> float:

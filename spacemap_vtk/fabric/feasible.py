@@ -82,14 +82,16 @@ def _interval(feasible: Callable[[float], bool], start: float) -> Interval | Non
 
 
 def _end(feasible: Callable[[float], bool], inside: float, factor: float, limit: float) -> float:
-    outside = inside
-    for _ in range(_STEPS):
+    outside, start = inside, inside
+    for step in range(_STEPS):
         outside *= factor
         if not feasible(outside):
             break
         inside = outside
-    else:
-        return limit
+        if not 2.0**-_STEPS < inside / start < 2.0**_STEPS:
+            return limit
+        if step > 2:  # most ends are near, and what is far has none
+            factor *= factor
     while abs(outside - inside) > _TOLERANCE * inside:
         middle = 0.5 * (inside + outside)
         if not min(inside, outside) < middle < max(inside, outside):

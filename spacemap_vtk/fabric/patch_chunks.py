@@ -1,15 +1,16 @@
 """Bézier patches in chunks that stay in the processor's cache.
 
-Each chunk goes through four steps: gather the control points, one matrix product with the stacked
-Bernstein matrices ``[B; Bu; Bv]``, cross product, normalisation. What the speed hangs on, each
-measured:
+Each chunk goes through these steps: gather the control points, one matrix product straight into the
+positions, one for the slopes, cross product, normalisation. What the speed hangs on, each measured:
 
-- Scratch is component-major (x, y, z apart), so that every ufunc runs over contiguous memory; only
-  the last operation on each component writes into the interleaved result.
-- Within a block the patches are the last axis and the samples the one before. So the points of a
-  block lie sample after sample, not patch after patch.
-- A block is so narrow that OpenBLAS does its product in the calling thread. From about 2**18
-  multiplications on it would start its own threads, which fight with ours: seconds, not ms.
+- The patches are the last axis but that of x, y, z, and the samples the one before. So the points
+  of a chunk lie sample after sample, not patch after patch, and a product with points as rows
+  writes them where they belong.
+- For the normals x, y and z lie apart, so that every ufunc runs over contiguous memory; only the
+  last operation on each writes into the interleaved result.
+- The products are done in blocks of columns, so narrow that OpenBLAS does each in the calling
+  thread. From about 2**18 multiplications on it would start its own threads, which fight with
+  ours: seconds, not ms.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from numpy.typing import DTypeLike, NDArray
 Floats = NDArray[np.floating[Any]]
 
 _BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
-_CHUNK_BYTES = 5 * 2**20  # scratch of a chunk of float32; more leaves the cache, less is overhead
+_CHUNK_BYTES = 7 * 2**19  # scratch of a chunk of float32; more leaves the cache, less is overhead
 
 # |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
 # error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
@@ -31,13 +32,16 @@ _SUSPECT = 1e-4
 
 
 class Chunk(NamedTuple):
-    """Consecutive patches, in blocks of equal width."""
+    """Consecutive patches."""
 
     first: int  # number of the first patch
-    blocks: int
-    width: int  # patches a block
     rows: slice | NDArray[np.int64]  # the control points in use
-    gather: NDArray[np.int64]  # (blocks, control points, width), places in rows
+    gather: NDArray[np.unsignedinteger[Any]]  # (control points, patches), places in rows
+
+    @property
+    def patch_count(self) -> int:
+        """Number of patches."""
+        return self.gather.shape[1]
 
     @property
     def row_count(self) -> int:
@@ -45,20 +49,20 @@ class Chunk(NamedTuple):
         rows = self.rows
         return rows.stop - rows.start if isinstance(rows, slice) else len(rows)
 
-    def net(self, block: Any, column: Any) -> NDArray[np.int64]:
+    def net(self, patch: Any) -> NDArray[np.int64]:
         """Return the numbers of the control points of some patches.
 
         Parameters
         ----------
-        block, column : int or (n,) int
-            Where the patches stand.
+        patch : int or (n,) int
+            Which of them, from 0.
 
         Returns
         -------
         (size,) or (n, size) int64
             Rows of the table of control points.
         """
-        places = self.gather[block, :, column]
+        places = self.gather[:, patch].T.astype(np.int64)
         return places + self.rows.start if isinstance(self.rows, slice) else self.rows[places]
 
 
@@ -70,24 +74,19 @@ def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
     patches : (P, size) int64
         Control points of each patch, u fastest.
     rows : int
-        Rows of the largest matrix that `Scratch.multiply` will be given.
+        Rows of all matrices that a chunk is multiplied by.
 
     Returns
     -------
     list of Chunk
         In the order of the patches.
     """
-    size = patches.shape[1]
-    width = max(8, _BLAS_SERIAL // (rows * size) // 16 * 16)
-    floats = 4 * rows + 2 * rows // 3 + 3 * size + 3 * (size + 1)
-    blocks = max(1, _CHUNK_BYTES // (4 * floats * width))
-    result, first, count = [], 0, len(patches)
-    while first < count:
-        left = count - first
-        if left < width:
-            width = left
-        shape = min(blocks, left // width), width
-        part = patches[first : first + prod(shape)]
+    count, size = patches.shape
+    floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)
+    width = max(8, _CHUNK_BYTES // (4 * floats))
+    result = []
+    for first in range(0, count, width):
+        part = patches[first : first + width]
         low, high = int(part.min()), int(part.max()) + 1
         used: slice | NDArray[np.int64] = slice(low, high)
         # neighbouring patches share points with near numbers, unless someone has shuffled them
@@ -96,10 +95,40 @@ def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
             part = part.reshape(-1, size)
         else:
             part = part - low
-        gather = np.ascontiguousarray(part.reshape(*shape, size).transpose(0, 2, 1))
-        result.append(Chunk(first, *shape, used, gather))
-        first += prod(shape)
+        # As narrow as it may be: at every step it is read from memory, the rest is in the cache.
+        narrow = np.min_scalar_type(int(part.max()))
+        result.append(Chunk(first, used, np.ascontiguousarray(part.T, narrow)))
     return result
+
+
+def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:
+    """Multiply in this thread alone.
+
+    Parameters
+    ----------
+    matrix : (rows, size) float
+        The left factor.
+    columns : (..., size, n) float
+        The right factor.
+    out : (..., rows, n) float
+        Where to write; C-contiguous.
+
+    Returns
+    -------
+    (..., rows, n) float
+        The same.
+    """
+    width = max(8, _BLAS_SERIAL // matrix.size // 16 * 16)
+    whole = columns.shape[-1] // width * width
+    if whole:
+        blocks, results = (
+            a[..., :whole].reshape(*a.shape[:-1], -1, width).swapaxes(-2, -3)
+            for a in (columns, out)
+        )
+        np.matmul(matrix, blocks, out=results)
+    if whole < columns.shape[-1]:
+        np.matmul(matrix, columns[..., whole:], out=out[..., whole:])
+    return out
 
 
 class Scratch:
@@ -109,33 +138,52 @@ class Scratch:
     ----------
     chunks : list of Chunk
         All that will be worked on.
-    matrix : (int, int)
-        Shape of the matrix of `multiply`.
-    table : dtype
-        Type of the arrays of `gather`.
-    kind : dtype_like
-        Type to work in, float32 or float64.
+    rows, size : int
+        Shape of the largest matrix that their nets are multiplied by.
     """
 
-    def __init__(
-        self, chunks: list[Chunk], matrix: tuple[int, int], table: np.dtype[Any], kind: DTypeLike
-    ) -> None:
-        rows, size = matrix
-        most = max(chunk.blocks * chunk.width for chunk in chunks)
+    def __init__(self, chunks: list[Chunk], rows: int, size: int) -> None:
+        most = max(chunk.patch_count for chunk in chunks)
         used = max(chunk.row_count for chunk in chunks)
-        # Gathered in the table's own precision: it must not be cut to ours before the difference
-        # with the patch's first point is taken.
-        source = table if table in (np.float32, np.float64) else np.dtype(kind)
-        self._used = np.empty((3, used), source)
-        self._gathered = np.empty(3 * size * most, source)
-        self._net = self._gathered if source == kind else np.empty(3 * size * most, kind)
-        self._origin = np.empty(3 * most, source)
-        self._values = np.empty(3 * rows * most, kind)
-        self._normal = np.empty(rows * most, kind)
-        self._temporary = np.empty((2, rows // 3 * most), kind)
+        # Enough for float64; of what float32 leaves unused the system never makes pages.
+        self._used = np.empty(3 * (used + 1))
+        self._places = np.empty((size + 1) * most, np.intp)
+        self._gathered = np.empty(3 * size * most)
+        self._net = np.empty(3 * (size + 1) * most)
+        self._values = np.empty(3 * rows * most)
+        self._normal = np.empty(rows * most)
+        self._length, self._product = np.empty((2, rows // 3 * most))
 
-    def gather(self, chunk: Chunk, table: NDArray[Any]) -> tuple[Floats, Floats]:
-        """Gather the control values of a chunk, relative to the first of each patch.
+    def net(self, chunk: Chunk, points: Floats, kind: DTypeLike) -> Floats:
+        """Gather the control points of a chunk, relative to the first of each patch.
+
+        Parameters
+        ----------
+        chunk : Chunk
+            The patches.
+        points : (N, 3) float
+            The control points. Gathered in their own precision: it must not be cut to ours before
+            the difference is taken.
+        kind : dtype_like
+            Type to return, float32 or float64.
+
+        Returns
+        -------
+        (size + 1, count, 3) float
+            Differences, and last the first point of each patch; valid until the next call.
+        """
+        places = _part(self._places, chunk.gather.shape, np.intp)
+        places[:] = chunk.gather
+        gathered = _part(self._gathered, (*places.shape, 3), points.dtype)
+        # "clip" is the mode without a buffered copy; every index is in range
+        np.take(points[chunk.rows], places, axis=0, out=gathered, mode="clip")
+        net = _part(self._net, (len(places) + 1, chunk.patch_count, 3), kind)
+        np.subtract(gathered, gathered[0], out=net[:-1], casting="same_kind")
+        net[-1] = gathered[0]
+        return net
+
+    def values(self, chunk: Chunk, table: NDArray[Any], origins: Floats, kind: DTypeLike) -> Floats:
+        """Gather control values of a chunk, relative to one origin for all of them.
 
         Parameters
         ----------
@@ -143,53 +191,70 @@ class Scratch:
             The patches.
         table : (N, k) ndarray
             A row for each control point; k is at most 3.
+        origins : (N + 1, k) ndarray
+            What is subtracted, the same in each row.
+        kind : dtype_like
+            Type to return, float32 or float64.
 
         Returns
         -------
-        net : (k, blocks, size, width) float
-            Differences; valid until the next call.
-        origin : (k, blocks, width) float
-            The first control value of each patch.
+        (size + 1, count, k) float
+            Differences, and last the origin; valid until the next call.
         """
-        axes = table.shape[1]
-        used = self._used[:axes, : chunk.row_count]
-        used[:] = table[chunk.rows].T
-        shape = (axes, *chunk.gather.shape)
-        gathered, net = (part[: prod(shape)].reshape(shape) for part in (self._gathered, self._net))
-        # "clip" is the mode without a buffered copy; every index is in range
-        np.take(used, chunk.gather, axis=1, out=gathered, mode="clip")
-        shape = (axes, chunk.blocks, chunk.width)
-        origin = self._origin[: prod(shape)].reshape(shape)
-        origin[:] = gathered[:, :, 0]
-        np.subtract(gathered, origin[:, :, None], out=net, casting="same_kind")
-        return net, origin.astype(net.dtype, copy=False)
+        columns, last = table.shape[1], chunk.row_count
+        used = _part(self._used, (last + 1, columns), kind)
+        used[:-1] = table[chunk.rows]
+        used[:-1] -= origins[:last]
+        used[-1] = origins[-1]
+        size = len(chunk.gather)
+        places = _part(self._places, (size + 1, chunk.patch_count), np.intp)
+        places[:-1] = chunk.gather
+        places[-1] = last
+        net = _part(self._net, (*places.shape, columns), kind)
+        return np.take(used, places, axis=0, out=net, mode="clip")
 
-    def multiply(self, chunk: Chunk, matrix: Floats, net: Floats) -> Floats:
+    def apart(self, net: Floats) -> Floats:
+        """Part the components of a net.
+
+        Parameters
+        ----------
+        net : (size + 1, count, k) float
+            From `net` or `values`.
+
+        Returns
+        -------
+        (k, size, count) float
+            Without the origin; valid until the next call of these three.
+        """
+        size, count, columns = net.shape
+        result = _part(self._gathered, (columns, size - 1, count), net.dtype)
+        for column, component in enumerate(result):
+            component[:] = net[:-1, :, column]
+        return result
+
+    def multiply(self, matrix: Floats, apart: Floats) -> Floats:
         """Multiply the control nets of a chunk by a matrix.
 
         Parameters
         ----------
-        chunk : Chunk
-            The patches.
         matrix : (rows, size) float
-            Its number of rows is that of the constructor.
-        net : (k, blocks, size, width) float
-            From `gather`.
+            With no more rows than the constructor was told.
+        apart : (k, size, count) float
+            From `apart`.
 
         Returns
         -------
-        (k, blocks, rows, width) float
+        (k, rows, count) float
             Valid until the next call.
         """
-        shape = (len(net), chunk.blocks, len(matrix), chunk.width)
-        values = self._values[: prod(shape)].reshape(shape)
-        return np.matmul(matrix, net, out=values)
+        shape = len(apart), len(matrix), apart.shape[-1]
+        return multiply(matrix, apart, _part(self._values, shape, apart.dtype))
 
     def multiply_rational(
         self,
         chunk: Chunk,
         matrix: Floats,
-        net: Floats,
+        apart: Floats,
         weights: NDArray[Any],
         samples: int,
     ) -> Floats:
@@ -201,8 +266,8 @@ class Scratch:
             The patches.
         matrix : (rows, size) float
             The Bernstein matrix, or that of position and both derivatives.
-        net : (k, blocks, size, width) float
-            From `gather`; on return times the weights.
+        apart : (k, size, count) float
+            From `apart`; on return times the weights.
         weights : (N,) float
             Weight of each control point.
         samples : int
@@ -210,55 +275,57 @@ class Scratch:
 
         Returns
         -------
-        (k, blocks, rows, width) float
+        (k, rows, count) float
             Valid until the next call. The derivatives follow from those of numerator and
             denominator, ``(N' - (N / W) W') / W``.
         """
-        local = weights[chunk.rows][chunk.gather].astype(net.dtype, copy=False)
-        np.multiply(net, local, out=net)
-        values, total = self.multiply(chunk, matrix, net), np.matmul(matrix, local)
-        point, weight = values[:, :, :samples], total[:, :samples]
+        local = weights[chunk.rows][chunk.gather].astype(apart.dtype, copy=False)
+        np.multiply(apart, local, out=apart)
+        values = self.multiply(matrix, apart)
+        total = multiply(matrix, local, np.empty_like(values[0]))
+        point, weight = values[:, :samples], total[:samples]
         point /= weight
         for first in range(samples, len(matrix), samples):
-            slope = values[:, :, first : first + samples]
-            slope -= point * total[:, first : first + samples]
+            slope = values[:, first : first + samples]
+            slope -= point * total[first : first + samples]
             slope /= weight
         return values
 
     def normals(
         self,
-        chunk: Chunk,
-        net: Floats,
-        values: Floats,
+        apart: Floats,
+        slopes: Floats,
         out: Floats,
-        corners: tuple[int, ...],
+        corners: list[int],
         scale: float,
     ) -> NDArray[np.intp]:
         """Write the unit normals.
 
         Parameters
         ----------
-        chunk : Chunk
-            The patches.
-        net, values : ndarray
-            From `gather` and, for the stacked matrices of position and derivatives, `multiply`.
-        out : (blocks, samples, width, 3) float
+        apart : (3, size, count) float
+            From `apart`.
+        slopes : (3, 2 * samples, count) float
+            Products with the matrices of both derivatives.
+        out : (samples, count, 3) float
             Where to write.
-        corners : (int, int, int)
+        corners : list of int
             Places in the net of all corners but the first.
         scale : float
             Length by which the matrices of the derivatives were divided.
 
         Returns
         -------
-        (n, 3) int
-            Block, sample and column of normals not to be trusted, NaN among them.
+        (n,) int
+            Those not to be trusted, NaN among them: sample * count + patch.
         """
-        samples = values.shape[2] // 3
-        shape = (chunk.blocks, samples, chunk.width)
-        du, dv = values[:, :, samples : 2 * samples], values[:, :, 2 * samples :]
-        normal = self._normal[: 3 * prod(shape)].reshape(3, *shape)
-        length, product = (part[: prod(shape)].reshape(shape) for part in self._temporary)
+        samples = slopes.shape[1] // 2
+        shape = samples, slopes.shape[2]
+        du, dv = slopes[:, :samples], slopes[:, samples:]
+        normal = _part(self._normal, (3, *shape), slopes.dtype)
+        length, product = (
+            _part(part, shape, slopes.dtype) for part in (self._length, self._product)
+        )
         for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             np.multiply(du[y], dv[z], out=normal[x])
             np.multiply(du[z], dv[y], out=product)
@@ -268,13 +335,16 @@ class Scratch:
             np.multiply(component, component, out=product)
             np.add(length, product, out=length)
         # the size of a patch: its other corners as seen from the first
-        diagonal = net[:, :, corners] / scale
-        size = np.square(diagonal, out=diagonal).sum(axis=(0, 2))
-        suspect = length <= np.square(_SUSPECT * size)[:, None]
+        diagonal = apart[:, corners] / scale
+        size = np.square(diagonal, out=diagonal).sum(axis=(0, 1))
+        suspect = length <= np.square(_SUSPECT * size)
         np.sqrt(length, out=length)
         np.divide(1, length, out=length)
         for axis in range(3):
             np.multiply(normal[axis], length, out=out[..., axis])
-        # of a flat array, because argwhere would take a tenth of the whole evaluation
-        found = np.flatnonzero(suspect.reshape(-1))
-        return np.stack(np.unravel_index(found, shape), axis=1)
+        return np.flatnonzero(suspect)
+
+
+def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+    """View the beginning of some memory as an array."""
+    return memory.view(kind)[: prod(shape)].reshape(shape)

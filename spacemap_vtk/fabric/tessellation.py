@@ -6,8 +6,10 @@ the speed hangs on), several at once in threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
+from math import log2
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.fabric.normals import robust_normals
-from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_chunks
+from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_chunks, multiply
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
 
@@ -93,8 +95,9 @@ class Tessellation:
         self._threads = threads or (None if self.point_count > _WORTH_A_THREAD else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
+        self._idle: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
-        self._corners = (p, len(order) - 1 - p, len(order) - 1)
+        self._corners = [p, len(order) - 1 - p, len(order) - 1]
         self._chunks = cut_into_chunks(
             patches.astype(np.int64, copy=False)[:, order], 3 * (subdivisions + 1) ** 2
         )
@@ -150,36 +153,38 @@ class Tessellation:
         normals = self._recycler.empty((self.point_count, 3), kind)
         suspects: list[tuple[Chunk, NDArray[np.intp]]] = []
 
-        def worker() -> Callable[[Chunk], None]:
-            scratch = Scratch(self._chunks, stacked.shape, points.dtype, kind)
+        samples = len(stacked) // 3
+        with_origin = _with_ones(stacked[:samples])
+        if points.dtype not in (np.float32, np.float64):
+            points = points.astype(np.float64)
 
-            def do(chunk: Chunk) -> None:
-                with np.errstate(all="ignore"):
-                    net, origin = scratch.gather(chunk, points)
-                    third = len(stacked) // 3
-                    if rational is None:
-                        values = scratch.multiply(chunk, stacked, net)
-                    else:
-                        values = scratch.multiply_rational(chunk, stacked, net, rational, third)
-                    surface = self._part(positions, chunk)
-                    for axis in range(3):
-                        np.add(
-                            values[axis, :, :third], origin[axis][:, None], out=surface[..., axis]
-                        )
-                    found = scratch.normals(
-                        chunk, net, values, self._part(normals, chunk), self._corners, scale
-                    )
-                if len(found):
-                    suspects.append((chunk, found))
+        def do(chunk: Chunk) -> None:
+            surface, across = self._part(positions, chunk), self._part(normals, chunk)
+            with self._scratch() as scratch, np.errstate(all="ignore"):
+                net = scratch.net(chunk, points, kind)
+                apart = scratch.apart(net)
+                if rational is None:
+                    multiply(with_origin, _flat(net), _flat(surface))
+                    slopes = scratch.multiply(stacked[samples:], apart)
+                else:
+                    values = scratch.multiply_rational(chunk, stacked, apart, rational, samples)
+                    slopes = values[:, samples:]
+                    _add_origin(values[:, :samples], net, surface)
+                found = scratch.normals(apart, slopes, across, self._corners, scale)
+            if len(found):
+                suspects.append((chunk, found))
 
-            return do
-
-        for_each(self._chunks, worker, self._threads)
+        for_each(self._chunks, lambda: do, self._threads)
         if suspects:
             self._repair(normals, points, rational, suspects)
         return positions, normals
 
-    def interpolate(self, values: ArrayLike, weights: ArrayLike | None = None) -> Floats:
+    def interpolate(
+        self,
+        values: ArrayLike,
+        weights: ArrayLike | None = None,
+        dtype: DTypeLike | None = None,
+    ) -> Floats:
         """Carry an array of the control points over to the surface points.
 
         Parameters
@@ -189,11 +194,14 @@ class Tessellation:
             positions are. So a displacement, or any linear function of position, comes out exact.
         weights : (N,) array_like, optional
             As for `evaluate`.
+        dtype : dtype_like, optional
+            Type to work in and to return, float32 or float64; by default float32 for float32, and
+            float64 for all else.
 
         Returns
         -------
         (P (n + 1)**2,) or (P (n + 1)**2, k) float
-            Of float32 for float32, of float64 for all else.
+            One row a surface point.
 
         Raises
         ------
@@ -205,30 +213,34 @@ class Tessellation:
             raise GeometryError(f"point array of shape {table.shape}", allowed="(N,) or (N, k)")
         rational = None if weights is None else self._checked_weights(weights)
         columns = table if table.ndim == 2 else table[:, None]
-        kind = np.dtype(np.float32 if table.dtype == np.float32 else np.float64)
+        kind = np.dtype(dtype or (np.float32 if table.dtype == np.float32 else np.float64))
         matrix = self._basis[0].astype(kind)
+        with_origin = _with_ones(matrix)
         result = self._recycler.empty((self.point_count, columns.shape[1]), kind)
+        # What is the same at all control points comes out the same at all others, to the last bit.
+        origin = columns[0].astype(kind) if len(columns) else np.zeros(columns.shape[1], kind)
+        origin[~np.isfinite(origin)] = 0
+        most = max((chunk.row_count for chunk in self._chunks), default=0)
+        origins = np.tile(origin, (most + 1, 1))
 
-        def worker() -> Callable[[Chunk], None]:
-            scratch = Scratch(self._chunks, matrix.shape, table.dtype, kind)
+        def do(chunk: Chunk) -> None:
+            part = self._part(result, chunk)
+            with self._scratch() as scratch, np.errstate(all="ignore"):
+                for start in range(0, columns.shape[1], 3):
+                    few = slice(start, start + 3)
+                    net = scratch.values(chunk, columns[:, few], origins[:, few], kind)
+                    if rational is None:
+                        out = part if columns.shape[1] <= 3 else np.empty_like(part[..., few])
+                        multiply(with_origin, _flat(net), _flat(out))
+                        if out is not part:
+                            part[..., few] = out
+                    else:
+                        values = scratch.multiply_rational(
+                            chunk, matrix, scratch.apart(net), rational, len(matrix)
+                        )
+                        _add_origin(values, net, part[..., few])
 
-            def do(chunk: Chunk) -> None:
-                part = self._part(result, chunk)
-                with np.errstate(all="ignore"):
-                    for start in range(0, columns.shape[1], 3):
-                        net, origin = scratch.gather(chunk, columns[:, start : start + 3])
-                        if rational is None:
-                            products = scratch.multiply(chunk, matrix, net)
-                        else:
-                            products = scratch.multiply_rational(
-                                chunk, matrix, net, rational, len(matrix)
-                            )
-                        for i, product in enumerate(products):
-                            np.add(product, origin[i][:, None], out=part[..., start + i])
-
-            return do
-
-        for_each(self._chunks, worker, self._threads)
+        for_each(self._chunks, lambda: do, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
     @property
@@ -245,11 +257,9 @@ class Tessellation:
         first = np.empty(self.patch_count, dtype=np.int64)
         step = np.empty(self.patch_count, dtype=np.int64)
         for chunk in self._chunks:
-            patch = np.arange(chunk.blocks * chunk.width)
-            within = slice(chunk.first, chunk.first + len(patch))
-            block, column = np.divmod(patch, chunk.width)
-            first[within] = (chunk.first + block * chunk.width) * place.size + column
-            step[within] = chunk.width
+            patch = np.arange(chunk.patch_count)
+            first[chunk.first + patch] = chunk.first * place.size + patch
+            step[chunk.first + patch] = chunk.patch_count
         result = corners.ravel() * step[:, None]
         result += first[:, None]
         return _frozen(result.reshape(-1, 4))
@@ -282,12 +292,23 @@ class Tessellation:
             )
         return table
 
+    @contextmanager
+    def _scratch(self) -> Iterator[Scratch]:
+        """Lend working memory, which is kept: fresh pages would cost a small surface a fifth."""
+        try:
+            scratch = self._idle.pop()
+        except IndexError:
+            scratch = Scratch(self._chunks, 3 * self._basis.shape[1], self._basis.shape[2])
+        try:
+            yield scratch
+        finally:
+            self._idle.append(scratch)
+
     def _part(self, array: Floats, chunk: Chunk) -> Floats:
-        """View of a chunk's rows as (blocks, samples, width, columns)."""
+        """View of a chunk's rows as (samples, count, columns)."""
         samples = (self.subdivisions + 1) ** 2
-        start = chunk.first * samples
-        rows = array[start : start + chunk.blocks * chunk.width * samples]
-        return rows.reshape(chunk.blocks, samples, chunk.width, -1)
+        rows = array[chunk.first * samples : (chunk.first + chunk.patch_count) * samples]
+        return rows.reshape(samples, chunk.patch_count, -1)
 
     def _repair(
         self,
@@ -299,12 +320,9 @@ class Tessellation:
         """Evaluate some normals again, with care: all at once, for each call costs 0.3 ms."""
         nets, places, samples = [], [], []
         for chunk, found in suspects:
-            block, sample, column = found.T
-            nets.append(chunk.net(block, column))
-            rows = (self.subdivisions + 1) ** 2
-            places.append(
-                (chunk.first + block * chunk.width) * rows + sample * chunk.width + column
-            )
+            sample, patch = np.divmod(found, chunk.patch_count)
+            nets.append(chunk.net(patch))
+            places.append(chunk.first * (self.subdivisions + 1) ** 2 + found)
             samples.append(sample)
         v, u = np.divmod(np.concatenate(samples), self.subdivisions + 1)
         n, net = self.subdivisions, np.concatenate(nets)
@@ -326,14 +344,34 @@ def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
     return np.stack((np.kron(v, u), np.kron(v, du), np.kron(dv, u)))
 
 
+def _with_ones(matrix: Floats) -> Floats:
+    """Return a matrix that adds the last row of a net to what it makes of the others."""
+    # Last, so that it is added last: the sum of the others is small, and keeps its digits.
+    return np.pad(matrix, ((0, 0), (0, 1)), constant_values=1)
+
+
+def _flat(rows: Floats) -> Floats:
+    """View (n, count, k) as (n, count * k)."""
+    return rows.reshape(len(rows), -1)
+
+
+def _add_origin(values: Floats, net: Floats, out: Floats) -> None:
+    """Write (k, samples, count) values plus the last row of their net, (count, k)."""
+    for column, component in enumerate(values):
+        np.add(component, net[-1, :, column], out=out[..., column])
+
+
 def _magnitude(points: NDArray[Any], chunks: list[Chunk]) -> float:
-    """Return about the size of the patches, from a few of them; 1 if they have none."""
+    """Return about the size of the patches, from a few of them; 1 if they have none.
+
+    A power of two, so that to divide by it costs no digit.
+    """
     sizes = []
     for chunk in chunks[:: max(1, len(chunks) // 16)]:
-        net = points[chunk.net(0, 0)].astype(np.float64)
-        sizes.append(float(np.ptp(net, axis=0).max()))
+        nets = points[chunk.net(np.array([0, -1]))].astype(np.float64)
+        sizes += np.ptp(nets, axis=1).max(axis=1).tolist()
     finite = [size for size in sizes if 0 < size < np.inf]
-    return max(finite, default=1.0)
+    return 2.0 ** round(log2(max(finite, default=1.0)))
 
 
 def _frozen(array: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -27,6 +27,7 @@ from spacemap_vtk.filters.arrays import (
     to_points,
 )
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.kept import Connectivity
 from spacemap_vtk.filters.skin import Skin
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
@@ -88,8 +89,7 @@ class PatchTessellator(Stage):
             if array is rational:
                 continue  # it says how to interpolate, and is nothing on the surface
             # In float32 as the positions are: twice the bytes would say no more.
-            values = vtk_to_numpy(array).astype(np.float32, copy=False)
-            values = prepared.tessellation.interpolate(values, weights)
+            values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))
@@ -122,27 +122,31 @@ class _Prepared:
             cure="Use fewer subdivisions, or fewer yarns.",
         )
         self.subdivisions = subdivisions
-        self.connectivity = grid.GetCells().GetConnectivityArray()
-        self.modified = self.connectivity.GetMTime()
+        self.cells = Connectivity(grid)
         self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
         self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
 
     def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
-        connectivity = grid.GetCells().GetConnectivityArray()
-        return (
-            self.subdivisions == subdivisions
-            and self.connectivity is connectivity
-            and self.modified == connectivity.GetMTime()
-        )
+        return self.subdivisions == subdivisions and self.cells.matches(grid)
 
     def cell_array(self, array: vtkDataArray) -> vtkDataArray:
         name = array.GetName()
         kept = self.arrays.get(name)
-        if kept is None or kept[0] is not array or kept[1] != array.GetMTime():
-            values = np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0)
-            kept = self.arrays[name] = array, array.GetMTime(), to_array(values, name)
-        return kept[2]
+        # The same object for the same values, so that a picture need not take them over again.
+        if kept is not None and kept[0].GetMTime() == kept[1] and _equal(kept[0], array):
+            made = kept[2]
+        else:
+            made = to_array(np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0), name)
+        self.arrays[name] = array, array.GetMTime(), made
+        return made
+
+
+def _equal(first: vtkDataArray, second: vtkDataArray) -> bool:
+    if first is second:
+        return True
+    a, b = vtk_to_numpy(first), vtk_to_numpy(second)
+    return a.dtype == b.dtype and np.array_equal(a, b)
 
 
 def _only_patches(grid: vtkPointSet) -> bool:
