@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.interpolation import Interpolation, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
-from spacemap_vtk.errors import InputError
 from spacemap_vtk.parallel import for_each
 
 #: Weight of second derivatives against the data, where these are of order 1.
@@ -128,11 +127,7 @@ class SmoothInterpolation:
         InputError
             The displacement is not (V, 3), or the points are not those that were located.
         """
-        table = np.asarray(displacement, dtype=np.float64)
-        if table.shape != (self._slopes.shape[1], 3):
-            raise InputError(
-                f"displacements of shape {table.shape}", allowed=f"({self._slopes.shape[1]}, 3)"
-            )
+        table = displacement_table(displacement, self._slopes.shape[1])
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
@@ -148,7 +143,7 @@ class SmoothInterpolation:
         (N, 3, 3) float64
             Row i is the gradient of coordinate i.
         """
-        table = np.asarray(displacement, dtype=np.float64)
+        table = displacement_table(displacement, self._slopes.shape[1])
         slopes = (self._slopes @ table).reshape(-1, 9)  # vertex; direction, coordinate
         blended = self._blend.apply(slopes).reshape(-1, 3, 3)
         return np.eye(3) + blended.transpose(0, 2, 1)
