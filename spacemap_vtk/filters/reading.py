@@ -193,7 +193,9 @@ def _read(path: Path) -> tuple[Any, Any]:
     except InputError:
         raise
     except ImportError as error:
-        raise MissingLibraryError(f"{path}: {error}") from None
+        raise MissingLibraryError(
+            f"{path}: {error}", cure=f'Run "pip install {error.name}".' if error.name else None
+        ) from None
     except (Exception, SystemExit) as error:
         # pyvista's and meshio's own: unknown endings, broken headers, missing parts
         why = said.getvalue() if isinstance(error, SystemExit) else str(error)

@@ -134,6 +134,11 @@ class Scene:
         try:
             values = tomllib.loads(path.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            if path.suffix.lower() != ".toml":
+                raise InputError(
+                    f"{path}: neither a scene nor a draft nor a mesh, by its ending",
+                    allowed=", ".join([".toml", ".wif", *OBJECT_ENDINGS]),
+                ) from None
             raise InputError(
                 f"{path}: not a scene: {error}",
                 allowed="a TOML text with sections " + ", ".join(SECTIONS),
