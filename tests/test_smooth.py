@@ -40,6 +40,21 @@ def test_affine_motions_inside_and_outside(which: int) -> None:
     np.testing.assert_allclose(gradient, np.broadcast_to(np.eye(3) + matrix.T, (4000, 3, 3)))
 
 
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_gradient_is_that_of_the_map(which: int) -> None:
+    vertices, cells = meshes()[which]
+    values = np.random.default_rng(2).normal(size=vertices.shape)
+    points = np.random.default_rng(3).uniform(0.3, 0.7, (500, 3))
+    found = smooth(points, vertices, cells).gradients(values)
+    step = 1e-6
+    for axis, way in enumerate(step * np.eye(3)):
+        ends = [
+            smooth(points + sign * way, vertices, cells).displace(points + sign * way, values)[0]
+            for sign in (-1, 1)
+        ]
+        np.testing.assert_allclose(found[:, :, axis], (ends[1] - ends[0]) / (2 * step), atol=1e-3)
+
+
 def test_a_displacement_of_another_size_is_refused() -> None:
     vertices, cells = meshes()[1]
     ride = smooth(vertices, vertices, cells)

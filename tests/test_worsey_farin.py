@@ -32,16 +32,18 @@ class Spline:
         towards = np.einsum("tja,tjka->tjk", slope[cells], corners[:, None] - corners[:, :, None])
         self.numbers = np.concatenate((value[cells], towards.reshape(-1, 16)), axis=1)
 
-    def at(self, weights: np.ndarray, which: np.ndarray, beyond: np.ndarray | None = None):
-        factors = evaluated(weights, which, self.table, *self.split, beyond)
-        return np.einsum("nd,nd->n", factors, self.numbers[which])
+    def at(self, weights: np.ndarray, which: np.ndarray, ways: np.ndarray | None = None):
+        factors = evaluated(weights, which, self.table, *self.split, ways)
+        return np.einsum("mnd,nd->mn", factors, self.numbers[which])
+
+    def value(self, weights: np.ndarray, which: np.ndarray) -> np.ndarray:
+        return self.at(weights, which)[0]
 
     def gradient(self, weights: np.ndarray, which: np.ndarray) -> np.ndarray:
         corners = self.vertices[self.cells[which]]
         inverse = np.linalg.inv(corners[:, 1:] - corners[:, :1])  # axis, weight
         ways = np.concatenate((-inverse.sum(axis=2, keepdims=True), inverse), axis=2)
-        value = self.at(weights, which)
-        return np.stack([self.at(weights, which, ways[:, a]) - value for a in range(3)], axis=1)
+        return self.at(weights, which, ways.transpose(1, 0, 2))[1:].T
 
 
 @pytest.mark.parametrize("kind", ["lattice", "Delaunay"])
@@ -62,7 +64,7 @@ def test_values_and_gradients_agree_on_shared_faces(kind: str) -> None:
         weights = np.zeros((len(half), 4))
         corner = (cells[half // 4][:, :, None] == faces[one][:, None]).argmax(axis=1)
         np.put_along_axis(weights, corner, shares, axis=1)
-        sides.append((spline.at(weights, half // 4), spline.gradient(weights, half // 4)))
+        sides.append((spline.value(weights, half // 4), spline.gradient(weights, half // 4)))
     np.testing.assert_allclose(sides[0][0], sides[1][0], atol=1e-11)
     np.testing.assert_allclose(sides[0][1], sides[1][1], atol=1e-9)
 
@@ -80,7 +82,7 @@ def test_quadratic_functions_are_reproduced(kind: str) -> None:
     spline = Spline(vertices, cells, value(vertices), 2 * vertices @ form + line)
     points = rng.uniform(0.25, 0.5, (3000, 3))
     where = locate(points, vertices, cells, "error")
-    found = spline.at(where.weights, where.tetrahedron)
+    found = spline.value(where.weights, where.tetrahedron)
     np.testing.assert_allclose(found, value(points), atol=1e-11)
     slopes = spline.gradient(where.weights, where.tetrahedron)
     np.testing.assert_allclose(slopes, 2 * points @ form + line, atol=1e-9)
@@ -102,5 +104,5 @@ def test_gradients_by_differences() -> None:
             near = points.copy()
             near[:, axis] += sign * step
             there = locate(near, vertices, cells, "error")
-            ends.append(spline.at(there.weights, there.tetrahedron))
+            ends.append(spline.value(there.weights, there.tetrahedron))
         np.testing.assert_allclose((ends[1] - ends[0]) / (2 * step), slopes[:, axis], atol=1e-4)

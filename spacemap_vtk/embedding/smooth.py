@@ -71,37 +71,57 @@ class SmoothInterpolation:
             foot[beyond] = locate(points[beyond], vertices, tetrahedra, "clamp").weights
         if clamp:
             weights = foot
-        rows = np.empty((len(points), 16))
-        used, local = np.unique(location.tetrahedron, return_inverse=True)
         cells = np.asarray(tetrahedra)
+        self._location, self._foot, self._cells = location, foot, cells
+        self._vertices = vertices
+        onward = (weights - foot)[None] if len(beyond) and not clamp else None
+        rows = self._prepare(lambda block, _: None if onward is None else onward[:, block])
+        self._slopes = vertex_gradients(vertices, tetrahedra)
+        columns = count + 3 * cells[:, :, None] + np.arange(3)
+        self._wide = np.concatenate((cells, columns.reshape(-1, 12)), axis=1)
+        self._rows = self._interpolation(rows.sum(axis=0))
+        self._along: list[Interpolation] = []
+
+    def _interpolation(self, rows: NDArray[np.float64]) -> Interpolation:
+        located = replace(self._location, weights=rows)
+        return Interpolation(located, self._wide, 4 * len(self._vertices))
+
+    def _prepare(
+        self, ways: Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64] | None]
+    ) -> NDArray[np.float64]:
+        """Return the factors of the corners' values and gradients, (1 + m, N, 16).
+
+        Those at the points, or where they are outside at the nearest point of the mesh, come
+        first, then those of the derivatives along m ways, which are asked for the numbers of some
+        points and the corners (n, 4, 3) of their tetrahedra.
+        """
+        vertices, cells, tetrahedron = self._vertices, self._cells, self._location.tetrahedron
         good = np.flatnonzero(has_volume(vertices, cells))
         centres, faces = split_points(vertices, cells[good])
-        table = np.searchsorted(good, used)
         # by tetrahedron, so that a block of points needs few of them
-        order = np.argsort(local, kind="stable")
+        order = np.argsort(tetrahedron, kind="stable")
+        some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
+        result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
 
         def fill() -> Callable[[int], None]:
             def do(begin: int) -> None:
                 block = order[begin : begin + _BLOCK]
-                here, which = np.unique(local[block], return_inverse=True)
-                middle, split = centres[table[here]], faces[table[here]]
-                corners = vertices[cells[used[here]]]
-                points_of = coefficients(corners, middle, split)
-                onward = weights[block] - foot[block] if len(beyond) else None
-                found = evaluated(foot[block], which, points_of, middle, split, onward)
-                edges = corners[:, None] - corners[:, :, None]  # tetrahedron, from, to, axis
-                slopes = found[:, 4:].reshape(-1, 4, 4)
-                rows[block, :4] = found[:, :4]
-                rows[block, 4:] = np.matmul(slopes[:, :, None], edges[which]).reshape(-1, 12)
+                here, which = np.unique(tetrahedron[block], return_inverse=True)
+                row = np.searchsorted(good, here)
+                corners = vertices[cells[here]]
+                table = coefficients(corners, centres[row], faces[row])
+                asked = ways(block, corners[which])
+                found = evaluated(self._foot[block], which, table, centres[row], faces[row], asked)
+                edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
+                slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
+                result[:, block, :4] = found[:, :, :4]
+                products = np.matmul(slopes[:, :, :, None], edges)
+                result[:, block, 4:] = products.reshape(len(found), -1, 12)
 
             return do
 
-        for_each(range(0, len(points), _BLOCK), fill)
-        self._slopes = vertex_gradients(vertices, tetrahedra)
-        columns = count + 3 * np.asarray(tetrahedra)[:, :, None] + np.arange(3)
-        wide = np.concatenate((tetrahedra, columns.reshape(-1, 12)), axis=1)
-        self._rows = Interpolation(replace(location, weights=rows), wide, 4 * count)
-        self._blend = Interpolation(replace(location, weights=foot), tetrahedra, count)
+        for_each(range(0, len(order), _BLOCK), fill)
+        return result
 
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
@@ -131,7 +151,7 @@ class SmoothInterpolation:
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
-        """Return the gradient of the map at each point, blended from those of the vertices.
+        """Return the gradient of the map at each point.
 
         Parameters
         ----------
@@ -141,12 +161,22 @@ class SmoothInterpolation:
         Returns
         -------
         (N, 3, 3) float64
-            Row i is the gradient of coordinate i.
+            Row i is the gradient of coordinate i; of points outside, that at the nearest point of
+            the mesh.
         """
         table = displacement_table(displacement, self._slopes.shape[1])
-        slopes = (self._slopes @ table).reshape(-1, 9)  # vertex; direction, coordinate
-        blended = self._blend.apply(slopes).reshape(-1, 3, 3)
-        return np.eye(3) + blended.transpose(0, 2, 1)
+        if not self._along:
+            rows = self._prepare(lambda _, corners: _axes(corners))[1:]
+            self._along = [self._interpolation(row) for row in rows]
+        values = np.concatenate((table, self._slopes @ table))
+        columns = [ride.apply(values) for ride in self._along]
+        return np.eye(3) + np.stack(columns, axis=2)
+
+
+def _axes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x, y and z as ways in barycentric coordinates, (3, n, 4)."""
+    turned = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2)
+    return np.concatenate((-turned.sum(axis=2, keepdims=True), turned), axis=2)
 
 
 def has_volume(

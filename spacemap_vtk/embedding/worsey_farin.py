@@ -236,9 +236,9 @@ def evaluated(
     table: Floats,
     centres: Floats,
     faces: Floats,
-    beyond: Floats | None = None,
+    ways: Floats | None = None,
 ) -> Floats:
-    """Return the factors of the twenty numbers at points.
+    """Return the factors of the twenty numbers at points, and for derivatives there.
 
     Parameters
     ----------
@@ -250,13 +250,14 @@ def evaluated(
         Of `coefficients`.
     centres, faces : (T, 4) and (T, 4, 4) float64
         Of `split_points`.
-    beyond : (n, 4) float64, optional
-        Way that each point goes on from there along the tangent, in barycentric coordinates.
+    ways : (m, n, 4) float64, optional
+        Directions in barycentric coordinates, of sum 0.
 
     Returns
     -------
-    (n, 20) float64
-        Their product with values and slopes is the value at the points.
+    (1 + m, n, 20) float64
+        Their products with values and slopes are the values at the points, and the derivatives
+        along each of the ways.
     """
     everyone = np.arange(len(weights))
     centre = centres[which]
@@ -280,30 +281,32 @@ def evaluated(
 
     place = local(weights)
     powers = np.stack((np.ones_like(place), place, place**2, place**3))  # exponent, part, point
-    terms = np.empty((len(weights), 20))
-    way = local(beyond) if beyond is not None else np.zeros_like(place)
+    along = [local(way) for way in (() if ways is None else ways)]
+    terms = np.zeros((len(weights), 1 + len(along), 20))
     for at, (factor, exponents) in enumerate(zip(_FACTORS, _EXPONENTS, strict=True)):
         parts = [powers[e, part] for part, e in enumerate(exponents)]
-        terms[:, at] = factor * parts[0] * parts[1] * parts[2] * parts[3]
-        for part, e in enumerate(exponents if beyond is not None else ()):
+        terms[:, 0, at] = factor * parts[0] * parts[1] * parts[2] * parts[3]
+        for part, e in enumerate(exponents if along else ()):
             if e:
-                slope = factor * e * powers[e - 1, part] * way[part]
+                slope = factor * e * powers[e - 1, part]
                 for other in range(4):
                     if other != part:
                         slope = slope * parts[other]
-                terms[:, at] += slope
+                for number, way in enumerate(along, 1):
+                    terms[:, number, at] += slope * way[part]
     piece = (which * 4 + face) * 4 + corner
     order = np.argsort(piece, kind="stable")
     first = np.flatnonzero(np.diff(piece[order], prepend=-1))
     if len(first) > len(weights) / _FEW:
         chosen = table[which[:, None], _TABLE[face, corner]]  # (n, 20, 20)
-        return np.matmul(terms[:, None], chosen)[:, 0]
+        return np.matmul(terms, chosen).transpose(1, 0, 2)
     # with many points in a piece all at once: to look the table up for each takes longest
-    result = np.empty((len(weights), NUMBERS))
+    result = np.empty((1 + len(along), len(weights), NUMBERS))
     for begin, end in pairwise([*first.tolist(), len(order)]):
         rows = order[begin:end]
         one = rows[0]
-        result[rows] = terms[rows] @ table[which[one], _TABLE[face[one], corner[one]]]
+        points = table[which[one], _TABLE[face[one], corner[one]]]
+        result[:, rows] = (terms[rows] @ points).transpose(1, 0, 2)
     return result
 
 
