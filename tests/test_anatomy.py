@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from PIL import Image
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.cli.main import main
@@ -33,6 +34,7 @@ def test_an_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.testing.assert_allclose(np.ravel(found["bounds"]), np.reshape(cup.bounds, (3, 2)).T.ravel())
     assert found["open_edges"] == cup.n_open_edges > 0
     assert found["cage"] is None
+    assert found["picture"] is None
     roles = {
         array["name"]: (array["on"], array["components"], array["role"])
         for array in found["arrays"]
@@ -42,6 +44,14 @@ def test_an_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = info(capsys, str(file))
     assert f"{cup.n_open_edges} open and 0 branching edges" in text
     assert '"part"' in text
+
+
+def test_a_painted_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pv.Plane().save(tmp_path / "plane.vtp")
+    Image.new("RGB", (30, 20)).save(tmp_path / "a.png")
+    words = [str(tmp_path / "plane.vtp"), "--set", f"object.texture={tmp_path / 'a.png'}"]
+    assert json.loads(info(capsys, *words, "--json"))["picture"] == [30, 20]
+    assert "a picture of 30 x 20 pixels" in info(capsys, *words)
 
 
 def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -65,6 +65,8 @@ def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
         role = f", the {array['role']}" if array["role"] else ""
         text = f'"{array["name"]}", {array["components"]} x {array["type"]}{role}'
         rows.append((f"array on {array['on']}", text))
+    if figures["picture"]:
+        rows.append(("painted with", "a picture of {} x {} pixels".format(*figures["picture"])))
     cage = figures["cage"]
     if cage:
         sizes = cage["pieces"]

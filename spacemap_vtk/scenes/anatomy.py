@@ -43,6 +43,7 @@ def body(scene: Scene) -> dict[str, Any]:
           ``type``, and ``role`` (``"Normals"``, ``"TCoords"`` ... or None);
         - ``triangles``, ``open_edges``, ``branching_edges``: of the surface, which is closed if
           there are no such edges;
+        - ``picture``: width and height in pixels of what it is painted with, or None;
         - ``cage``: None, or ``vertices``, ``tetrahedra``, ``quadratic``, ``volume`` (m³),
           ``pieces`` (tetrahedra of each part that hangs together by faces, the largest first),
           ``points_outside`` and ``largest_distance`` (m) of the object's points outside it;
@@ -55,7 +56,7 @@ def body(scene: Scene) -> dict[str, Any]:
         If the object or the cage cannot be made.
     """
     scene.update_stage(scene.source)
-    data = scene.source.GetOutputDataObject(0)
+    data, picture = scene.source.GetOutputDataObject(0), scene.object.picture
     places = points_of(data).astype(np.float64, copy=False)
     low, high = places.min(axis=0), places.max(axis=0)
     points, triangles = outline(data)
@@ -73,6 +74,7 @@ def body(scene: Scene) -> dict[str, Any]:
         "triangles": len(triangles),
         "open_edges": open_,
         "branching_edges": branching,
+        "picture": None if picture is None else list(picture.GetDimensions()[:2]),
         "cage": None,
         "steps": None,
         "time_range": None,
