@@ -140,6 +140,23 @@ class Parameter(Generic[T]):
         """
         raise NotImplementedError
 
+    def within(self, value: Any, folder: Path) -> Any:
+        """Return a given value whose relative paths count from a folder.
+
+        Parameters
+        ----------
+        value : object
+            Whatever a user gave.
+        folder : Path
+            Of the file that it stands in.
+
+        Returns
+        -------
+        object
+            The value itself where it is no path.
+        """
+        return value
+
     @property
     def optional(self) -> bool:
         """Whether ``None`` is a value."""
@@ -416,6 +433,10 @@ class FilePath(Parameter[Any]):
         if not isinstance(value, (str, Path)) or str(value) == "":
             raise InputError("not a path")
         return Path(value)
+
+    def within(self, value: Any, folder: Path) -> Any:
+        """Return the path, from the folder on."""
+        return folder / value if isinstance(value, str) and value else value
 
 
 class Color(Parameter[Any]):

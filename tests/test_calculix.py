@@ -8,24 +8,20 @@ eigenvalues are reproduced to the digits it prints; with ours they converge to e
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
 import scipy.linalg as la
-import scipy.sparse as sp
+from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import assemble, isotropic, mass, stiffness, volumes
-from spacemap_vtk.modal.elements import shape_functions
+from spacemap_vtk.modal.elasticity import assemble, isotropic, mass, stiffness
 from spacemap_vtk.modal.materials import orthotropic
 
-pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="needs calculix-ccx")
+pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 
-DENSITY = 300.0
+DENSITY, SLAB = 300.0, (0, 1, 0, 1, 0, 0.1)
 ISOTROPIC = isotropic(1e6, 0.3), "*ELASTIC\n1e6, 0.3"
 WOVEN = (
     orthotropic([2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05]),
@@ -33,59 +29,27 @@ WOVEN = (
 )
 
 
-def mesh(divisions, order, bounds=(0, 1, 0, 1, 0, 0.1)):
-    points, cells = lattice(bounds, divisions)
-    # CalculiX wants a positive determinant.
-    corners = points[cells]
-    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
-    cells[turned] = cells[turned][:, [1, 0, 2, 3]]
-    return with_midpoints(points, cells) if order == 2 else (points, cells)
-
-
 def calculix(folder, points, cells, material, held, count):
     """Return the eigenvalues that CalculiX finds."""
-    kind = "C3D4" if cells.shape[1] == 4 else "C3D10"
-    lines = ["*NODE, NSET=ALL"]
-    lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in enumerate(points.tolist(), 1)]
-    lines.append(f"*ELEMENT, TYPE={kind}, ELSET=CAGE")
-    lines += [f"{n}, " + ", ".join(map(str, cell + 1)) for n, cell in enumerate(cells, 1)]
-    lines += ["*MATERIAL, NAME=M", material, f"*DENSITY\n{DENSITY}"]
-    lines += ["*SOLID SECTION, ELSET=CAGE, MATERIAL=M", "*BOUNDARY"]
-    lines += [f"{n + 1}, 1, 3" for n in np.flatnonzero(held)]
+    lines = cards(points, cells, held, material, DENSITY)
     lines += ["*STEP", "*FREQUENCY", str(count), "*NODE FILE", "U", "*END STEP"]
     (folder / "cage.inp").write_text("\n".join(lines) + "\n")
-    subprocess.run(["ccx", "cage"], cwd=folder, check=True, capture_output=True, timeout=120)
+    subprocess.run([CCX, "cage"], cwd=folder, check=True, capture_output=True, timeout=120)
     rows = re.findall(
         r"^\s+(\d+)\s+(\S+)\s+\S+\s+\S+\s+\S+\s*$", (folder / "cage.dat").read_text(), re.M
     )
     return np.array([float(value) for _, value in rows[:count]])
 
 
-def their_mass(points, cells):
-    """Return M under-integrated as CalculiX does it."""
-    volume = volumes(points, cells)
-    if cells.shape[1] == 4:
-        element = np.full((4, 4), 1 / 16)
-    else:
-        near, far = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
-        shapes = shape_functions(np.full((4, 4), far) + (near - far) * np.eye(4))
-        element = shapes.T @ shapes / 4
-    nodes = cells.shape[1]
-    rows, columns = np.repeat(cells, nodes, axis=1).ravel(), np.tile(cells, nodes).ravel()
-    values = DENSITY * np.outer(volume, element).ravel()
-    scalar = sp.csr_matrix((values, (rows, columns)), shape=(len(points),) * 2)
-    return sp.kron(scalar, np.eye(3), format="csr")
-
-
 @pytest.mark.parametrize("material", [ISOTROPIC, WOVEN], ids=["isotropic", "orthotropic"])
 @pytest.mark.parametrize(("divisions", "order"), [((5, 5, 1), 1), ((3, 3, 1), 2)])
 def test_eigenvalues_with_its_mass(tmp_path, divisions, order, material):
-    points, cells = mesh(divisions, order)
+    points, cells = mesh(divisions, order, SLAB)
     held = points[:, 1] == 1
     theirs = calculix(tmp_path, points, cells, material[1], held, 10)
     free = np.repeat(~held, 3)
     K = stiffness(assemble(points, cells), material[0])[free][:, free].toarray()
-    M = their_mass(points, cells)[free][:, free].toarray()
+    M = their_mass(points, cells, DENSITY)[free][:, free].toarray()
     # Of the inverse, because that mass is singular.
     ours = 1 / la.eigh(M, K, eigvals_only=True)[::-1][:10]
     assert len(theirs) == 10
@@ -96,7 +60,7 @@ def test_eigenvalues_with_its_mass(tmp_path, divisions, order, material):
 def test_refinement_brings_agreement(tmp_path, order, most):
     differences = []
     for divisions in ((5, 5, 1), (10, 10, 2)) if order == 1 else ((3, 3, 1), (6, 6, 2)):
-        points, cells = mesh(divisions, order)
+        points, cells = mesh(divisions, order, SLAB)
         held = points[:, 1] == 1
         theirs = calculix(tmp_path, points, cells, ISOTROPIC[1], held, 10)
         made = assemble(points, cells)

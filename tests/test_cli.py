@@ -213,6 +213,23 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert summary[:40] in listed
 
 
+def test_materials_name_their_source_and_what_it_leaves_open(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run("materials") == 0
+    out = capsys.readouterr().out
+    assert "Wang" in out
+    assert "2011" in out
+    assert run("materials", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["materials"]) >= 5
+    for name, row in found["materials"].items():
+        assert name in out
+        assert row["sample"] in out
+        assert run("validate", "plain_weave", "-q", "--set", f"modal.material={name}") == 0
+    assert any("E3" in text for text in found["assumed"])
+
+
 def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("keys") == 0
     out = capsys.readouterr().out
@@ -300,6 +317,14 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["storyboard", "plain_weave", "-o", "a.png", "--times", "x"], ["not a number"]),
         (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
         (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
+        (
+            ["validate", "plain_weave", "--set", "modal.material=orthotropic"],
+            ["modal.youngs_moduli", "E1, E2, E3"],
+        ),
+        (
+            ["modes", "plain_weave", "--set", "modal.material=denin"],
+            ['"tablecloth"', 'Did you mean "denim"?'],
+        ),
         (["scenes", "nothing"], ["nothing", "plain_weave"]),
         (["keys", "wave"], ["wave", 'Did you mean "weave"?']),
         (["rendr", "plain_weave"], ["render"]),

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.eigen import solve_modes
 from spacemap_vtk.modal.elasticity import stiffness_and_mass
+from spacemap_vtk.modal.fabrics import FABRICS
 from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic
 
 MODULI, SHEARS, RATIOS = [2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05]
@@ -141,3 +143,119 @@ def test_warnings_say_how_far_off():
     cage.configure(order=1, divisions=(5, 5, 3))
     made.update()
     assert len(made.warnings) == 1
+
+
+# Rows of the source's table, read by another hand than modal/fabrics.py: kg/m², C11, C12, C22 and
+# C33 in N/m at no strain, bending stiffness along, askew and across in N m.
+TABLE = """
+11oz-black-denim   .324 205.352005 10.234077  1013.88629 53.387184  64.196457 73.384567 96.951576
+camel-ponte-roma   .284 31.146198  -12.802702 44.028667  31.896357  36.348366 33.013252 37.157593
+gray-interlock     .187 16.593832  -14.695990 34.477123  36.860302  23.191698 24.749964 14.267624
+ivory-rib-knit     .276 42.871021  -0.234556  65.166023  83.175644  46.237591 30.015930 32.243889
+pink-ribbon-brown  .228 151.503906 106.028160 244.830673 30.250183  117.070122 87.509773 59.774277
+royal-target       .220 2016.55456 9.170511   2034.97644 104.759674 125.409805 107.997696 125.409805
+tango-red-jet-set  .113 43.067627  54.373299  171.424835 14.314700  14.293814 21.951700 20.345654
+white-dots-on-blk  .128 2002.08618 0.345588   2027.48559 19.189022  51.713814 40.659470 31.282822
+white-swim-solid   .204 47.971176  6.834521   104.615456 60.773663  60.237942 58.803211 51.018833
+"""
+
+
+def test_fabrics_are_those_of_the_table():
+    rows = {}
+    for line in TABLE.strip().splitlines():
+        sample, *numbers = line.split()
+        rows[sample] = [float(number) for number in numbers]
+    assert {fabric.sample for fabric in FABRICS.values()} == set(rows)
+    for fabric in FABRICS.values():
+        bending = [1e6 * b for b in fabric.bending]
+        assert [fabric.areal_mass, *fabric.stiffness, *bending] == pytest.approx(
+            rows[fabric.sample], rel=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", FABRICS)
+def test_a_fabric_is_a_stable_solid_that_stretches_as_the_sheet(name):
+    fabric = FABRICS[name]
+    solid = fabric.solid(2e-3)
+    matrix = orthotropic(*solid[:3])
+    np.linalg.cholesky(matrix)
+    # Nothing presses on the faces of a sheet: its stiffness is the inverse of a part of S.
+    plane = np.linalg.inv(np.linalg.inv(matrix)[np.ix_([0, 1, 5], [0, 1, 5])]) * 2e-3
+    c11, c12, c22, c33 = fabric.stiffness
+    c12 = max(c12, 0.0)
+    expected = [[c22, c12, 0], [c12, c11, 0], [0, 0, c33 / 2]]
+    np.testing.assert_allclose(plane, expected, rtol=1e-12, atol=1e-9)
+    assert solid.density * 2e-3 == pytest.approx(fabric.areal_mass)
+    with pytest.raises(InputError, match="thickness"):
+        fabric.solid(0.0)
+
+
+def test_a_cage_of_denim():
+    made = solver(material="denim")
+    made.update()
+    data = made.GetOutputDataObject(0)
+    low, high = np.reshape(data.GetBounds(), (3, 2)).T
+    area, thickness = (high - low)[0] * (high - low)[1], (high - low)[2]
+    mass = vtk_to_numpy(data.GetPointData().GetArray("nodal_mass")).sum()
+    assert mass / area == pytest.approx(0.324, rel=1e-9)
+    # another thickness: another mass, the same frequencies
+    first = vtk_to_numpy(data.GetFieldData().GetArray("frequencies")).copy()
+    made.thickness = 2 * thickness
+    made.update()
+    data = made.GetOutputDataObject(0)
+    second = vtk_to_numpy(data.GetFieldData().GetArray("frequencies"))
+    np.testing.assert_allclose(first, second, rtol=1e-9)
+    mass = vtk_to_numpy(data.GetPointData().GetArray("nodal_mass")).sum()
+    assert mass / area == pytest.approx(0.162, rel=1e-9)
+
+
+def test_given_constants_replace_measured_ones():
+    made = solver(material="denim", thickness="1 mm", youngs_moduli=MODULI, density=500.0)
+    made.update()
+    field = made.GetOutputDataObject(0).GetFieldData()
+    written = vtk_to_numpy(field.GetArray("elasticity")).reshape(6, 6)
+    measured = FABRICS["denim"].solid(1e-3)
+    expected = along_fabric(orthotropic(MODULI, measured[1], measured[2]))
+    np.testing.assert_allclose(written, expected)
+    assert field.GetArray("density").GetValue(0) == 500.0
+    with pytest.raises(InputError, match=r"poissons_ratios.*no stable solid has ν12 = 9"):
+        solver(material="denim", poissons_ratios=[9, 0, 0]).update()
+
+
+def test_other_materials_know_no_fabric():
+    with pytest.raises(InputError, match=r'denin.*"denim" or "trousers".*Did you mean "denim"'):
+        solver(material="denin")
+    with pytest.raises(InputError, match=r"modal\.thickness = .*the material is isotropic"):
+        solver(thickness="1 mm").update()
+    plain = solver()
+    plain.update()
+    assert plain.GetOutputDataObject(0).GetFieldData().GetArray("density").GetValue(0) == 300.0
+
+
+def test_a_cage_that_bends_unlike_the_fabric_says_so():
+    """The cure: moduli raised as often as said let a strip bend as the measured plate does."""
+    weave, cage = WeaveSource(ends=5, picks=31), TetraCage(divisions=(3, 20, 1), order=2)
+    cage.SetInputConnection(weave.GetOutputPort())
+    made = ModalSolver(material="denim", modes=1)
+    made.SetInputConnection(cage.GetOutputPort())
+    made.update()
+    (text,) = made.warnings
+    data, fabric = made.GetOutputDataObject(0), FABRICS["denim"]
+    extent = data.GetBounds()[5] - data.GetBounds()[4]
+    times = (fabric.plate / extent) ** 2
+    assert f"bends {times:.2g} times too softly" in text
+    assert f"raise youngs_moduli and shear_moduli {times:.2g} times" in text
+    solid = fabric.solid(extent)
+    made.configure(
+        youngs_moduli=[times * modulus for modulus in solid.youngs_moduli],
+        shear_moduli=[times * modulus for modulus in solid.shear_moduli],
+    )
+    made.update()
+    found = made.GetOutputDataObject(0).GetFieldData().GetArray("frequencies").GetValue(0)
+    assert made.warnings == ()
+    # Euler's cantilever with the bending stiffness of the plate along the warp, D = E1 h² / 12;
+    # shear softens so short a one a little.
+    length = data.GetBounds()[3] - data.GetBounds()[2]
+    bending = fabric.solid(fabric.plate).youngs_moduli[0] * fabric.plate**3 / 12
+    euler = 1.875104**2 / (2 * math.pi * length**2) * math.sqrt(bending / fabric.areal_mass)
+    assert 0.9 < found / euler < 1.05

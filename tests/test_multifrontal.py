@@ -74,6 +74,23 @@ def test_inertia_counts_the_modes_below_a_shift(held):
         assert negative_eigenvalues((K - shift * M).tocsr(), analysis) == below
 
 
+@pytest.mark.parametrize("panel", [1, 5, 40])
+def test_inertia_by_panels(panel, monkeypatch):
+    """However few columns are eliminated at once."""
+    K, M, vertices = pencil((6, 5, 4))
+    A = (K - 60000.0 * M).tocsr()
+    expected = (np.linalg.eigvalsh(A.toarray()) < 0).sum()
+    assert expected > 2
+    analysis, told = Analysis(K, vertices), []
+    monkeypatch.setattr(multifrontal, "PANEL", panel)
+    assert negative_eigenvalues(A, analysis, told.append) == expected
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0)
+    fronts = len(analysis.runs)
+    assert len(told) == sum(-(-(last - first) // panel) for first, last in analysis.runs)
+    assert len(told) > fronts
+
+
 def test_an_order_holds_each_vertex_once():
     K = pencil((8, 7, 3))[0]
     graph = sp.csr_matrix(abs(K[::3][:, ::3]) > 0, dtype=float)

@@ -18,6 +18,7 @@ from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of
+from spacemap_vtk.modal import timefunctions
 from spacemap_vtk.scenes.scene import Scene
 
 RAMP = {"time": "ramp", "rise": "10 ms"}
@@ -266,7 +267,13 @@ def test_given_fields_come_from_point_arrays() -> None:
     residual += chain.model.mass @ chain.at(0.0, "velocity").ravel()  # alpha is 1
     np.testing.assert_allclose(residual[free.ravel()], fields["push"][free], atol=1e-15)
     chain.response.initial_velocity_array = "sped"
-    with pytest.raises(InputError, match=r'needs an array "sped".*"speed"'):
+    with pytest.raises(InputError, match=r'needs an array "sped".* and \d+ more.*mean "speed"'):
+        chain.response.update()
+    array = numpy_to_vtk(np.where(fields["push"] > 0, np.nan, 0.0), deep=True)
+    array.SetName("wind")
+    grid.GetPointData().AddArray(array)
+    chain.response.configure(initial_velocity_array="", loads=[{"array": "wind"}])
+    with pytest.raises(InputError, match=r'loads\[0\]\.array: \d+ of the \d+ vectors .*"wind"'):
         chain.response.update()
 
 
@@ -354,11 +361,67 @@ def test_effective_masses_sum_to_what_can_move() -> None:
             {"gravity": [0, 0, 1], "time": "table", "times": [1, 0], "values": [1, 2]},
             r"loads\[0\]\.times: the times descend",
         ),
+        ({"gravity": [0, 0, 1], "file": "x.csv"}, r'\.file: time = "step" has no such value'),
+        (
+            {"gravity": [0, 0, 1], "time": "table", "file": "no.csv"},
+            r"loads\[0\]\.file: No such file or directory: no\.csv",
+        ),
+        (
+            {"gravity": [0, 0, 1], "time": "table", "file": "no.csv", "times": [0, 1]},
+            r"loads\[0\]\.times: they come from a file already",
+        ),
     ],
 )
 def test_a_wrong_load_is_refused_with_words(load: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         ModalResponse(loads=[load])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,factor\n0,0\n0.2,1\n0.5,-0.4\n",
+        "0;0\n0,2;1\n0,5;-0,4\n",
+        "# gust\nt [s]\tp\n\n0\t0\textra\n.2\t1\n5e-1\t-0.4  # end\n",
+        "\ufeff0 0\r\n0.2   1\r\n0.5 -0.4",
+    ],
+)
+def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
+    (tmp_path / "gust.csv").write_text(text, encoding="utf-8", newline="")
+    scene = tmp_path / "gust.toml"
+    scene.write_text(
+        "[response]\n[[response.loads]]\npressure = 2\non = '+z'\ntime = 'table'\n"
+        "file = 'gust.csv'  # beside the scene\n"
+    )
+    (load,) = Scene.read(scene).response.loads
+    expected = timefunctions.table([0, 0.2, 0.5], [0, 1, -0.4])
+    for found, wanted in zip(load.function, expected, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    # what is written again reads the same file
+    again = ModalResponse(loads=ModalResponse.loads.show((load,)))
+    assert again.loads == (load,)
+    (tmp_path / "gust.csv").write_text("0 0\n0.2 2\n")
+    again.loads = [{"pressure": 2, "on": "+z", "time": "table", "file": load.file}]
+    assert again.loads != (load,)
+    assert again.loads[0].function.value(0.1) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "has no numbers"),
+        ("time factor\n", "has no numbers"),
+        ("0 1\n1\n", 'line 2 of .*gust.csv: "1"; allowed: two numbers in each line'),
+        ("a b\nc d\n", "line 2"),
+        ("0 1\n1 nan\n", r"\.file: values that are no finite numbers, in .*gust\.csv"),
+        ("1 1\n0 1\n", r"\.file: the times descend, in .*gust\.csv"),
+    ],
+)
+def test_a_file_that_is_no_table(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "gust.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        ModalResponse(loads=[{"pressure": 2, "on": "+z", "time": "table", "file": file}])
 
 
 def test_loads_as_text_are_those_as_tables() -> None:
@@ -417,6 +480,17 @@ def test_a_load_on_supports_is_reported() -> None:
     chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
     chain.response.update(0.1)
     assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings
+
+
+def test_a_force_that_misses_the_cage_is_reported() -> None:
+    chain = Chain(gravity=(0, 0, 0), loads=[{"force": [0, 0, 1e-6], "at": [0, 0, 0]}])
+    chain.response.update(0.0)
+    assert not any("away" in text for text in chain.response.warnings)
+    chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
+    chain.response.update(0.0)
+    assert (
+        "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
+    )
 
 
 @pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])

@@ -1,4 +1,4 @@
-"""Commands that tell: info, validate, scenes, keys."""
+"""Commands that tell: info, validate, scenes, keys, materials."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import textwrap
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -13,6 +14,7 @@ from spacemap_vtk.cli.anatomy import tell_object
 from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal.fabrics import ASSUMED, FABRICS, SOURCE
 from spacemap_vtk.parameters import suggestion
 from spacemap_vtk.scenes import library, report
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
@@ -134,6 +136,59 @@ def scenes(
         return
     for scene, title in titles.items():
         print(f"{scene:<24}{title}")
+
+
+def materials(*, json_: Json = False) -> None:
+    """List the measured fabrics that modal.material can name, with their source.
+
+    The table's constants, what they leave open, and how a scene replaces them.
+    """
+    rows = {
+        name: {
+            "use": fabric.use,
+            "sample": fabric.sample,
+            "areal_mass": fabric.areal_mass,
+            **dict(zip(("C11", "C12", "C22", "C33"), fabric.stiffness, strict=True)),
+            "plate_thickness": fabric.plate,
+        }
+        for name, fabric in FABRICS.items()
+    }
+    if json_:
+        print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
+        return
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    for heading in ("material", "g/m²", "C11", "C12", "C22", "C33", "plate"):
+        table.add_column(
+            heading, justify="left" if heading == "material" else "right", no_wrap=True
+        )
+    table.add_column("sold as")
+    for name, fabric in FABRICS.items():
+        table.add_row(
+            f"{name}\n  {fabric.sample}",
+            f"{1e3 * fabric.areal_mass:g}",
+            *(f"{value:.4g}" for value in fabric.stiffness),
+            f"{1e3 * fabric.plate:.2f} mm",
+            fabric.use,
+        )
+    Console().print(table)
+    print(
+        textwrap.fill(
+            "C in N/m: C11 along the weft, C22 along the warp, C33 shear. A cage as thick as "
+            '"plate" bends as measured; one of any thickness stretches and weighs as measured.',
+            78,
+        )
+    )
+    print("\n" + textwrap.fill(f"Source: {SOURCE}.", 78) + "\n\nTaken without measurement:")
+    for text in ASSUMED:
+        print(textwrap.fill(f"{text}.", 78, initial_indent="- ", subsequent_indent="  "))
+    print(
+        "\n"
+        + textwrap.fill(
+            "youngs_moduli, shear_moduli, poissons_ratios and density in [modal] replace the "
+            'measured ones: --set modal.material=denim --set modal.density="400 kg/m3".',
+            78,
+        )
+    )
 
 
 def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:

@@ -36,6 +36,7 @@ _COMMANDS = {
     "info": ("figures:info", "Print a fabric's figures."),
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
+    "materials": ("figures:materials", "List the measured fabrics a cage can be made of."),
     "keys": ("figures:keys", "Explain the sections and keys of a scene file."),
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),

@@ -59,6 +59,7 @@ def modes(
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         show_edge=False,
+        min_width=72,  # of the caption
     )
     headings = (
         "mode",

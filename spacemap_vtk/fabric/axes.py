@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -10,6 +12,19 @@ from spacemap_vtk.fabric.arcs import arc_axes
 from spacemap_vtk.fabric.axis import Axes, sampled
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.spline import spline_axes
+
+
+class Share(NamedTuple):
+    """Some of the yarns of a cloth."""
+
+    ends: slice | NDArray[np.int64]
+    """Numbers of the ends, ascending."""
+    picks: slice | NDArray[np.int64]
+    """Numbers of the picks, ascending."""
+
+
+#: Every yarn of a cloth.
+ALL = Share(slice(None), slice(None))
 
 
 def checked(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.bool_]:
@@ -49,7 +64,7 @@ def checked(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.bool_]:
     return over
 
 
-def axes(drawdown: ArrayLike, cloth: Cloth) -> tuple[Axes, Axes]:
+def axes(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
     """Return the axes of warp and weft.
 
     Parameters
@@ -58,6 +73,8 @@ def axes(drawdown: ArrayLike, cloth: Cloth) -> tuple[Axes, Axes]:
         First pick and first end first; True: the end lies over the pick.
     cloth : Cloth
         Its measures.
+    share : Share
+        The yarns whose axes are wanted; those of the others are not computed.
 
     Returns
     -------
@@ -72,15 +89,17 @@ def axes(drawdown: ArrayLike, cloth: Cloth) -> tuple[Axes, Axes]:
     over = checked(drawdown, cloth)
     warp, weft = cloth.yarns("warp", over.shape[1]), cloth.yarns("weft", over.shape[0])
     past = [family.overhang for family in cloth.families]
-    share = cloth.share
+    ends, picks = warp.chosen(share.ends), weft.chosen(share.picks)
+    upper, under = over.T[share.ends], ~over[share.picks]
+    height = cloth.share
     if cloth.axis == "spline":
         return (
-            spline_axes(over.T, warp, weft, share, past[0]),
-            spline_axes(~over, weft, warp, 1.0 - share, past[1]),
+            spline_axes(upper, ends, weft, height, past[0]),
+            spline_axes(under, picks, warp, 1.0 - height, past[1]),
         )
     return (
-        arc_axes(over.T, warp, weft, share, past[0], cloth.exact),
-        arc_axes(~over, weft, warp, 1.0 - share, past[1], cloth.exact),
+        arc_axes(upper, ends, weft, height, past[0], cloth.exact),
+        arc_axes(under, picks, warp, 1.0 - height, past[1], cloth.exact),
     )
 
 

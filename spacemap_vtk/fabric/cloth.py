@@ -74,17 +74,26 @@ class Yarns(NamedTuple):
     """Width of each section over its height."""
     section: str
     """One of `SECTIONS`; "circular" wherever the aspect is 1."""
+    position: NDArray[np.float64]
+    """(n,) Places across the whole family, the middle of its first and its last yarn at 0."""
 
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """(n,) Places of the yarns across the family, the middle of first and last at 0."""
-        if np.ptp(self.spacing) == 0.0 if self.spacing.size else True:
-            # exactly symmetric, and no sum of roundings
-            step = self.spacing[0] if self.spacing.size else 0.0
-            count = len(self.diameter)
-            return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
-        place = np.concatenate([[0.0], np.cumsum(self.spacing)])
-        return place - 0.5 * place[-1]
+    def chosen(self, which: slice | NDArray[np.int64]) -> Yarns:
+        """Return some of the yarns, in their places.
+
+        Parameters
+        ----------
+        which : slice or ndarray of int64
+            Their numbers, ascending.
+
+        Returns
+        -------
+        Yarns
+            Those alone.
+        """
+        position = self.position[which]
+        return self._replace(
+            diameter=self.diameter[which], spacing=np.diff(position), position=position
+        )
 
     @property
     def flat(self) -> NDArray[np.float64]:
@@ -238,11 +247,13 @@ class Cloth:
                     key=f"{family}_{key}",
                     allowed=f"one value, or {wanted}",
                 )
+        apart = np.array(np.broadcast_to(spacing, count - 1))
         return Yarns(
             np.array(np.broadcast_to(diameter, count)),
-            np.array(np.broadcast_to(spacing, count - 1)),
+            apart,
             aspect,
             section if aspect > 1.0 else "circular",
+            _places(apart),
         )
 
     def _of(
@@ -372,6 +383,17 @@ def _lengths(key: str, value: ArrayLike) -> float | NDArray[np.float64]:
         return float(array)
     array.flags.writeable = False
     return array
+
+
+def _places(spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n + 1,) places that are (n,) distances apart, the middle of the ends at 0."""
+    count = len(spacing) + 1
+    if spacing.size == 0 or np.ptp(spacing) == 0.0:
+        # exactly symmetric, and no sum of roundings
+        step = spacing[0] if spacing.size else 0.0
+        return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
+    place = np.concatenate([[0.0], np.cumsum(spacing)])
+    return place - 0.5 * place[-1]
 
 
 def _between(diameter: float | NDArray[np.float64]) -> NDArray[np.float64]:

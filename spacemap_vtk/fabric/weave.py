@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.arcs import LONGEST_ARC
-from spacemap_vtk.fabric.axes import axes, axis_points
+from spacemap_vtk.fabric.axes import ALL, Share, axes, axis_points
 from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -98,7 +98,8 @@ class Weave:
     radial_error : float
         Bound of the surface's distance from the true tube, over the yarn's half height: the
         cubics' error round the yarn and along its arcs together; 0 for exact cloth. For splines
-        the largest deviation found along the yarn takes the place of the bound.
+        the largest deviation found along the yarn takes the place of the bound. Of the yarns that
+        were built.
     """
 
     points: NDArray[np.float64]
@@ -113,7 +114,7 @@ class Weave:
     radial_error: float
 
 
-def build(drawdown: ArrayLike, cloth: Cloth) -> Weave:
+def build(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> Weave:
     """Return the patches of a cloth.
 
     Parameters
@@ -122,6 +123,9 @@ def build(drawdown: ArrayLike, cloth: Cloth) -> Weave:
         First pick and first end first; True: the end lies over the pick.
     cloth : Cloth
         Diameters, spacings, sections, crimp height and overhang.
+    share : Share
+        The yarns to be built, where they lie in the whole cloth; see
+        `spacemap_vtk.fabric.share.share_of`.
 
     Returns
     -------
@@ -141,12 +145,19 @@ def build(drawdown: ArrayLike, cloth: Cloth) -> Weave:
     >>> weave.points.shape, weave.patches.shape
     ((848, 3), (96, 16))
     """
-    families = axes(drawdown, cloth)
+    families = axes(drawdown, cloth, share)
     over = np.shape(drawdown)
     yarns = cloth.yarns("warp", over[1]), cloth.yarns("weft", over[0])
     sections = [section(y.section, y.aspect, cloth.exact) for y in yarns]
-    caps = [cap(s.size) if cloth.caps else None for s in sections]
-    plans, first_point, first_patch, first_yarn = [], 0, 0, 0
+    caps = [
+        cap(shape.size) if cloth.caps and len(path.parts) else None
+        for path, shape in zip(families, sections, strict=True)
+    ]
+    numbers = (
+        np.arange(over[1], dtype=np.int32)[share.ends],
+        np.arange(over[1], sum(over), dtype=np.int32)[share.picks],
+    )
+    plans, first_point, first_patch = [], 0, 0
     for path, shape, own in zip(families, sections, yarns, strict=True):
         plans.append(
             _Plan(path, shape, Tubes(first_point, shape.size, path.parts, own.aspect), first_patch)
@@ -174,17 +185,16 @@ def build(drawdown: ArrayLike, cloth: Cloth) -> Weave:
         first_ring = plan.tubes.first + plan.shape.size * (3 * np.arange(len(owner)) + owner)
         table = tube_table(plan.shape.size)
         np.add(first_ring[:, None, None], table, out=patches[here].reshape(-1, *table.shape))
-        yarn[here].reshape(-1, len(table))[:] = (first_yarn + owner)[:, None]
+        yarn[here].reshape(-1, len(table))[:] = numbers[number][owner][:, None]
         family[here] = number
         if closing is not None:
             count = 2 * len(plan.path.parts)
             new = slice(next_point, next_point + count * closing.new_points)
             here = slice(next_patch, next_patch + count * len(closing.table))
             _fill_caps(plan, closing, points, weights, new, patches[here])
-            yarn[here] = first_yarn + np.repeat(np.arange(count) // 2, len(closing.table))
+            yarn[here] = np.repeat(numbers[number], 2 * len(closing.table))
             family[here] = number
             next_point, next_patch = new.stop, here.stop
-        first_yarn += len(plan.path.parts)
     return Weave(
         points,
         patches,
@@ -351,6 +361,8 @@ def _fill_caps(
 
 def _radial_error(plan: _Plan, exact: bool) -> float:
     path, error = plan.path, plan.shape.error
+    if not len(path.parts):
+        return 0.0
     if path.cubic:
         return error + offset_error(path)
     turn = np.abs(path.curvature[0])

@@ -18,6 +18,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.parameters import suggestion
 
 #: VTK 9.2 takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that own
 #: them: it would read freed memory.
@@ -123,6 +124,10 @@ def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> Non
             target.SetActiveAttribute(array.GetName(), role)
 
 
+#: Names of arrays that a message lists.
+_LISTED = 8
+
+
 def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
     """Return a view of a named array.
 
@@ -147,12 +152,51 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
     """
     array = data.GetArray(name)
     if array is None:
-        names = [data.GetArrayName(i) for i in range(data.GetNumberOfArrays())]
+        names = [str(data.GetArrayName(i)) for i in range(data.GetNumberOfArrays())]
+        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
         raise InputError(
             f'{owner} needs an array "{name}", and the input has '
-            + (", ".join(f'"{n}"' for n in names) if names else "none")
+            + ((", ".join(f'"{n}"' for n in names[:_LISTED]) + more) or "none"),
+            cure=suggestion(name, names),
         )
     return vtk_to_numpy(array)
+
+
+def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> NDArray[np.float64]:
+    """Return the vectors of a named array.
+
+    Parameters
+    ----------
+    data : vtkFieldData
+        Point or cell data.
+    name : str
+        Name of the array.
+    count : int
+        How many there must be.
+    owner : str
+        Who wants them, for the message.
+
+    Returns
+    -------
+    ndarray of float64, shape (count, 3)
+        The vectors.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or it holds something else or what is no finite number.
+    """
+    values = array_of(data, name, owner).astype(np.float64)
+    if values.shape != (count, 3):
+        raise InputError(
+            f'the point array "{name}" has shape {values.shape}', allowed=f"{(count, 3)}"
+        )
+    wrong = int((~np.isfinite(values).all(axis=1)).sum())
+    if wrong:
+        raise InputError(
+            f'{wrong} of the {count} vectors of the point array "{name}" are no finite numbers'
+        )
+    return values
 
 
 def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.int64]:

@@ -58,6 +58,7 @@ class BarycentricWarp(Stage):
 
     section = "warp"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    whole_inputs = (1,)
     input_names = ("Input", "Cage")
     output = SAME_AS_INPUT
 
@@ -78,6 +79,9 @@ class BarycentricWarp(Stage):
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
+        if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
+            output.ShallowCopy(inputs[0])  # a process with nothing to do
+            return
         prepared = self._prepared(inputs[0], inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
         moved, displacement = prepared.interpolation.displace(points_of(inputs[0]), field)

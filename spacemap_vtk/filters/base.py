@@ -4,6 +4,9 @@ Invariants:
 
 - An exception never crosses VTK's C++ frames, where it would be printed and lost. It is kept on
   the stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
+- A stage that is asked for a piece asks for the same piece above it, so that no two consumers ask
+  for different ones and run it twice. What cannot be cut (a cage) is whole in every piece, and
+  marked as a duplicate in all but the first.
 - No stage holds a reference to itself or to a stage above it, not even through an observer or a
   stored bound method: on VTK 9.2 such an object is never freed.
 """
@@ -14,11 +17,13 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
+import numpy as np
 from vtkmodules.util.misc import calldata_type
+from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
 from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation, vtkInformationVector
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet, vtkDataSetAttributes
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
     vtkDemandDrivenPipeline,
@@ -26,11 +31,17 @@ from vtkmodules.vtkCommonExecutionModel import (
 )
 
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, world
 from spacemap_vtk.parameters import Parameterised
 
 _TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
 _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 _UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+_PIECE = (
+    vtkStreamingDemandDrivenPipeline.UPDATE_PIECE_NUMBER(),
+    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_PIECES(),
+    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
+)
 
 
 #: For `Stage.output`: the output is of the type of the data on input port 0.
@@ -53,6 +64,12 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output: ClassVar[str] = "vtkUnstructuredGrid"
+    #: Input ports that need the whole data set, whichever piece is asked for.
+    whole_inputs: ClassVar[tuple[int, ...]] = ()
+    #: Whether the output is whole in each piece.
+    replicated: bool = False
+    #: Whether pieces of the output share no points, so that they need no ghosts.
+    seamless: bool = False
 
     # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
     InputType: str = ""
@@ -62,6 +79,9 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     _warnings: list[str]
     _vtk_messages: list[str]
     _error: BaseException | None
+    _piece: Piece = WHOLE
+    _processes: Processes | None = None
+    _untold: BaseException | None = None
 
     def __init__(self, **values: Any) -> None:
         VTKPythonAlgorithmBase.__init__(
@@ -87,13 +107,20 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         """What the last run has to say about its own trustworthiness."""
         return tuple(self._warnings)
 
-    def update(self, time: float | None = None) -> None:
+    @property
+    def piece(self) -> Piece:
+        """What part of the output was asked for last."""
+        return self._piece
+
+    def update(self, time: float | None = None, piece: Piece | None = None) -> None:
         """Bring the output up to date: run this stage, and those above it, as far as needed.
 
         Parameters
         ----------
         time : float, optional
             Time in s. Without it the last requested time stays.
+        piece : Piece, optional
+            What part of the output is wanted. Without it the last requested piece stays.
 
         Raises
         ------
@@ -111,7 +138,10 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         if deferred:
             vtkGarbageCollector.DeferredCollectionPush()
         try:
-            done = self.Update() if time is None else self.UpdateTimeStep(float(time))
+            if time is not None:
+                done = self.UpdateTimeStep(float(time), *(piece or self._requested()))
+            else:
+                done = self.Update() if piece is None else self.UpdatePiece(*piece)
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
@@ -238,7 +268,10 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()):
                 self._request_data_object(in_info, out_info)
             elif request.Has(vtkDemandDrivenPipeline.REQUEST_INFORMATION()):
+                self._untold = None
                 self._request_information(in_info, out_info)
+            elif request.Has(vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()):
+                self._request_update_extent(in_info, out_info)
             elif request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
                 self._request_data(in_info, out_info)
         except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
@@ -246,6 +279,10 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
                 error.section = self.section
                 if isinstance(error.value, float) and error.key in self.parameters:
                     error.value = self.parameters[error.key].show(error.value)  # with its unit
+            if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
+                # The others would wait for this process in vain: it is told when all run.
+                self._untold = error
+                return 1
             self._error = error
             # Without this mark the next update would hand out the empty output as a good one.
             out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
@@ -273,6 +310,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             info.Remove(_TIME_RANGE)
         else:
             info.Set(_TIME_RANGE, span, 2)
+        if not self.inputs:
+            info.Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
         steps = self.time_steps(inputs)
         if steps:
             info.Set(_TIME_STEPS, steps, len(steps))
@@ -286,16 +325,104 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         self._warnings.clear()
         self._executions += 1
         info = out_info.GetInformationObject(0)
+        self._piece = _piece_of(info)
+        self._processes = Processes.of(self._piece)
         # Before the first request for a time there is none.
         time = info.Get(_UPDATE_TIME) if info.Has(_UPDATE_TIME) else 0.0
         inputs = [
             vector.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) for vector in in_info
         ]
         output = info.Get(vtkDataObject.DATA_OBJECT())
+        if self._processes is None:
+            self._run(inputs, output, time)
+            return
+        try:
+            self._run(inputs, output, time)
+        except PeerError:
+            raise
+        except BaseException as error:
+            self._processes.fail(error)
+            raise
+        self._warnings = self._processes.finish(self._warnings)
+
+    def _run(self, inputs: list[Any], output: Any, time: float) -> None:
+        if self._untold is not None:
+            raise self._untold
         self.run(inputs, output, time)
+        if self.replicated and self._piece.of > 1:
+            _mark(output, 0 if self._piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL)
+
+    def _request_update_extent(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        """Ask for the same piece above, as the executive has, with ghosts; for all where needed."""
+        piece = _piece_of(out_info.GetInformationObject(0))
+        if piece.of == 1:
+            return
+        for port, vector in enumerate(in_info):
+            for key, value in zip(_PIECE, self.input_piece(port, piece), strict=True):
+                vector.GetInformationObject(0).Set(key, value)
+
+    def input_piece(self, port: int, piece: Piece) -> Piece:
+        """Return what part of an input is needed for a piece of the output.
+
+        Parameters
+        ----------
+        port : int
+            The input.
+        piece : Piece
+            Of the output; one of several.
+
+        Returns
+        -------
+        Piece
+            With a layer of ghost cells, which tells a face between pieces from an outer one,
+            where there can be such faces.
+        """
+        if self._comes_from(port, "replicated"):
+            return piece
+        if port in self.whole_inputs:
+            return WHOLE
+        if self._comes_from(port, "seamless"):
+            return piece  # another number of ghosts would run what is above once more
+        return piece._replace(ghosts=max(piece.ghosts, 1))
+
+    def _comes_from(self, port: int, kind: str) -> bool:
+        """Return whether a stage of a kind is above an input: what it makes stays of that kind."""
+        waiting = [self.GetInputConnection(port, 0).GetProducer()]
+        while waiting:
+            stage = waiting.pop()
+            if isinstance(stage, Stage) and getattr(stage, kind):
+                return True
+            for index in range(stage.GetNumberOfInputPorts()):
+                for number in range(stage.GetNumberOfInputConnections(index)):
+                    waiting.append(stage.GetInputConnection(index, number).GetProducer())
+        return False
+
+    def _requested(self) -> Piece:
+        info = self.GetOutputInformation(0)
+        return _piece_of(info) if info.Has(_PIECE[1]) else WHOLE
 
     def _parameter_changed(self) -> None:
         self.Modified()
+
+
+def _piece_of(info: vtkInformation) -> Piece:
+    # Update, called without a piece, asks for none.
+    if not info.Has(_PIECE[1]) or info.Get(_PIECE[1]) <= 1:
+        return WHOLE
+    return Piece(*(info.Get(key) for key in _PIECE))
+
+
+def _mark(output: vtkDataSet, value: int) -> None:
+    """Mark all cells and points: 0, or as duplicates of another piece's."""
+    for data, count in (
+        (output.GetCellData(), output.GetNumberOfCells()),
+        (output.GetPointData(), output.GetNumberOfPoints()),
+    ):
+        array = numpy_to_vtk(np.full(count, value, dtype=np.uint8))
+        array.SetName(vtkDataSetAttributes.GhostArrayName())
+        data.AddArray(array)
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:

@@ -7,16 +7,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import array_of, tetrahedra_of
+from spacemap_vtk.filters.arrays import array_of, tetrahedra_of, vectors_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.filters.processes import Processes
 from spacemap_vtk.modal import loads as forces
 from spacemap_vtk.modal.elements import shape_functions
 from spacemap_vtk.modal.kinematics import rotation_operator
@@ -51,6 +52,10 @@ class Basis(NamedTuple):
     """(n + k, 3V)."""
 
 
+#: Share of a cage's diagonal by which a load may miss it.
+FAR = 0.05
+
+
 class CageModes:
     """The modes of a cage, and whatever follows from them without a load's time function.
 
@@ -80,6 +85,24 @@ class CageModes:
         self._forces: dict[str, FloatArray] = {}
         self._statics: dict[str, FloatArray] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
+
+    def away(self, place: ArrayLike) -> float:
+        """Return how far a place is from the cage's bounding box.
+
+        Parameters
+        ----------
+        place : array_like of float, shape (3,)
+            Where [m].
+
+        Returns
+        -------
+        float
+            In m; 0 inside, and where it is no more than `FAR`.
+        """
+        low, high = self.model.points.min(axis=0), self.model.points.max(axis=0)
+        where = np.asarray(place, dtype=np.float64)
+        distance = float(np.linalg.norm(where - where.clip(low, high)))
+        return distance if distance > FAR * np.linalg.norm(high - low) else 0.0
 
     @property
     def complete(self) -> bool:
@@ -150,14 +173,11 @@ class CageModes:
         if action == "force":
             vertex = forces.nearest(self.model.points, load.at)
             return Pattern(_axes(f"vertex {vertex}", value), load.function)
-        values = array_of(self._grid, load.array, "ModalResponse").astype(np.float64)
-        if values.shape != self.model.points.shape:
-            raise InputError(
-                f"the point array has shape {values.shape}",
-                key="loads.array",
-                value=load.array,
-                allowed=f"{self.model.points.shape}",
-            )
+        try:
+            values = vectors_of(self._grid, load.array, len(self.nodal_mass), "ModalResponse")
+        except InputError as error:
+            error.key = "loads.array"
+            raise
         self._forces[f"array {load.array}"] = values.ravel()
         return Pattern(((f"array {load.array}", 1.0),), load.function)
 
@@ -196,7 +216,9 @@ class CageModes:
             total += size * self._elementary(name)
         return total
 
-    def basis(self, patterns: Sequence[Pattern], residual: bool) -> Basis:
+    def basis(
+        self, patterns: Sequence[Pattern], residual: bool, processes: Processes | None = None
+    ) -> Basis:
         """Return the shapes that a cage under some loads moves in.
 
         Parameters
@@ -205,6 +227,8 @@ class CageModes:
             The loads.
         residual : bool
             Whether to add a residual vector for each elementary pattern.
+        processes : Processes, optional
+            Of which one solves for all.
 
         Returns
         -------
@@ -219,9 +243,13 @@ class CageModes:
             new = [name for name in names if name not in self._statics]
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
-                self._statics.update(
-                    zip(new, static_displacements(self.model, load).T, strict=True)
-                )
+                if processes is None:
+                    found = static_displacements(self.model, load)
+                else:
+                    (found,) = processes.from_first(
+                        lambda: [static_displacements(self.model, load)]
+                    )
+                self._statics.update(zip(new, found.T, strict=True))
             values, shapes = residual_modes(
                 self.shapes,
                 self.eigenvalues,

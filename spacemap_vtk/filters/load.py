@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.table_file import read_table
 from spacemap_vtk.modal import timefunctions
 from spacemap_vtk.modal.supports import SIDES
 from spacemap_vtk.modal.timefunctions import TimeFunction
 from spacemap_vtk.parameters import (
     Choice,
+    FilePath,
     Flag,
     Parameter,
     Parameterised,
@@ -36,9 +40,9 @@ TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "step": ((), ("start",)),
     "pulse": (("length",), ("start",)),
     "ramp": (("rise",), ("start",)),
-    "table": (("times", "values"), ("start",)),
+    "table": (("times", "values"), ("start", "file")),
     "harmonic": (("frequency",), ("phase", "steady")),
-    "periodic": (("times", "values"), ("steady",)),
+    "periodic": (("times", "values"), ("steady", "file")),
 }
 
 
@@ -126,6 +130,11 @@ class Load(Parameterised):
         component=Real(0.0, "", unit="s", minimum=0.0),
     )
     values = Series("Factor at each of the times.", component=Real(0.0, ""))
+    file = FilePath(
+        None,
+        "Times in s and factors from a text file (.csv) of two columns, in place of times and "
+        "values.",
+    )
     frequency = Real(None, "Frequency of a harmonic load.", unit="1/s", above=0.0)
     phase = Real(None, "Phase of a harmonic load; 90 degrees make a cosine.", unit="deg")
     steady = Flag(False, "A harmonic or periodic load has been going on for ever.")
@@ -143,7 +152,13 @@ class Load(Parameterised):
         self._action = given[0]
         self._check_place()
         self._check_time()
-        self._function = self._made()
+        self._points = (self.times, self.values) if self.file is None else read_table(self.file)
+        try:
+            self._function = self._made()
+        except InputError as error:
+            if self.file is not None:
+                error.key, error.message = "file", f"{error.message}, in {self.file}"
+            raise
         self._sealed = True
 
     @property
@@ -171,7 +186,10 @@ class Load(Parameterised):
         needed, possible = TIMES[self.time]
         for key in sorted({key for pair in TIMES.values() for keys in pair for key in keys}):
             there = getattr(self, key) not in (None, False)
-            if key in needed and not there:
+            if key in needed and self.file is not None:
+                if there:
+                    raise InputError("they come from a file already", key=key)
+            elif key in needed and not there:
                 raise InputError(
                     f'time = "{self.time}" needs it', key=key, allowed=self.parameter(key).allowed
                 )
@@ -183,15 +201,15 @@ class Load(Parameterised):
                 )
 
     def _made(self) -> TimeFunction:
-        start = self.start or 0.0
+        start, (times, values) = self.start or 0.0, self._points
         if self.time == "pulse":
             return timefunctions.pulse(self.length, start)
         if self.time == "ramp":
             return timefunctions.ramp(self.rise, start)
         if self.time == "table":
-            return timefunctions.table(self.times, self.values, start)
+            return timefunctions.table(times, values, start)
         if self.time == "periodic":
-            return timefunctions.periodic(self.times, self.values, steady=self.steady)
+            return timefunctions.periodic(times, values, steady=self.steady)
         if self.time == "harmonic":
             phase = math.radians(self.phase or 0.0)
             return timefunctions.harmonic(self.frequency, phase, steady=self.steady)
@@ -213,7 +231,12 @@ class Load(Parameterised):
         super().__setattr__(name, value)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Load) and self._values == other._values
+        # The points as well: a file may have changed since it was read.
+        return (
+            isinstance(other, Load)
+            and self._values == other._values
+            and self._points == other._points
+        )
 
     def __hash__(self) -> int:
         return hash(tuple(sorted(self._values.items())))
@@ -266,6 +289,15 @@ class Loads(Parameter[tuple[Load, ...]]):
                 raise InputError("this is no load", key=f"[{number}]", value=item)
         return tuple(loads)
 
+    def within(self, value: Any, folder: Path) -> Any:
+        """Return loads whose files count from a folder."""
+        if isinstance(value, Mapping):
+            return {
+                key: Load.parameters[key].within(v, folder) if key in Load.parameters else v
+                for key, v in value.items()
+            }
+        return [self.within(v, folder) for v in value] if isinstance(value, list) else value
+
     @property
     def allowed(self) -> str:
         """Their keys."""
@@ -290,8 +322,8 @@ def _from_text(text: str) -> Any:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
+    if isinstance(value, (str, Path)):
+        return json.dumps(str(value), ensure_ascii=False)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):

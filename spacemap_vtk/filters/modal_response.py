@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, array_of
+from spacemap_vtk.filters.arrays import add_array, vectors_of
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_modes import Basis, CageModes, Pattern
 from spacemap_vtk.filters.load import Loads
@@ -62,6 +62,8 @@ class ModalResponse(Stage):
 
     section = "response"
     inputs = ("vtkUnstructuredGrid",)
+    whole_inputs = (0,)
+    replicated = True
 
     alpha = Real(
         1.0, "Damping proportional to mass; slows every mode alike.", unit="1/s", minimum=0.0
@@ -141,7 +143,8 @@ class ModalResponse(Stage):
                 f"{ways[0]} and {ways[1]} both say how much is damped",
                 key=ways[0],
                 value=getattr(self, ways[0]),
-                cure=f"Leave out {ways[0]} or {ways[1]}.",
+                cure=f"Leave out {ways[0]} or {ways[1]}"
+                + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
         if self.damping_ratio is not None:
             return Damping(ratio=self.damping_ratio)
@@ -279,7 +282,7 @@ class ModalResponse(Stage):
             except InputError as error:
                 error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
                 raise
-        basis = modes.basis(patterns, self.residual_vectors)
+        basis = modes.basis(patterns, self.residual_vectors, self._processes)
         drives = [
             Drive(basis.shapes @ modes.force(p), p.function, p.moves_base is not None)
             for p in patterns
@@ -290,6 +293,12 @@ class ModalResponse(Stage):
             "a load falls on fixed vertices only, and moves nothing"
             for force in map(modes.force, patterns)
             if force.any() and not force[free].any()
+        ]
+        warnings += [
+            f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
+            "on the vertex nearest to it"
+            for number, load in enumerate(self.loads)
+            if load.at is not None and (distance := modes.away(load.at))
         ]
         start: dict[str, FloatArray] = {}
         for name, uniform, array in (
@@ -325,13 +334,7 @@ class ModalResponse(Stage):
     ) -> FloatArray:
         field = np.tile(uniform, (len(modes.nodal_mass), 1)).astype(np.float64)
         if array:
-            values = array_of(grid.GetPointData(), array, "ModalResponse")
-            if values.shape != field.shape:
-                raise InputError(
-                    f'the point array "{array}" has shape {values.shape}',
-                    allowed=f"{field.shape}",
-                )
-            field += values
+            field += vectors_of(grid.GetPointData(), array, len(field), "ModalResponse")
         return field.ravel() * modes.model.free
 
     def _truncation(self, modes: CageModes, patterns: list[Pattern]) -> list[str]:

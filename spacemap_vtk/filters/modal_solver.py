@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,21 @@ from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.memory import require
 from spacemap_vtk.modal.bending import bending_stiffness, layers_through_thickness
 from spacemap_vtk.modal.eigen import estimate_bytes, lowest
+from spacemap_vtk.modal.fabrics import FABRICS
 from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.supports import held_components
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
+from spacemap_vtk.units import format_quantity
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
+
+#: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
+DENSITY = 300.0
+
+#: A measured fabric is warned of where its cage bends more often than this too stiffly or softly.
+BENDS_ALIKE = 2.0
 
 #: Above this ratio linear tetrahedra lock in volume too.
 NEARLY_INCOMPRESSIBLE = 0.45
@@ -56,12 +65,16 @@ class ModalSolver(Stage):
 
     section = "modal"
     inputs = ("vtkUnstructuredGrid",)
+    whole_inputs = (0,)
+    replicated = True
 
     material = Choice(
         "isotropic",
-        "Kind of the cage's material: isotropic (youngs_modulus, poissons_ratio), or orthotropic "
-        "along the fabric (youngs_moduli, shear_moduli, poissons_ratios).",
-        ["isotropic", "orthotropic"],
+        "Kind of the cage's material: isotropic (youngs_modulus, poissons_ratio), orthotropic "
+        "along the fabric (youngs_moduli, shear_moduli, poissons_ratios), or a measured fabric, "
+        'whose moduli, ratios and density count where they are not given (see "spacemap '
+        'materials").',
+        ["isotropic", "orthotropic", *FABRICS],
     )
     youngs_modulus = Real(1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0)
     poissons_ratio = Real(
@@ -73,8 +86,8 @@ class ModalSolver(Stage):
     )
     youngs_moduli = Vector(
         None,
-        "Young's moduli of an orthotropic cage along the warp (1, y), the weft (2, x) and the "
-        "normal (3, z).",
+        "Young's moduli of an orthotropic cage, or in place of a measured fabric's, along the warp "
+        "(1, y), the weft (2, x) and the normal (3, z).",
         component=Real(1.0, "", unit="Pa", above=0.0),
         labels=("E1", "E2", "E3"),
         automatic="none",
@@ -95,7 +108,21 @@ class ModalSolver(Stage):
         labels=("ν12", "ν13", "ν23"),
         automatic="none",
     )
-    density = Real(300.0, "Mass density of the cage.", unit="kg/m3", above=0.0)
+    density = Real(
+        None,
+        "Mass density of the cage.",
+        unit="kg/m3",
+        above=0.0,
+        automatic=f"{DENSITY:g} kg/m3, or a measured fabric's",
+    )
+    thickness = Real(
+        None,
+        "What a measured fabric's stiffness per width and mass per area are divided by; at the "
+        "cage's own thickness it stretches and weighs as the fabric.",
+        unit="m",
+        above=0.0,
+        automatic="the cage's extent along z",
+    )
     mass = Choice(
         "consistent",
         "Mass matrix: consistent with the elements' shape functions, or lumped on the vertices.",
@@ -130,11 +157,13 @@ class ModalSolver(Stage):
             self.fixed,
             lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
         )
-        elasticity, linear = self._elasticity(), elements.shape[1] == 4
+        extent = float(np.ptp(vertices[:, 2]))
+        elasticity, density = self.constants(extent)
+        linear = elements.shape[1] == 4
         corners = elements[:, :4]
         self._check_size(int((~held).sum()), layers_through_thickness(vertices, corners), linear)
         self._model = model = Model(
-            vertices, elements, elasticity, self.density, held, self.mass == "lumped"
+            vertices, elements, elasticity, density, held, self.mass == "lumped"
         )
         eigenvalues, shapes = self._solved(model)
 
@@ -145,32 +174,52 @@ class ModalSolver(Stage):
         eigenvalues = eigenvalues * (model.modulus / model.density)
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
+        if self.material in FABRICS and self.youngs_moduli is None:
+            self._warn_of_thickness(FABRICS[self.material].plate, extent)
         if linear:
             self._warn_of_stiffness(vertices, corners, elasticity)
 
-    def _elasticity(self) -> FloatArray:
-        """Return the elasticity matrix along x, y and z, or say which parameter is missing."""
-        parts = {
-            key: getattr(self, key) for key in ("youngs_moduli", "shear_moduli", "poissons_ratios")
-        }
+    def constants(self, extent: float) -> tuple[FloatArray, float]:
+        """Return the material's constants.
+
+        Parameters
+        ----------
+        extent : float
+            Of the cage along z [m], over which those of a measured fabric are spread.
+
+        Returns
+        -------
+        elasticity : ndarray of float64, shape (6, 6)
+            Along x, y and z [Pa].
+        density : float
+            In kg/m³.
+
+        Raises
+        ------
+        InputError
+            If a parameter is missing or belongs to another material, or no stable solid has them.
+        """
+        keys = ("youngs_moduli", "shear_moduli", "poissons_ratios", "density", "thickness")
+        given = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+        if self.material in FABRICS:
+            thickness = given.pop("thickness", extent)
+            solid = FABRICS[self.material].solid(thickness)._replace(**given)
+            return along_fabric(orthotropic(*solid[:3])), solid.density
+        density = given.pop("density", DENSITY)
         if self.material == "orthotropic":
-            for key, value in parts.items():
-                if value is None:
+            if "thickness" in given:
+                raise _not_of("orthotropic", "thickness", given)
+            for key in keys[:3]:
+                if key not in given:
                     raise InputError(
                         "an orthotropic material needs it",
                         key=key,
                         allowed=self.parameter(key).allowed,
                     )
-            return along_fabric(orthotropic(*parts.values()))
-        for key, value in parts.items():
-            if value is not None:
-                raise InputError(
-                    "the material is isotropic",
-                    key=key,
-                    value=list(value),
-                    cure='Set material = "orthotropic".',
-                )
-        return isotropic(self.youngs_modulus, self.poissons_ratio)
+            return along_fabric(orthotropic(*(given[key] for key in keys[:3]))), density
+        for key in given:
+            raise _not_of("isotropic", key, given)
+        return isotropic(self.youngs_modulus, self.poissons_ratio), density
 
     def _check_size(self, dof: int, layers: float, linear: bool) -> None:
         count = min(self.modes, dof)
@@ -185,14 +234,37 @@ class ModalSolver(Stage):
     def _solved(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
         count, digest = min(self.modes, int(model.free.sum())), model.digest
-        if self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count:
+
+        def solve() -> tuple[FloatArray, FloatArray]:
             found = _read(digest, count, len(model.points))
             if found is None:
                 found = lowest(model.structure.pencil, count, self.report)
                 cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
-            self._kept = digest, *found
+            return found
+
+        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count
+        processes = self._processes
+        if processes is not None and processes.largest([missing])[0]:
+            values, shapes = processes.from_first(solve)
+            self._kept = digest, values, shapes
+        elif missing:
+            self._kept = digest, *solve()
+        assert self._kept is not None
         self.report(1.0)
         return self._kept[1][:count], self._kept[2][:count]
+
+    def _warn_of_thickness(self, plate: float, extent: float) -> None:
+        times = (extent / plate) ** 2
+        if not 1 / BENDS_ALIKE <= times <= BENDS_ALIKE:
+            softly = "softly" if times < 1 else "stiffly"
+            lower = "lower" if times > 1 else "raise"
+            times = max(times, 1 / times)
+            self.warn(
+                f"a cage {format_quantity(float(f'{extent:.3g}'), 'm')} thick that stretches as "
+                f"{self.material} bends {times:.2g} times too {softly}: {self.material} bends as "
+                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}; {lower} youngs_moduli "
+                f"and shear_moduli {times:.2g} times if bending matters more"
+            )
 
     def _warn_of_stiffness(
         self, vertices: FloatArray, corners: NDArray[np.int64], elasticity: FloatArray
@@ -214,6 +286,18 @@ class ModalSolver(Stage):
                 + (f": this cage {off}, and more" if times > 1 else ", and are too stiff")
                 + "; set [cage] order = 2 (quadratic tetrahedra), or lower it to 0.45"
             )
+
+
+def _not_of(material: str, key: str, given: dict[str, Any]) -> InputError:
+    value = given[key]
+    return InputError(
+        f"the material is {material}",
+        key=key,
+        value=list(value) if isinstance(value, tuple) else value,
+        cure='It counts for a measured fabric only (see "spacemap materials").'
+        if key == "thickness"
+        else 'Set material = "orthotropic", or a measured fabric.',
+    )
 
 
 def _read(digest: str, count: int, vertices: int) -> tuple[FloatArray, FloatArray] | None:

@@ -49,6 +49,7 @@ class MotionReader(Stage):
     """
 
     section = "motion"
+    replicated = True
 
     file = FilePath(
         None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"

@@ -6,14 +6,29 @@ from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkInformationVector
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import (
+    vtkDataObject,
+    vtkImageData,
+    vtkPointSet,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkFiltersParallel import (
+    vtkExtractPolyDataPiece,
+    vtkExtractUnstructuredGridPiece,
+)
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.extent import tell_bounds
+from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.filters.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import FilePath, Real, Vector
+
+#: The files read, with time of change and size.
+_State = tuple[tuple[Path, int, int], ...]
 
 
 class ObjectSource(Stage):
@@ -27,7 +42,7 @@ class ObjectSource(Stage):
     Notes
     -----
     The output is vtkPolyData where the file holds nothing else, and vtkUnstructuredGrid otherwise.
-    pyvista is imported for the rarer formats.
+    pyvista is imported for formats that VTK's own readers do not cover.
 
     Examples
     --------
@@ -59,7 +74,9 @@ class ObjectSource(Stage):
         component=Real(0.0, "", unit="m"),
     )
 
-    _kept: tuple[list[tuple[Path, int, int]], ReadObject] | None = None
+    _kept: tuple[_State, ReadObject] | None = None
+    _kind: tuple[_State, str] | None = None
+    _kept_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
 
     def load(self) -> vtkPointSet:
         """Read the file, once as long as it does not change.
@@ -79,11 +96,10 @@ class ObjectSource(Stage):
         if not self.file.is_file():
             self._kept = None
             read_blocks(self.file)  # says what is wrong
-        files = [self.file] if self.texture is None else [self.file, self.texture]
-        states = [(file, file.stat()) for file in files if file.is_file()]
-        key = [(file, state.st_mtime_ns, state.st_size) for file, state in states]
+        key = self._state()
         if self._kept is None or self._kept[0] != key:
             self._kept = key, read_object(self.file, self.texture)
+            self._kind = key, self._kept[1].data.GetClassName()
         return self._kept[1].data
 
     @property
@@ -92,11 +108,36 @@ class ObjectSource(Stage):
         self.load()
         return self._kept[1].picture if self._kept else None
 
+    def _state(self) -> _State:
+        files = [file for file in (self.file, self.texture) if file is not None and file.is_file()]
+        states = [(file, file.stat()) for file in files]
+        return tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
+
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Put the object in its place."""
-        data = self.load()
+        piece = self.piece
+        if piece.of > 1:
+            self._run_piece(output, piece)
+            return
+        self._place(self.load(), output)
         for note in self._kept[1].notes if self._kept else []:
             self.warn(note)
+
+    def _run_piece(self, output: vtkPointSet, piece: Piece) -> None:
+        """Keep of the object what is asked for, and let go of the rest."""
+        key = (*self.settings.values(), self._state(), piece)
+        if self._kept_piece is None or self._kept_piece[0] != key:
+            whole = self.load().NewInstance()
+            self._place(self.load(), whole)
+            part = _cut(whole, piece)
+            tell_bounds(part, whole.GetBounds())
+            for note in self._kept[1].notes if self._kept else []:
+                self.warn(note)
+            self._kept = None
+            self._kept_piece = key, part
+        output.ShallowCopy(self._kept_piece[1])
+
+    def _place(self, data: vtkPointSet, output: vtkPointSet) -> None:
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return
@@ -116,11 +157,27 @@ class ObjectSource(Stage):
     def _request_data_object(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
     ) -> None:
+        kind = "vtkPolyData"
         try:
-            data = self.load()
-        except Exception:
-            data = vtkPolyData()  # `run` meets the same error, where it can be told
+            if self.file is None or self._kind is None or self._kind[0] != self._state():
+                self.load()
+            if self._kind is not None:
+                kind = self._kind[1]
+        except Exception:  # `run` meets the same error, where it can be told
+            pass
         info = out_info.GetInformationObject(0)
         made = info.Get(vtkDataObject.DATA_OBJECT())
-        if made is None or made.GetClassName() != data.GetClassName():
-            info.Set(vtkDataObject.DATA_OBJECT(), data.NewInstance())
+        if made is None or made.GetClassName() != kind:
+            new = vtkPolyData() if kind == "vtkPolyData" else vtkUnstructuredGrid()
+            info.Set(vtkDataObject.DATA_OBJECT(), new)
+
+
+def _cut(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
+    """Return a piece of a mesh; what has no cells is not cut, and is the first's."""
+    if whole.GetNumberOfCells() == 0:
+        return whole if piece.number == 0 else whole.NewInstance()
+    is_surface = isinstance(whole, vtkPolyData)
+    cutter = vtkExtractPolyDataPiece() if is_surface else vtkExtractUnstructuredGridPiece()
+    cutter.SetInputData(whole)
+    cutter.UpdatePiece(*piece)
+    return cutter.GetOutput()

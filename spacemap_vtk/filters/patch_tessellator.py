@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     vtkCellArray,
+    vtkDataSetAttributes,
     vtkFieldData,
     vtkPointSet,
     vtkPolyData,
@@ -70,13 +71,17 @@ class PatchTessellator(Stage):
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
+        if self.piece.of > 1 and grid.GetNumberOfPoints() == 0:
+            return  # a process with nothing to do
         if isinstance(grid, vtkPolyData):
             output.ShallowCopy(grid)
+            self._drop_ghosts(output)
             return
         if not _only_patches(grid):
             if self._skin is None:
                 self._skin = Skin()
             self._skin.extract(grid, self.subdivisions, output)
+            self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
         rational = grid.GetPointData().GetRationalWeights()
@@ -94,6 +99,13 @@ class PatchTessellator(Stage):
         for array in _numeric_arrays(grid.GetCellData()):
             output.GetCellData().AddArray(prepared.cell_array(array))
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
+
+    def _drop_ghosts(self, output: vtkPolyData) -> None:
+        """Drop what was there to find the outer faces of a piece."""
+        if self.piece.of > 1 and self.piece.ghosts == 0:
+            output.RemoveGhostCells()
+            for data in (output.GetCellData(), output.GetPointData()):
+                data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
     def _prepared(self, grid: vtkUnstructuredGrid) -> _Prepared:
         if self._kept is None or not self._kept.serves(grid, self.subdivisions):

@@ -19,6 +19,7 @@ from spacemap_vtk.cage.split import mended
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.extent import bounds_of_whole
 from spacemap_vtk.filters.outline import edge_faults, envelope, outline
 from spacemap_vtk.filters.reading import merged, read_blocks
 from spacemap_vtk.filters.tetwild import filled
@@ -54,6 +55,7 @@ class TetraCage(Stage):
 
     section = "cage"
     inputs = ("vtkDataSet",)
+    replicated = True
 
     method = Choice(
         "lattice",
@@ -105,8 +107,18 @@ class TetraCage(Stage):
         if self.method == "file":
             self._from_file(output)
             return
-        if inputs[0].GetNumberOfPoints() == 0:
+        if inputs[0].GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
+        apart = self.piece.of > 1 and self._processes is None
+        if self.piece.of > 1 and (self.method == "tetwild" or (apart and self.method == "carved")):
+            # Asking for all of the object would give all of it to the other consumers as well.
+            raise InputError(
+                f"this cage follows the object's shape, and only piece {self.piece.number} of "
+                f"{self.piece.of} is here",
+                key="method",
+                value=self.method,
+                cure='Write the cage of the whole object to a file, and use method = "file".',
+            )
         if self.method == "tetwild":
             vertices, tetrahedra = self._wild(inputs[0])
         else:
@@ -120,7 +132,8 @@ class TetraCage(Stage):
 
     def _box(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         divisions = np.array(self.divisions)
-        bounds = np.array(padded_bounds(data.GetBounds(), self.padding)).reshape(3, 2)
+        whole = bounds_of_whole(data, self.piece, self._processes)
+        bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
         carved = self.method == "carved"
         if carved:  # room for the margin, in whole hexahedra
             step = (bounds[:, 1] - bounds[:, 0]) / divisions
@@ -136,9 +149,13 @@ class TetraCage(Stage):
         vertices, tetrahedra = lattice(bounds.ravel().tolist(), divisions.tolist())
         if not carved:
             return vertices, tetrahedra
-        points, triangles = outline(data)
-        spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
-        kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        kept = np.zeros(divisions[::-1], dtype=bool)
+        if data.GetNumberOfPoints():  # a process may have nothing to do
+            points, triangles = outline(data)
+            spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
+            kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        if self._processes is not None:
+            kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
         kept = grown(kept, self.margin, self.fill)
         sizes, loose = pieces(kept)
         if len(sizes) > 1:

@@ -11,15 +11,18 @@ from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructu
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
 from spacemap_vtk.fabric.as_wif import as_wif
+from spacemap_vtk.fabric.axes import ALL
 from spacemap_vtk.fabric.cloth import AXES, SECTIONS
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.draft_file import read_draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.settle import COLORS, Fabric, asked_crimp, settle, settled_measures
+from spacemap_vtk.fabric.share import share_of, whole_bounds
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
 from spacemap_vtk.filters.arrays import add_array, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.extent import tell_bounds
 from spacemap_vtk.filters.weave_parameters import Pattern, Series, YarnCount, repeat_of
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
@@ -49,6 +52,7 @@ class WeaveSource(Stage):
     """
 
     section = "weave"
+    seamless = True
 
     _settled: tuple[tuple[Any, ...], Fabric] | None = None
 
@@ -224,14 +228,14 @@ class WeaveSource(Stage):
         """
         # asked for at every frame, by whoever draws it
         stamp = self.draft.stat().st_mtime_ns if self.draft and self.draft.is_file() else 0
-        key = (*self.settings.values(), stamp)
+        key = (*self.settings.values(), stamp, self.piece.of)
         if self._settled is None or self._settled[0] != key:
             source, wishes = self.source, self.wishes
             picks, ends = (source if isinstance(source, Draft) else source.draft).drawdown.shape
             ends, picks = wishes.ends or ends, wishes.picks or picks
-            _require(ends, picks, weave.estimate_bytes(ends, picks, parts_per_gap=1))
+            self._require(ends, picks, weave.estimate_bytes(ends, picks, parts_per_gap=1))
             fabric = settle(source, wishes)
-            _require(ends, picks, weave.estimate_bytes(ends, picks, cloth=fabric.cloth))
+            self._require(ends, picks, weave.estimate_bytes(ends, picks, cloth=fabric.cloth))
             self._settled = key, fabric
         return self._settled[1]
 
@@ -308,7 +312,10 @@ class WeaveSource(Stage):
         fabric = self.fabric
         for text in fabric.warnings:
             self.warn(text)
-        made = weave.build(fabric.drawdown, fabric.cloth)
+        share = ALL
+        if self.piece.of > 1:
+            share = share_of(fabric.drawdown, fabric.cloth, self.piece.number, self.piece.of)
+        made = weave.build(fabric.drawdown, fabric.cloth, share)
         output.SetPoints(to_points(made.points))
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
         if made.weights is not None:
@@ -329,13 +336,17 @@ class WeaveSource(Stage):
             ):
                 add_array(output.GetFieldData(), f"{family}_{name}", np.array([float(value)]))
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
+        if self.piece.of > 1:
+            tell_bounds(output, whole_bounds(fabric.drawdown, fabric.cloth))
 
-
-def _require(ends: int, picks: int, size: int) -> None:
-    require(
-        size,
-        f"a weave of {ends} x {picks} yarns",
-        key="ends",
-        value=ends,
-        cure="Use fewer ends and picks.",
-    )
+    def _require(self, ends: int, picks: int, size: int) -> None:
+        # A piece has its share, and at most a yarn more.
+        pieces = min(self.piece.of, ends + picks)
+        require(
+            size // pieces,
+            f"a weave of {ends} x {picks} yarns"
+            + (f", each of its {pieces} pieces," if pieces > 1 else ""),
+            key="ends",
+            value=ends,
+            cure="Use fewer ends and picks.",
+        )

@@ -272,7 +272,8 @@ def _verified(stiffness: sp.csr_matrix, mass: sp.csr_matrix, modes: FloatArray) 
         raise SolverError(
             f"mode {worst} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
             f"{RESIDUAL:g}",
-            cure="Look for badly shaped tetrahedra in the cage, or ask for fewer modes",
+            cure="Look for badly shaped tetrahedra in the cage and for moduli many powers of ten "
+            "apart, or ask for fewer modes",
         )
     return eigenvalues
 

@@ -7,6 +7,7 @@ wheel, Pardiso brings MKL.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,6 +21,9 @@ from spacemap_vtk.modal.multifrontal import Analysis, Cholesky
 FloatArray = NDArray[np.float64]
 Solve = Callable[[FloatArray], FloatArray]
 Progress = Callable[[float], object]
+
+#: CHOLMOD's errors when memory is short, which are no MemoryError before scikit-sparse 0.5.
+_TOO_LARGE = ("CholmodOutOfMemoryError", "CholmodTooLargeError", "CholmodOverflowError")
 
 
 class Factors(NamedTuple):
@@ -68,12 +72,12 @@ def factorise(
             return Factors(library(matrix), library.__name__.strip("_"))
         except ImportError:
             continue
-        except MemoryError as error:
-            raise SizeError(
-                f"the factors of {matrix.shape[0]} degrees of freedom do not fit into memory",
-                cure="Use a coarser cage",
-            ) from error
         except Exception as error:  # each library has errors of its own
+            if isinstance(error, MemoryError) or type(error).__name__ in _TOO_LARGE:
+                raise SizeError(
+                    f"the factors of {matrix.shape[0]} degrees of freedom do not fit into memory",
+                    cure="Use a coarser cage",
+                ) from error
             raise SolverError(
                 f"the stiffness matrix cannot be factorised: {error}",
                 cure="Look for badly shaped tetrahedra in the cage",
@@ -82,9 +86,12 @@ def factorise(
 
 
 def _cholmod(matrix: sp.csr_matrix) -> Solve:
-    from sksparse.cholmod import cholesky
+    from sksparse import cholmod
 
-    factor = cholesky(matrix.tocsc(), ordering_method="metis")
+    if hasattr(cholmod, "cho_factor"):  # from scikit-sparse 0.5 on
+        return cholmod.cho_factor(matrix.tocsc(), lower=True, order="metis").solve
+    # Of a small matrix it would otherwise take an LDLᵀ, which indefinite ones have as well.
+    factor = cholmod.cholesky(matrix.tocsc(), ordering_method="metis", mode="supernodal")
     return lambda right: factor(right)
 
 
@@ -94,4 +101,10 @@ def _pardiso(matrix: sp.csr_matrix) -> Solve:
     solver = PyPardisoSolver(mtype=2)
     upper = sp.triu(matrix, format="csr")
     solver.factorize(upper)
-    return lambda right: solver.solve(upper, np.asfortranarray(right))
+
+    def solve(right: FloatArray) -> FloatArray:
+        return np.asarray(solver.solve(upper, np.asfortranarray(right)))
+
+    # MKL holds the factors, and Python's garbage collector knows nothing of them.
+    weakref.finalize(solve, solver.free_memory, everything=True)
+    return solve

@@ -26,6 +26,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Progress = Callable[[float], object]
 
+#: Columns that are eliminated at once where eigenvalues are counted: more than most fronts have,
+#: and few enough to hear of progress, and to be stopped, several times a second.
+PANEL = 384
+
 
 class Analysis:
     """The fronts of a sparse symmetric pattern.
@@ -206,7 +210,7 @@ def negative_eigenvalues(
     """Count the negative eigenvalues of a sparse symmetric matrix.
 
     By Sylvester's law of inertia they are those of the pivots, whatever congruence leads there.
-    Bunch and Kaufman's pivoting is confined to a front; no factors are kept.
+    Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
 
     Parameters
     ----------
@@ -228,21 +232,38 @@ def negative_eigenvalues(
         If a front is singular.
     """
     left: list[FloatArray | None] = [None] * len(analysis.runs)
-    count, share = 0, analysis.work
+    count, share = 0, np.append(0.0, analysis.work)
     for number, pivot, side, rest in analysis.assembled(matrix, left):
-        factors, swaps, solved, failed = lapack.dsysv(
-            pivot, side.T if len(side) else np.zeros((len(pivot), 1)), lower=1, overwrite_a=1
-        )
-        if failed:
-            raise SolverError("the eigenvalues cannot be counted at this shift")
-        # A block of two has one eigenvalue of either sign, or it would not have been chosen.
-        single = swaps >= 0
-        count += int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
-        if len(side):
-            left[number] = blas.dgemm(-1.0, side, solved, beta=1.0, c=rest, overwrite_c=1)
-        if progress is not None:
-            progress(float(share[number]))
+        before, after = share[number : number + 2]
+        for first in range(0, len(pivot), PANEL):
+            count += _eliminated(pivot[first:, first:], side[:, first:], rest)
+            if progress is not None:
+                done = min(1.0, (first + PANEL) / len(pivot))
+                progress(float(before + done * (after - before)))
+        left[number] = rest
     return count
+
+
+def _eliminated(pivot: FloatArray, side: FloatArray, rest: FloatArray) -> int:
+    """Eliminate the first panel of a front in place, and count its negative eigenvalues."""
+    size, whole = min(PANEL, len(pivot)), len(pivot) <= PANEL
+    below = side if whole else np.concatenate([pivot[size:, :size], side[:, :size]])
+    factors, swaps, solved, failed = lapack.dsysv(
+        pivot[:size, :size], below.T if len(below) else np.zeros((size, 1)), lower=1
+    )
+    if failed:
+        raise SolverError("the eigenvalues cannot be counted at this shift")
+    inside = len(pivot) - size
+    for first in range(0, inside, PANEL):
+        strip = slice(first, min(first + PANEL, inside))
+        change = below[first:] @ solved[:, strip]
+        pivot[size + first :, size:][:, strip] -= change[: inside - first]
+        side[:, size:][:, strip] -= change[inside - first :]
+    if len(side):
+        blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
+    # A block of two has one eigenvalue of either sign, or it would not have been chosen.
+    single = swaps >= 0
+    return int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
 
 
 def _divided(triangle: FloatArray, right: FloatArray, transposed: int) -> FloatArray:

@@ -97,6 +97,8 @@ class Piece:
         """
         if self._factors is None:
             matrix = self.stiffness + self.shift * self.mass
+            if progress is not None:
+                progress(0.0)  # it may have been stopped by now
             self._factors = factorise(matrix, lambda: self.analysis, progress)
         return self._factors
 

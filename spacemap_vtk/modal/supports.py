@@ -221,9 +221,8 @@ def _numbers(shape: str, inner: str) -> tuple[float, ...]:
 
 
 def _shortest(number: float) -> str:
-    """Return the shortest text that reads back as the number."""
-    short = f"{number:g}"
-    return short if float(short) == number else repr(number)
+    """Return a text that reads back as the number, but for what "0.1 um" leaves of rounding."""
+    return f"{number:.14g}"
 
 
 def _triple(values: NDArray[np.float64]) -> str:

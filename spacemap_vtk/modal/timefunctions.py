@@ -294,7 +294,10 @@ def _checked_table(
         raise InputError(
             f"{t.size} times and {v.size} values", key="values", allowed="one value for each time"
         )
-    if not (np.isfinite(t).all() and np.isfinite(v).all()) or t[0] < 0 or (np.diff(t) < 0).any():
+    for key, numbers in (("times", t), ("values", v)):
+        if not np.isfinite(numbers).all():
+            raise InputError(f"{key} that are no finite numbers", key=key, allowed="finite numbers")
+    if t[0] < 0 or (np.diff(t) < 0).any():
         raise InputError("the times descend", key="times", allowed="ascending times from 0 s on")
     return t, v
 

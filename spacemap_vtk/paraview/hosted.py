@@ -2,6 +2,7 @@
 
 ParaView calls no `update`, which would raise what went wrong. A hosted stage says it in the output
 window and hands on its last good output, so that a mistaken value leaves the picture as it was.
+Of several processes, which all know what went wrong in one of them, the first says it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 import spacemap_vtk
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.base import Cancelled, Stage
+from spacemap_vtk.filters.processes import is_first
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.properties import command, property_of
@@ -78,13 +80,15 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             self._last.ShallowCopy(output)
             new = [text for text in self._warnings if text not in self._said]
             self._said |= set(new)  # each once: an animation would repeat it with every frame
+            if self._processes is not None and not is_first():
+                new = []
             for text in new:
                 vtkOutputWindow.GetInstance().DisplayWarningText(f"{_name(self)}: {text}.\n")
         return done
 
     def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
         error, self._error = self._error, None
-        if not isinstance(error, Cancelled):
+        if not isinstance(error, Cancelled) and (is_first() or self._processes is None):
             say(self, error)
         if not request.Has(_REQUEST_DATA) or self._last is None:
             return 0
@@ -146,7 +150,8 @@ def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
         try:
             setattr(self, name, read(*values))
         except Exception as error:  # crossing VTK, it would be printed with a traceback
-            say(self, error)
+            if is_first():  # every process is given the same
+                say(self, error)
 
     return set_parameter
 

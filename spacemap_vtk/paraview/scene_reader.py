@@ -67,7 +67,7 @@ class SceneReader(Stage):
     def run(self, inputs: list[Any], output: vtkDataObject, time: float) -> None:
         """Run the scene's pipeline to `time`."""
         scene = self.scene
-        scene.update(time)
+        scene.update(time, self.piece)
         for text in scene.warnings:
             self.warn(text)
         data = {
@@ -76,6 +76,11 @@ class SceneReader(Stage):
             "cage": lambda: scene.deformed_cage,
         }[self.show]()
         output.ShallowCopy(data)
+
+    @property
+    def replicated(self) -> bool:  # type: ignore[override]
+        """A cage is whole in each piece."""
+        return bool(self.show == "cage")
 
     def _times(self) -> list[float]:
         if self.file is None:  # ParaView asks before it has set the file

@@ -19,10 +19,11 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.parameters import FilePath, Parameterised, suggestion
+from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.settings import Animation, View
 
@@ -198,22 +199,26 @@ class Scene:
             self.moves = True
             self._connect()
 
-    def update(self, time: float | None = None) -> None:
+    def update(self, time: float | None = None, piece: Piece | None = None) -> None:
         """Run what needs to be run for a time.
 
         Parameters
         ----------
         time : float, optional
             In s; by default the last one.
+        piece : Piece, optional
+            What part of the object; by default the last one, all of it at first.
 
         Raises
         ------
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
-        self.update_stage(self.surface, time)
+        self.update_stage(self.surface, time, piece)
 
-    def update_stage(self, stage: Stage, time: float | None = None) -> None:
+    def update_stage(
+        self, stage: Stage, time: float | None = None, piece: Piece | None = None
+    ) -> None:
         """Run the pipeline as far as one of its stages.
 
         Parameters
@@ -222,6 +227,8 @@ class Scene:
             One of `stages`.
         time : float, optional
             In s; by default the last one.
+        piece : Piece, optional
+            As for `update`.
 
         Raises
         ------
@@ -229,7 +236,7 @@ class Scene:
             If a stage refuses its input; the message names the scene's file.
         """
         with self._naming_file():
-            stage.update(time)
+            stage.update(time, piece)
         for run in self.stages:
             self._warnings |= dict.fromkeys(run.warnings)
 
@@ -239,8 +246,8 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, the damping
-            contradicts itself, or the animation has no frames.
+            If the draft cannot be read, the fabric is impossible or too large, the cage's material
+            is none, the damping contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
             if self.source is self.object:
@@ -248,6 +255,8 @@ class Scene:
                     self.object.load()
             else:
                 self._check_weave()
+            with _naming_section("modal"):
+                self.modal.constants(1.0)
             with _naming_section("response"):
                 _ = self.response.damping
             with _naming_section("animation"):
@@ -301,9 +310,7 @@ class Scene:
         folder = self.file.parent if self.file else Path()
         with _naming_section(section):
             for key, value in values.items():
-                if isinstance(part.parameter(key), FilePath) and isinstance(value, str) and value:
-                    value = folder / value
-                part.configure(**{key: value})
+                part.configure(**{key: part.parameter(key).within(value, folder)})
 
     def _part(self, section: str) -> Parameterised:
         if section not in SECTIONS:

@@ -1,0 +1,132 @@
+"""A cloth in pieces: which yarns each process makes, and what it knows of the others without them.
+
+A piece is a run of neighbouring yarns, the ends counted first, then the picks. Yarns share no
+control points, so that pieces need no layer of neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.fabric.axes import Share, checked
+from spacemap_vtk.fabric.axis import crossing_heights
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.section import section
+from spacemap_vtk.fabric.weave import build
+
+#: Crossings that are looked at in one go: some ten megabytes.
+_CROSSINGS = 20_000
+
+
+def share_of(drawdown: ArrayLike, cloth: Cloth, piece: int, pieces: int) -> Share:
+    """Return the yarns of a piece: all pieces are about the same work.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        First pick and first end first; True: the end lies over the pick.
+    cloth : Cloth
+        Its measures.
+    piece, pieces : int
+        Number of the piece, from 0, and of how many. Each yarn belongs to one piece; the first
+        piece is never empty, others are where there are more pieces than yarns.
+
+    Returns
+    -------
+    Share
+        Slices.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> share_of([[1, 0, 1], [0, 1, 0], [1, 0, 1]], cloth, 1, 3)
+    Share(ends=slice(2, 3, None), picks=slice(0, 1, None))
+    """
+    over = checked(drawdown, cloth)
+    parts = np.concatenate([_parts(over.T, cloth, "warp"), _parts(over, cloth, "weft")])
+    middle = np.cumsum(parts) - 0.5 * parts
+    owner = np.floor(pieces * middle / parts.sum())
+    owner -= owner[0]
+    start, stop = np.searchsorted(owner, [piece, piece + 1]).tolist()
+    ends = over.shape[1]
+    return Share(
+        slice(min(start, ends), min(stop, ends)),
+        slice(max(start - ends, 0), max(stop - ends, 0)),
+    )
+
+
+def whole_bounds(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.float64]:
+    """Return the bounds of all control points of a cloth, from a few of its yarns.
+
+    Peirce's axes are highest and lowest at crossings, so that the yarns which are the highest, the
+    lowest and the outermost there bound the cloth. A spline swings over between crossings: of each
+    course that occurs, one yarn is built.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        First pick and first end first; True: the end lies over the pick.
+    cloth : Cloth
+        Its measures.
+
+    Returns
+    -------
+    (6,) float64
+        Least and largest x, y and z, in m, as VTK orders them.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> whole_bounds([[1, 0], [0, 1]], cloth).round(9).tolist()
+    [-0.2, 0.2, -0.2, 0.2, -0.1, 0.1]
+    """
+    over = checked(drawdown, cloth)
+    ends = _telling(over.T, cloth, "warp", cloth.share)
+    picks = _telling(~over, cloth, "weft", 1.0 - cloth.share)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    nothing = np.empty(0, dtype=np.int64)
+    for across, chosen in ((over.shape[0], ends), (over.shape[1], picks)):
+        step = max(_CROSSINGS // across, 1)
+        for first in range(0, len(chosen), step):
+            some = chosen[first : first + step]
+            share = Share(some, nothing) if chosen is ends else Share(nothing, some)
+            points = build(over, cloth, share).points
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return np.stack([low, high], axis=1).ravel()
+
+
+def _parts(upper: NDArray[np.bool_], cloth: Cloth, family: str) -> NDArray[np.float64]:
+    """Return about how many patches each yarn has."""
+    yarns = cloth.yarns(family, len(upper))
+    ring = section(yarns.section, yarns.aspect, cloth.exact).size
+    gaps = upper.shape[1] + 1
+    if cloth.axis == "spline":
+        return np.full(len(upper), float(ring * gaps))
+    changes = np.count_nonzero(upper[:, 1:] != upper[:, :-1], axis=1)
+    return ring * (gaps + (cloth.parts_per_gap - 1.0) * changes)
+
+
+def _telling(
+    upper: NDArray[np.bool_], cloth: Cloth, family: str, share: float
+) -> NDArray[np.int64]:
+    """Return the numbers of the yarns that bound a family."""
+    own = cloth.yarns(family, len(upper))
+    crossed = cloth.yarns("weft" if family == "warp" else "warp", upper.shape[1])
+    radius = 0.5 * own.diameter
+    wide = own.aspect * radius
+    telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
+    if cloth.axis == "spline":
+        course = np.column_stack(
+            [np.packbits(upper, axis=1), own.diameter.view(np.uint8).reshape(len(upper), -1)]
+        )
+        telling |= set(np.unique(course, axis=0, return_index=True)[1].tolist())
+        return np.array(sorted(telling))
+    top, bottom = np.empty(len(upper)), np.empty(len(upper))
+    step = max(_CROSSINGS // upper.shape[1], 1)
+    for first in range(0, len(upper), step):
+        some = slice(first, first + step)
+        _, height = crossing_heights(upper[some], own.chosen(some), crossed, share)
+        top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
+    telling |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
+    return np.array(sorted(telling))

@@ -1,0 +1,78 @@
+"""The bounds of a whole data set of which a process has a piece only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataSet
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.filters.arrays import add_array
+from spacemap_vtk.filters.processes import Piece, Processes
+
+_NAME = "bounds_of_piece_and_whole"
+
+
+def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
+    """Write into a piece what the bounds of the whole are.
+
+    Parameters
+    ----------
+    data : vtkDataSet
+        The piece; it gets a field array. The piece's own bounds are written beside, by which
+        `bounds_of_whole` sees whether a filter in between has moved or cut it.
+    whole : array_like of float, shape (6,)
+        In m, in VTK's order.
+    """
+    add_array(data.GetFieldData(), _NAME, np.array([data.GetBounds(), whole]))
+
+
+def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None) -> Sequence[float]:
+    """Return the bounds of a data set of which this is a piece.
+
+    Parameters
+    ----------
+    data : vtkDataSet
+        The piece.
+    piece : Piece
+        Which.
+    processes : Processes, optional
+        Those that have the other pieces.
+
+    Returns
+    -------
+    sequence of float, shape (6,)
+        The same for every piece: what the source has told, or, where it has told nothing or its
+        pieces have changed since, what all processes have.
+
+    Raises
+    ------
+    GeometryError
+        If there is no point, or only one process with a piece whose whole it does not know.
+    """
+    own = data.GetBounds()
+    if piece.of == 1:
+        return own
+    told = data.GetFieldData().GetArray(_NAME)
+    rows = None if told is None else vtk_to_numpy(told).reshape(2, 6)
+    trusted = rows is not None and bool(np.array_equal(rows[0], own))
+    if processes is not None:
+        sign = np.tile([-1.0, 1.0], 3)
+        mine = sign * own if data.GetNumberOfPoints() else np.full(6, -np.inf)
+        doubt, *largest = processes.largest([not trusted, *mine])
+        if doubt:
+            if not np.isfinite(largest).all():
+                raise GeometryError("there is nothing to enclose: the input has no points")
+            return (sign * largest).tolist()
+    elif not trusted:
+        raise GeometryError(
+            f"of the input only piece {piece.number} of {piece.of} is here, and how far the rest "
+            "reaches is not known",
+            cure="Ask for all of it, or run as many processes as there are pieces.",
+        )
+    assert rows is not None
+    result: list[float] = rows[1].tolist()
+    return result

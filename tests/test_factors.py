@@ -1,0 +1,100 @@
+"""The libraries that factorise in place of our own, where they are installed, against it."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import psutil
+import pytest
+import scipy.sparse as sp
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import SizeError, SolverError
+from spacemap_vtk.modal import factors
+from spacemap_vtk.modal.eigen import solve_modes
+from spacemap_vtk.modal.elasticity import stiffness_and_mass
+from spacemap_vtk.modal.factors import factorise
+from spacemap_vtk.modal.materials import isotropic
+from spacemap_vtk.modal.multifrontal import Analysis
+
+#: Package of each library, and the function that uses it.
+LIBRARIES = {"cholmod": "sksparse", "pardiso": "pypardiso", "multifrontal": "numpy"}
+
+
+def absent(matrix):
+    raise ImportError
+
+
+@pytest.fixture(params=LIBRARIES)
+def library(request, monkeypatch):
+    """Let one library alone be installed."""
+    pytest.importorskip(LIBRARIES[request.param], reason=f"{request.param} is not installed")
+    for name in ("cholmod", "pardiso"):
+        if name != request.param:
+            monkeypatch.setattr(factors, f"_{name}", absent)
+    return request.param
+
+
+def pencil(divisions):
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, 1), divisions)
+    K, M = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
+    return K, M, np.repeat(points[:, 1] < 1, 3)
+
+
+@pytest.mark.parametrize("columns", [1, 8])
+def test_it_solves(library, columns):
+    K, M, free = pencil((7, 6, 5))
+    A = (K + 100 * M).tocsr()[free][:, free]
+    vertices = np.flatnonzero(free) // 3
+    right = np.random.default_rng(0).standard_normal((A.shape[0], columns))
+    made = factorise(A, lambda: Analysis(A, vertices))
+    assert made.library == library
+    for _ in range(2):
+        solved = made.solve(right.copy())
+        assert solved.shape == right.shape
+        assert abs(A @ solved - right).max() <= 1e-9 * abs(right).max()
+
+
+def test_modes_are_the_same(library, monkeypatch):
+    K, M, free = pencil((8, 8, 8))
+    found, shapes = solve_modes(K, M, free, 10)
+    monkeypatch.setattr(factors, "_cholmod", absent)
+    monkeypatch.setattr(factors, "_pardiso", absent)
+    np.testing.assert_allclose(found, solve_modes(K, M, free, 10)[0], rtol=1e-9)
+    flat = shapes.reshape(10, -1)
+    np.testing.assert_allclose(flat @ (M @ flat.T), np.eye(10), atol=1e-10)
+
+
+def test_what_is_not_positive_definite_is_refused(library):
+    bad = sp.csr_matrix(np.diag([1.0, -1.0, 2.0]))
+    with pytest.raises(SolverError):
+        factorise(bad, lambda: Analysis(bad, np.arange(3)))
+
+
+def test_short_memory_is_a_matter_of_size(monkeypatch):
+    class CholmodTooLargeError(Exception):
+        """As scikit-sparse 0.4 has it."""
+
+    def full(matrix):
+        raise CholmodTooLargeError
+
+    monkeypatch.setattr(factors, "_cholmod", full)
+    with pytest.raises(SizeError, match="2 degrees of freedom do not fit"):
+        factorise(sp.identity(2, format="csr"), lambda: None)
+
+
+def test_memory_is_given_back(library):
+    """Five factorisations of some 30 MB each leave no two behind."""
+    if library == "multifrontal":
+        pytest.skip("its memory is numpy's")
+    K, M, free = pencil((16, 16, 16))
+    A = (K + 100 * M).tocsr()[free][:, free]
+    analysis = Analysis(A, np.flatnonzero(free) // 3)
+    factorise(A, lambda: analysis)
+    gc.collect()
+    before = psutil.Process().memory_info().rss
+    for _ in range(5):
+        factorise(A, lambda: analysis)
+    gc.collect()
+    assert psutil.Process().memory_info().rss - before < 60e6

@@ -1,0 +1,192 @@
+"""Pieces in one process: every stage makes its part of the whole, and knows the whole's bounds."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonTransforms import vtkTransform
+from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+from weaves import woven
+
+from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource
+from spacemap_vtk.errors import GeometryError, InputError, SizeError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.share import share_of, whole_bounds
+from spacemap_vtk.fabric.weave import build
+from spacemap_vtk.filters.processes import Piece
+from spacemap_vtk.scenes.scene import Scene
+
+sys.path.insert(0, str(Path(__file__).parent / "mpi"))
+from cases import connected, surface
+
+MOVED = 0.05
+
+
+@settings(max_examples=30, deadline=None)
+@given(made=woven(), pieces=st.integers(1, 12))
+def test_pieces_of_any_cloth_are_its_yarns_in_their_places(
+    made: tuple[np.ndarray, Cloth], pieces: int
+) -> None:
+    over, cloth = made
+    whole = build(over, cloth)
+    expected = np.stack([whole.points.min(axis=0), whole.points.max(axis=0)], axis=1).ravel()
+    np.testing.assert_array_equal(whole_bounds(over, cloth), expected)
+    seen: list[int] = []
+    for number in range(pieces):
+        part = build(over, cloth, share_of(over, cloth, number, pieces))
+        assert number > 0 or len(part.patches)
+        seen += np.unique(part.yarn).tolist()
+        for yarn in np.unique(part.yarn):
+            mine, theirs = part.yarn == yarn, whole.yarn == yarn
+            np.testing.assert_array_equal(
+                part.points[part.patches[mine]], whole.points[whole.patches[theirs]]
+            )
+            assert part.family[mine][0] == whole.family[theirs][0]
+    assert seen == list(range(sum(over.shape)))  # each yarn once, in order
+
+
+@pytest.mark.parametrize("pattern", ["plain", "satin 8/3"])
+@pytest.mark.parametrize("pieces", [2, 3, 7])
+def test_pieces_are_the_same_work(pattern: str, pieces: int) -> None:
+    weave = WeaveSource(pattern=pattern, ends=60, picks=40)
+    counts = []
+    for number in range(pieces):
+        weave.update(piece=Piece(number, pieces))
+        counts.append(weave.GetOutputDataObject(0).GetNumberOfCells())
+    weave.update(piece=Piece())
+    whole = weave.GetOutputDataObject(0).GetNumberOfCells()
+    assert sum(counts) == whole
+    yarn = 1.5 * whole / 100
+    assert max(counts) - min(counts) <= 0.02 * whole / pieces + 2 * yarn
+
+
+@pytest.mark.parametrize("pieces", [2, 3, 11])
+@pytest.mark.parametrize("spline", [False, True])
+def test_one_process_can_go_through_the_pieces(pieces: int, spline: bool) -> None:
+    case = {"source": {"ends": 4, "picks": 3, "axis": "spline" if spline else "arcs"}}
+    serial, stages = connected(**case), connected(**case)
+    serial[-1].update(MOVED)
+    expected = surface(serial[-1].GetOutputDataObject(0))
+    rows = np.argsort(expected["yarn"], kind="stable")
+    found = []
+    for number in range(pieces):
+        stages[-1].update(MOVED, Piece(number, pieces))
+        found.append(surface(stages[-1].GetOutputDataObject(0)))
+        for cage in stages[1:4]:
+            ghosts = cage.GetOutputDataObject(0).GetCellData().GetArray("vtkGhostType")
+            assert set(vtk_to_numpy(ghosts)) == {int(number > 0)}
+    for name, values in expected.items():
+        joined = np.concatenate([piece[name] for piece in found if piece])
+        order = np.argsort(
+            np.concatenate([piece["yarn"] for piece in found if piece]), kind="stable"
+        )
+        np.testing.assert_allclose(joined[order], values[rows], rtol=0, atol=1e-9)
+
+
+def test_one_piece_has_nothing_that_the_whole_has_not() -> None:
+    stages = connected({"ends": 3, "picks": 3})
+    stages[-1].update(MOVED)
+    for stage in stages:
+        data = stage.GetOutputDataObject(0)
+        assert not data.GetCellData().HasArray("vtkGhostType")
+        assert not data.GetFieldData().HasArray("bounds_of_piece_and_whole")
+    before = surface(stages[-1].GetOutputDataObject(0))
+    stages[-1].update(MOVED, Piece(0, 1))
+    after = surface(stages[-1].GetOutputDataObject(0))
+    assert [stage.executions for stage in stages] == [1] * 6
+    for name, values in before.items():
+        np.testing.assert_array_equal(after[name], values)
+
+
+def test_stage_by_stage_nothing_runs_twice() -> None:
+    stages = connected({"ends": 4, "picks": 4})
+    for stage in stages:
+        stage.update(MOVED, Piece(1, 3))
+    assert [stage.executions for stage in stages] == [1] * 6
+
+
+def test_ghost_levels_add_nothing_to_yarns() -> None:
+    # yarns share no points, so that none is a neighbour
+    weave = WeaveSource(ends=4, picks=4)
+    weave.update(piece=Piece(1, 2))
+    points = weave.GetOutputDataObject(0).GetNumberOfPoints()
+    weave.update(piece=Piece(1, 2, 2))
+    assert weave.GetOutputDataObject(0).GetNumberOfPoints() == points
+
+
+@pytest.mark.parametrize("kind", ["ball.vtp", "block.vtu"])
+def test_pieces_of_an_object(kind: str, tmp_path: Path) -> None:
+    mesh = pv.Sphere() if kind == "ball.vtp" else pv.ImageData(dimensions=(5, 4, 6))
+    if kind == "block.vtu":
+        mesh = mesh.cast_to_unstructured_grid()
+    mesh.cell_data["part"] = np.arange(mesh.n_cells)
+    mesh.save(tmp_path / kind)
+    source = ObjectSource(file=tmp_path / kind, scale=0.01)
+    parts, with_ghosts = [], []
+    for number in range(3):
+        source.update(piece=Piece(number, 3))
+        parts += vtk_to_numpy(source.GetOutputDataObject(0).GetCellData().GetArray("part")).tolist()
+        source.update(piece=Piece(number, 3, 1))
+        data = source.GetOutputDataObject(0).GetCellData()
+        owned = vtk_to_numpy(data.GetArray("vtkGhostType")) == 0
+        assert not owned.all()
+        with_ghosts += vtk_to_numpy(data.GetArray("part"))[owned].tolist()
+    assert sorted(parts) == sorted(with_ghosts) == list(range(mesh.n_cells))
+
+
+def test_a_piece_that_was_moved_is_not_taken_for_the_whole() -> None:
+    weave, cage = WeaveSource(ends=4, picks=4), TetraCage()
+    shift = vtkTransform()
+    shift.Translate(1.0, 0.0, 0.0)
+    mover = vtkTransformFilter()
+    mover.SetTransform(shift)
+    mover.SetInputConnection(weave.GetOutputPort())
+    cage.SetInputConnection(mover.GetOutputPort())
+    cage.update(piece=Piece(0, 1))
+    with pytest.raises(GeometryError, match="only piece 1 of 3 is here"):
+        cage.update(piece=Piece(1, 3))
+
+
+def test_a_cage_that_follows_the_shape_needs_all_of_it() -> None:
+    weave, cage = WeaveSource(ends=4, picks=4), TetraCage(method="carved")
+    cage.SetInputConnection(weave.GetOutputPort())
+    with pytest.raises(InputError, match="only piece 0 of 2 is here"):
+        cage.update(piece=Piece(0, 2))
+
+
+def test_a_cage_out_of_another_reader_is_asked_for_whole(tmp_path: Path) -> None:
+    scene = Scene({"weave": {"ends": 3, "picks": 3}, "response": {}})
+    scene.update(MOVED)
+    grid = pv.wrap(scene.deformed_cage).copy()
+    grid.save(tmp_path / "cage.vtu")
+    reader, weave, warp = vtkXMLUnstructuredGridReader(), WeaveSource(ends=3, picks=3), None
+    reader.SetFileName(str(tmp_path / "cage.vtu"))
+    warp = BarycentricWarp()
+    warp.SetInputConnection(0, weave.GetOutputPort())
+    warp.SetInputConnection(1, reader.GetOutputPort())
+    points = []
+    for number in range(4):
+        warp.update(piece=Piece(number, 4))
+        points.append(vtk_to_numpy(warp.GetOutputDataObject(0).GetPoints().GetData()).copy())
+    found, expected = np.concatenate(points), pv.wrap(scene.patches).points
+    order = [np.lexsort(np.round(p, 9).T) for p in (found, expected)]
+    np.testing.assert_allclose(found[order[0]], expected[order[1]], atol=1e-9)
+
+
+def test_a_cloth_too_large_for_one_may_be_made_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 10_000_000)
+    weave = WeaveSource(ends=50, picks=50)
+    with pytest.raises(SizeError):
+        weave.update()
+    with pytest.raises(SizeError, match="each of its 2 pieces"):
+        weave.update(piece=Piece(0, 2))
+    weave.update(piece=Piece(3, 10))
+    assert weave.GetOutputDataObject(0).GetNumberOfCells()
