@@ -3,8 +3,10 @@
     python benchmarks/locate.py
 
 Random points inside. The search structure of a general mesh is made once for each mesh, so its time
-stands apart; vtkProbeFilter makes its own within its run and also interpolates one array. libigl
-(in_element) is measured where it is installed.
+stands apart, and the next column has both together; vtkProbeFilter makes its own within its run and
+also interpolates one array. libigl (in_element) and the volume mesh deformer of pytexgen (TexGen),
+which tries one tetrahedron after the other, are measured where they are installed, with
+"pip install libigl pytexgen".
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.arrays import add_array, to_cells, to_points
 
 POINTS, FEW = 4_000_000, 200_000
+#: Cross-sections of a yarn, and points on each.
+YARN = 20, 20
 
 
 def seconds(run: Callable[[], object], repeats: int = 2) -> float:
@@ -58,6 +62,41 @@ def libigl(points: np.ndarray, vertices: np.ndarray, tetrahedra: np.ndarray) -> 
     return len(points) / seconds(lambda: igl.in_element(vertices, tetrahedra, points, tree), 1)
 
 
+def texgen(vertices: np.ndarray, tetrahedra: np.ndarray) -> float | None:
+    """Return the points per second of TexGen's deformer, if it is installed.
+
+    It moves yarns alone: so one goes through the mesh, and the points of its sections count.
+    """
+    if importlib.util.find_spec("pytexgen") is None:
+        return None
+    import pytexgen.Core as core  # type: ignore[import-not-found]
+
+    mesh, moves, deformer = core.CMesh(), core.XYZVector(), core.CTextileDeformerVolumeMesh()
+    for vertex in vertices.tolist():
+        mesh.AddNode(core.XYZ(*vertex))
+        moves.append(core.XYZ(*vertex))
+    for corners in tetrahedra.tolist():
+        mesh.AddElement(core.CMesh.TET, corners)
+    deformer.SetYarnMeshDisplacements(0, mesh, moves)
+    yarn, textile = core.CYarn(), core.CTextile()
+    for x in (0.1, 0.9):
+        yarn.AddNode(core.CNode(core.XYZ(x, 0.5, 0.5)))
+    yarn.AssignInterpolation(core.CInterpolationCubic(False))
+    yarn.AssignSection(core.CYarnSectionConstant(core.CSectionEllipse(0.5, 0.3)))
+    yarn.SetResolution(*YARN)
+    textile.AddYarn(yarn)
+    textile.AssignDomain(core.CDomainPlanes(core.XYZ(0, 0, 0), core.XYZ(1, 1, 1)))
+    core.CTexGen.GetInstance().SetMessages(False)
+    elapsed = seconds(lambda: deformer.DeformTextile(textile), 1)
+    surface = core.CMesh()
+    textile.GetYarn(0).AddSurfaceToMesh(surface)
+    count = surface.GetNumNodes()
+    farthest = max(surface.GetNode(i).x for i in range(count))
+    if abs(farthest - 1.8) > 1e-6:
+        raise RuntimeError("TexGen has not moved the yarn as it should")
+    return count / elapsed
+
+
 def main() -> None:
     """Print the table."""
     rng = np.random.default_rng(0)
@@ -65,19 +104,23 @@ def main() -> None:
     coarse, fine = lattice((0, 1, 0, 1, 0, 1), (5, 5, 1)), lattice((0, 1, 0, 1, 0, 1), (28, 28, 26))
     vertices = rng.random((15_500, 3))
     general = vertices, Delaunay(vertices).simplices.astype(np.int64)
-    print(
-        f"{'mesh':<22}{'tetrahedra':>11}{'set-up':>9}{'points/s':>11}{'vtkProbe':>11}{'libigl':>11}"
-    )
+    heads = ("tetrahedra", "set-up", "points/s", "with set-up", "vtkProbe", "libigl", "TexGen")
+    print(f"{'mesh':<12}" + "".join(f"{head:>13}" for head in heads))
     for name, mesh in (("the paper's", coarse), ("lattice", fine), ("Delaunay", general)):
         # inside the hull of the Delaunay mesh
         inside = 0.03 + 0.94 * points if mesh is general else points
         setup = seconds(lambda mesh=mesh, some=inside[:1]: locate(some, *mesh))
-        rate = POINTS / (seconds(lambda mesh=mesh, all_=inside: locate(all_, *mesh)) - setup)
-        theirs = probe(inside[:FEW], *mesh)
-        other = libigl(inside[:FEW], *mesh)
+        whole = seconds(lambda mesh=mesh, all_=inside: locate(all_, *mesh))
+        rates = [
+            POINTS / (whole - setup),
+            POINTS / whole,
+            probe(inside[:FEW], *mesh),
+            libigl(inside[:FEW], *mesh),
+            texgen(*mesh),
+        ]
+        told = (f"{rate:.3g}" if rate else "absent" for rate in rates)
         print(
-            f"{name:<22}{len(mesh[1]):>11}{setup:>8.2f}s{rate:>11.3g}{theirs:>11.3g}"
-            + (f"{other:>11.3g}" if other else f"{'-':>11}")
+            f"{name:<12}{len(mesh[1]):>13}{setup:>12.2f}s" + "".join(f"{text:>13}" for text in told)
         )
 
 

@@ -51,7 +51,8 @@ for name, smooth in (("affine", False), ("smooth", True)):
     else:
         plain_rod, plain_error = moved, error
 assert smooth_error < 0.5 * plain_error
-assert kinks["smooth"] < 0.25 * kinks["affine"]
+# what is left is the bend between two samples: there is no kink
+assert kinks["smooth"] < 0.01 * kinks["affine"]
 
 if len(sys.argv) > 1:
     prepare_offscreen()

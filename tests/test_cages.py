@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import spacemap_vtk.accessor  # noqa: F401
 from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
 from spacemap_vtk.cage import split
 from spacemap_vtk.cage.carve import touched
+from spacemap_vtk.cage.split_quadratic import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE
 from spacemap_vtk.embedding.lattice import recognise
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError, InputError
@@ -141,7 +143,7 @@ def test_the_outside_is_told_with_count_and_distance() -> None:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(tetwild.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
@@ -164,14 +166,24 @@ def test_a_surface_is_filled_once(cache: Path) -> None:
     assert check_mesh(third.points, tetrahedra_of(third)) == pytest.approx(2.0, rel=0.02)
 
 
-def test_the_cache_is_bounded(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh = np.random.default_rng(0).random((2000, 3)), np.zeros((1, 4), dtype=np.int64)
-    monkeypatch.setattr(tetwild, "CACHE_BYTES", 150_000)
-    for number in range(6):
-        tetwild._write(cache / f"{number}.npz", mesh)
-    kept = list(cache.glob("*"))
-    assert 1 <= len(kept) < 6
-    assert sum(file.stat().st_size for file in kept) <= 150_000
+def test_nothing_is_left_where_the_user_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither fTetWild's own file, nor, where the cache is off, anything of ours."""
+    pytest.importorskip("pytetwild")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SPACEMAP_CACHE", "off")
+    part = pv.Cube().triangulate()
+    meshes = [cage_of(part, method="tetwild", edge_length=0.6)[1] for _ in range(2)]
+    assert all(mesh.n_cells for mesh in meshes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pytetwild")
+    monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")
+    with pytest.raises(GeometryError, match=r"its process ended with -6.*envelope"):
+        cage_of(pv.Cube().triangulate(), method="tetwild", edge_length=0.6)
 
 
 def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
@@ -274,31 +286,108 @@ def test_split_cells_conform_and_fill_the_box(kind: str, seed: int) -> None:
     assert volume.notes == []
 
 
-def test_quadratic_tetrahedra_become_eight() -> None:
-    linear = tetrahedra_of(cage_of(pv.Cube(), divisions=(2, 2, 2))[1])
-    points = np.array(cage_of(pv.Cube(), divisions=(2, 2, 2))[1].points)
-    edges = linear[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]
-    unique, numbers = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
-    cells = np.concatenate((linear, numbers.reshape(-1, 6) + len(points)), axis=1)
-    points = np.concatenate((points, points[unique].mean(axis=1)))
-    volume = tetrahedral(pv.UnstructuredGrid({pv.CellType.QUADRATIC_TETRA: cells}, points), "it")
+def with_middles(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
+    """The same cells with a node in the middle of each edge, shared by those that meet there."""
+    curved = {10: (24, TETRAHEDRON), 12: (25, HEXAHEDRON), 13: (26, WEDGE), 14: (27, PYRAMID)}
+    number: dict[frozenset[int], int] = {}
+    points, cells, kinds = list(grid.points), [], []
+    for kind, table in grid.cells_dict.items():
+        made, shape = curved[kind]
+        for corners in table.tolist():
+            nodes = list(corners)
+            for one, two in shape.edges:
+                ends = frozenset((corners[one], corners[two]))
+                if ends not in number:
+                    number[ends] = len(points)
+                    points.append(grid.points[list(ends)].mean(axis=0))
+                nodes.append(number[ends])
+            cells += [len(nodes), *nodes]
+            kinds.append(made)
+    return pv.UnstructuredGrid(cells, kinds, np.array(points, dtype=float))
+
+
+def mixed_box() -> pv.UnstructuredGrid:
+    """Hexahedra, wedges and pyramids that share faces."""
+    corners = box_of("hexahedron").cells.reshape(-1, 9)[:, 1:]
+    grid = box_of("pyramid")
+    cells: list[int] = []
+    kinds: list[int] = []
+    for i, nodes in enumerate(corners.tolist()):
+        if i % 3 == 0:
+            cells += [8, *nodes]
+            kinds.append(12)
+        elif i % 3 == 1:
+            for half in ([0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]):
+                cells += [6, *(nodes[k] for k in half)]
+                kinds.append(13)
+        else:
+            for pyramid in grid.cells_dict[14][6 * i : 6 * i + 6].tolist():
+                cells += [5, *pyramid]
+                kinds.append(14)
+    return pv.UnstructuredGrid(cells, kinds, grid.points).clean()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", ["tetrahedron", "hexahedron", "wedge", "pyramid", "mixed"])
+def test_quadratic_cells_are_split_at_their_middles(kind: str, seed: int) -> None:
+    linear = mixed_box() if kind == "mixed" else box_of(kind) if kind != "tetrahedron" else None
+    if linear is None:
+        linear = pv.wrap(tetrahedral(box_of("hexahedron"), "it").grid)
+    grid = scrambled(with_middles(linear), seed)
+    volume = tetrahedral(grid, "it")
     made = pv.wrap(volume.grid)
-    assert made.n_cells == 8 * len(linear)
+    np.testing.assert_array_equal(made.points, grid.points)  # all of them, by their numbers
+    tetrahedra = tetrahedra_of(made)
+    assert check_mesh(made.points, tetrahedra) == pytest.approx(12.0, rel=1e-12)
+    assert boundary_area(made.points, tetrahedra) == pytest.approx(2 * (6 + 6 + 4), rel=1e-12)
+    assert volume.notes == []
+    per_cell = {"tetrahedron": 8, "hexahedron": 22}
+    if kind in per_cell:
+        assert made.n_cells == per_cell[kind] * grid.n_cells
+
+
+@pytest.mark.parametrize("shape", ["QuadraticWedge", "QuadraticPyramid", "QuadraticHexahedron"])
+def test_vtk_numbers_the_middles_so(shape: str) -> None:
+    grid = getattr(pv.examples.cells, shape)()
+    kind = {"QuadraticWedge": WEDGE, "QuadraticPyramid": PYRAMID}.get(shape, HEXAHEDRON)
+    corners = kind.nodes - len(kind.edges)
+    cell = grid.GetCell(0)
+    found = [
+        [cell.GetEdge(i).GetPointId(k) for k in range(3)] for i in range(cell.GetNumberOfEdges())
+    ]
+    assert {(frozenset(edge[:2]), edge[2]) for edge in found} == {
+        (frozenset(edge), corners + i) for i, edge in enumerate(kind.edges)
+    }
+
+
+def test_a_hexahedron_of_27_nodes_becomes_eight() -> None:
+    grid = pv.examples.cells.TriQuadraticHexahedron()
+    made = pv.wrap(tetrahedral(grid, "it").grid)
+    np.testing.assert_array_equal(made.points, grid.points)
+    assert made.n_cells == 48
     assert check_mesh(made.points, tetrahedra_of(made)) == pytest.approx(1.0, rel=1e-12)
     assert boundary_area(made.points, tetrahedra_of(made)) == pytest.approx(6.0, rel=1e-12)
 
 
-def test_of_other_curved_cells_the_corners_are_used() -> None:
-    grid = pv.examples.cells.QuadraticHexahedron()
-    grid["number"] = np.arange(20)
+def test_displacements_in_the_middles_of_edges_count() -> None:
+    """A bar of two cells that bends: corners alone would miss the arc between them."""
+    grid = with_middles(box_of("hexahedron"))
+    sag = np.zeros_like(grid.points)
+    sag[:, 2] = 0.1 * grid.points[:, 0] ** 2
+    probe = pv.PolyData(np.array([[0.5, 1.0, 1.0], [1.5, 1.0, 1.0], [2.5, 2.0, 1.0]]))
+    moved = probe.spacemap.deform(grid, sag, outside="error")
+    np.testing.assert_allclose(moved["displacement"][:, 2], [0.025, 0.225, 0.625], atol=1e-6)
+
+
+def test_beside_linear_cells_the_corners_are_used() -> None:
+    quadratic = pv.examples.cells.QuadraticHexahedron()
+    grid = quadratic.merge(pv.examples.cells.Hexahedron().translate((5, 0, 0)))
+    grid["number"] = np.arange(28)
     volume = tetrahedral(grid, "it")
     made = pv.wrap(volume.grid)
-    assert (made.n_points, made.n_cells) == (8, 6)
+    assert (made.n_points, made.n_cells) == (16, 12)
     np.testing.assert_array_equal(made["number"], made["original_point"])
     assert "12 points of no tetrahedron were left out" in volume.notes[0]
-
-
-# --- files and faults --------------------------------------------------------------------------
 
 
 def test_a_cage_from_a_file(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import pyvista as pv
 import scipy.sparse.linalg as sla
 from skfem import Basis, BilinearForm, ElementTetP2, ElementVector, MeshTet
 from skfem.helpers import dot
@@ -19,6 +20,7 @@ from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.quadratic import quadratic_weights
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.filters.arrays import add_array
 from spacemap_vtk.modal.eigen import solve_modes
 from spacemap_vtk.modal.elasticity import (
     assemble,
@@ -193,3 +195,30 @@ def test_any_quadratic_mesh_can_carry():
     rest = vtk_to_numpy(sphere.GetOutput().GetPoints().GetData())
     moved = warp.GetOutputDataObject(0).GetPointData().GetArray("displacement")
     np.testing.assert_allclose(vtk_to_numpy(moved), field(rest.astype(float)), atol=1e-6)
+
+
+def test_normals_turn_with_a_quadratic_cage() -> None:
+    """Against the gradient of the field in closed form: the cage bends inside a tetrahedron."""
+    ball = pv.Sphere(radius=0.3, theta_resolution=24, phi_resolution=18)
+    ball.points = ball.points.astype(np.float64)
+    cage = TetraCage(divisions=(1, 1, 1), order=2, padding=0.1)
+    cage.SetInputDataObject(ball)
+    cage.update()
+    grid = cage.GetOutputDataObject(0)
+    points = vtk_to_numpy(grid.GetPoints().GetData())
+    add_array(grid.GetPointData(), "displacement", field(points))
+    step = 1e-6
+    ways = [field(ball.points + step * way) - field(ball.points) for way in np.eye(3)]
+    turn = np.eye(3) + np.stack(ways, axis=2) / step
+    expected = np.einsum("nji,nj->ni", np.linalg.inv(turn), ball.point_data.active_normals)
+    expected *= np.sign(np.linalg.det(turn))[:, None]  # a surface turned inside out stays so
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    for smooth, tolerance in ((False, 1e-4), (True, 0.5)):
+        warp = BarycentricWarp(smooth=smooth)
+        warp.SetInputDataObject(0, ball)
+        warp.SetInputDataObject(1, grid)
+        warp.update()
+        moved = pv.wrap(warp.GetOutputDataObject(0))
+        np.testing.assert_allclose(moved["displacement"], field(ball.points), atol=tolerance / 10)
+        normals = moved.point_data.active_normals
+        np.testing.assert_allclose(normals, expected, atol=tolerance)

@@ -1,4 +1,4 @@
-"""The smooth map: affine motions to rounding, and kinks that shrink faster."""
+"""The smooth map: affine motions to rounding, and no kinks."""
 
 from __future__ import annotations
 
@@ -38,6 +38,21 @@ def test_affine_motions_inside_and_outside(which: int) -> None:
     np.testing.assert_allclose(moved, points + shift, atol=1e-15)
     gradient = smooth(points, vertices, cells).gradients(vertices @ matrix)
     np.testing.assert_allclose(gradient, np.broadcast_to(np.eye(3) + matrix.T, (4000, 3, 3)))
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_gradient_is_that_of_the_map(which: int) -> None:
+    vertices, cells = meshes()[which]
+    values = np.random.default_rng(2).normal(size=vertices.shape)
+    points = np.random.default_rng(3).uniform(0.3, 0.7, (500, 3))
+    found = smooth(points, vertices, cells).gradients(values)
+    step = 1e-6
+    for axis, way in enumerate(step * np.eye(3)):
+        ends = [
+            smooth(points + sign * way, vertices, cells).displace(points + sign * way, values)[0]
+            for sign in (-1, 1)
+        ]
+        np.testing.assert_allclose(found[:, :, axis], (ends[1] - ends[0]) / (2 * step), atol=1e-3)
 
 
 def test_a_displacement_of_another_size_is_refused() -> None:
@@ -83,33 +98,72 @@ def bent(points: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(2 * y) * z, x * z, np.cos(2 * x) + y**2], axis=1)
 
 
-def kinks(divisions: int, kind: type) -> tuple[float, float]:
-    """Return the largest jump of slope on lines through a lattice, and the largest error."""
-    vertices, cells = lattice(UNIT, (divisions,) * 3)
+def jumps(mesh: tuple, kind: type, samples: int, values: np.ndarray, reach: float) -> float:
+    """Return the largest jump of the slope between neighbours of dense samples on lines."""
+    vertices, cells = mesh
     rng = np.random.default_rng(5)
-    start, way = rng.uniform(0.3, 0.7, (40, 3)), rng.normal(size=(40, 3))
+    start, way = rng.uniform(0.35, 0.65, (6, 3)), rng.normal(size=(6, 3))
     way /= np.linalg.norm(way, axis=1, keepdims=True)
-    along = np.linspace(-0.25, 0.25, 4001)
+    along = np.linspace(-reach, reach, samples)
     points = (start[:, None] + along[:, None] * way[:, None]).reshape(-1, 3)
     where = locate(points, vertices, cells)
     if kind is Interpolation:
-        shift = Interpolation(where, cells, len(vertices)).displace(points, bent(vertices))[1]
+        shift = Interpolation(where, cells, len(vertices)).displace(points, values)[1]
     else:
-        shift = smooth(points, vertices, cells).displace(points, bent(vertices))[1]
-    slope = np.diff(shift.reshape(40, -1, 3), axis=1) / (along[1] - along[0])
-    jump = np.abs(np.diff(slope, axis=1)).max()
-    return float(jump), float(np.abs(shift - bent(points)).max())
+        shift = smooth(points, vertices, cells).displace(points, values)[1]
+    slope = np.diff(shift.reshape(6, -1, 3), axis=1) / (along[1] - along[0])
+    return float(np.abs(np.diff(slope, axis=1)).max())
 
 
-def test_kinks_and_errors_shrink_faster() -> None:
-    plain = [kinks(n, Interpolation) for n in (4, 8)]
-    soft = [kinks(n, SmoothInterpolation) for n in (4, 8)]
-    for (jump, error), (soft_jump, soft_error) in zip(plain, soft, strict=True):
-        assert soft_jump < 0.25 * jump
-        assert soft_error < 0.6 * error
-    # first order and second order in the edge length
-    assert plain[0][0] / plain[1][0] == pytest.approx(2, rel=0.3)
-    assert soft[0][0] / soft[1][0] > 3
+@pytest.mark.parametrize("which", [0, 1])
+def test_slopes_are_continuous(which: int) -> None:
+    """Of a smooth map what the slope changes by between samples shrinks with their distance."""
+    mesh = meshes()[which]
+    values = np.random.default_rng(2).normal(size=mesh[0].shape)
+    plain = [jumps(mesh, Interpolation, n, values, 0.2) for n in (2_001, 20_001)]
+    soft = [jumps(mesh, SmoothInterpolation, n, values, 0.2) for n in (2_001, 20_001)]
+    assert plain[1] > 0.5 * plain[0]  # kinks stay
+    assert soft[1] == pytest.approx(soft[0] / 10, rel=0.2)
+    assert soft[1] < 0.01 * plain[1]
+
+
+def test_slopes_are_continuous_through_the_border() -> None:
+    """Outside, the map goes on along its tangent."""
+    mesh = lattice(UNIT, (3, 3, 3))
+    values = np.random.default_rng(2).normal(size=mesh[0].shape)
+    way = np.zeros((20_001, 3))
+    way[:, 0] = np.linspace(0.8, 1.2, 20_001)
+    way[:, 1:] = 0.4, 0.45
+    shift = smooth(way, *mesh).displace(way, values)[1]
+    slope = np.diff(shift, axis=0) / 2e-5
+    assert np.abs(np.diff(slope, axis=0)).max() < 0.01
+
+
+def test_a_quadratic_motion_is_reproduced_far_from_the_border() -> None:
+    """Where vertices around tell its gradient: second derivatives are damped by a hundredth."""
+    vertices, cells = lattice(UNIT, (8, 8, 8))
+    points = np.random.default_rng(3).uniform(0.3, 0.7, (2000, 3))
+    form = np.random.default_rng(4).normal(size=(3, 3, 3))
+
+    def field(x: np.ndarray) -> np.ndarray:
+        return np.einsum("na,abk,nb->nk", x, form, x)
+
+    shift = smooth(points, vertices, cells).displace(points, field(vertices))[1]
+    np.testing.assert_allclose(shift, field(points), atol=1e-4)
+
+
+def test_errors_shrink_faster() -> None:
+    points = np.random.default_rng(6).uniform(0.05, 0.95, (4000, 3))
+    errors = {}
+    for divisions in (4, 8):
+        vertices, cells = lattice(UNIT, (divisions,) * 3)
+        plain = Interpolation(locate(points, vertices, cells), cells, len(vertices))
+        for name, ride in (("plain", plain), ("soft", smooth(points, vertices, cells))):
+            shift = ride.displace(points, bent(vertices))[1]
+            errors[name, divisions] = np.abs(shift - bent(points)).max()
+    assert errors["soft", 4] < 0.4 * errors["plain", 4]
+    assert errors["plain", 4] / errors["plain", 8] == pytest.approx(4, rel=0.3)
+    assert errors["soft", 4] / errors["soft", 8] > 5
 
 
 def test_the_filter_has_it_as_an_option() -> None:

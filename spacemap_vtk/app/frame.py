@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.scenes.load_arrows import Arrows
 
@@ -32,6 +32,8 @@ class Frame:
         The scene that it is of, as a file has it.
     color : str
         What the surface's colours show: a key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+    painting : vtkImageData or None
+        What the object is painted with.
     arrows : Arrows or None
         What acts on the cage.
     warnings : tuple of str
@@ -46,6 +48,7 @@ class Frame:
     generation: int
     values: dict[str, Any]
     color: str = "own"
+    painting: vtkImageData | None = None
     arrows: Arrows | None = None
     warnings: tuple[str, ...] = ()
 

@@ -115,6 +115,7 @@ class Pipeline:
             cage=cage,
             values=job.values,
             color=color,
+            painting=scene.painting,
             arrows=arrows,
             coarse=surface is self._coarse,
             swing=swing.mode if swing else None,

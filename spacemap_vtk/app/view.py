@@ -107,7 +107,9 @@ class View3D(QWidget):
         frame, look = self.frame, self.look
         if frame is None:
             return
-        self._fabric.show(frame.surface, frame.color, self._plain, self._span_of(frame))
+        self._fabric.show(
+            frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
+        )
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         self._ghost.SetVisibility(look.ghost)

@@ -27,29 +27,6 @@ _WEDGES = np.array(
 )
 # VTK's numbers of the corners x + 2y + 4z of a hexahedron; this is its own inverse.
 _CORNERS = np.array([0, 1, 3, 2, 4, 5, 7, 6])
-# Of the corners and middles of edges of a quadratic tetrahedron: eight small ones.
-_QUADRATIC = np.array(
-    [
-        *([0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3]),
-        *([4, 5, 6, 7], [4, 8, 5, 7], [5, 9, 6, 7], [5, 8, 9, 7]),
-    ]
-)
-
-
-def split_quadratic_tetrahedra(cells: Cells) -> Cells:
-    """Return eight tetrahedra for each of ten nodes.
-
-    Parameters
-    ----------
-    cells : (n, 10) int
-        In VTK's order.
-
-    Returns
-    -------
-    (8 n, 4) int
-        Neighbours conform; straight edges between the nodes.
-    """
-    return cells[:, _QUADRATIC].reshape(-1, 4)
 
 
 def split_pyramids(cells: Cells) -> Cells:
@@ -65,7 +42,7 @@ def split_pyramids(cells: Cells) -> Cells:
     (2 n, 4) int
         In any orientation.
     """
-    triangles = _cut(cells[:, :4])  # (n, 2, 3)
+    triangles = cut_quadrilaterals(cells[:, :4])  # (n, 2, 3)
     apex = np.broadcast_to(cells[:, None, 4:5], (len(cells), 2, 1))
     return np.concatenate((triangles, apex), axis=2).reshape(-1, 4)
 
@@ -109,13 +86,24 @@ def split_hexahedra(cells: Cells) -> Cells:
     order = _CORNERS[np.arange(8) ^ first[:, None]]  # binary place -> VTK's place
     turned = np.take_along_axis(cells, order, axis=1)  # in binary order
     faces = turned[:, [[1, 3, 7, 5], [2, 3, 7, 6], [4, 5, 7, 6]]]
-    triangles = _cut(faces.reshape(-1, 4)).reshape(-1, 6, 3)
+    triangles = cut_quadrilaterals(faces.reshape(-1, 4)).reshape(-1, 6, 3)
     apex = np.broadcast_to(turned[:, None, :1], (len(cells), 6, 1))
     return np.concatenate((triangles, apex), axis=2).reshape(-1, 4)
 
 
-def _cut(quads: Cells) -> Cells:
-    """Return two triangles for each of (n, 4) quadrilaterals, (n, 2, 3)."""
+def cut_quadrilaterals(quads: Cells) -> Cells:
+    """Return two triangles for each quadrilateral, cut from its lowest number.
+
+    Parameters
+    ----------
+    quads : (n, 4) int
+        In circular order.
+
+    Returns
+    -------
+    (n, 2, 3) int
+        Triangles.
+    """
     even = quads.argmin(axis=1) % 2 == 0
     one = quads[:, [[0, 1, 2], [0, 2, 3]]]
     two = quads[:, [[1, 2, 3], [1, 3, 0]]]

@@ -10,6 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from spacemap_vtk.cli.anatomy import tell_object
 from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
@@ -31,7 +32,9 @@ def info(
 ) -> None:
     """Print a fabric's figures: Peirce's angle, length, crimp and height, cover, mass, clearance.
 
-    With --time also the least clearance between the yarns of the deformed fabric.
+    With --time also the least clearance between the yarns of the deformed fabric. Of an object:
+    its cells, points, extents, arrays and the faults of its surface; of its cage, the pieces and
+    what lies outside.
 
     Parameters
     ----------
@@ -39,6 +42,9 @@ def info(
         Scene file, draft, or name of a scene.
     """
     chosen = opened(scene, set_, time=time)
+    if chosen.source is chosen.object:
+        tell_object(chosen, json_, quiet)
+        return
     with progress(chosen, "Weaving", 1, quiet):
         figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:

@@ -146,40 +146,32 @@ class Frames:
         result &= x + y + z <= 1.0 + tolerance[0]
         return result
 
-    def touch_boxes(
-        self,
-        which: NDArray[np.integer[Any]],
-        middle: list[NDArray[np.float64]],
-        half: NDArray[np.float64],
-    ) -> NDArray[np.bool_]:
-        """Return whether tetrahedra may have points in boxes: none of their faces separates them.
+    def planes(self, low: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return when no face of a tetrahedron separates it from a box of a grid.
 
         Parameters
         ----------
-        which : (n,) int
-            The tetrahedra.
-        middle : list of 3 (n,) float64
-            Coordinates of the middle of a box for each.
-        half : (3,) float64
-            Half the size of every box.
+        low : (3,) float64
+            Lowest corner of the grid.
+        size : (3,) float64
+            Edges of its boxes.
 
         Returns
         -------
-        (n,) bool
-            False where they certainly have none.
+        (4, 4, T) float64
+            For each face the factors a, b, c, d of a x + b y + c z + d, which is below 0 if it
+            separates the box number x, y, z.
         """
-        rows = self._table[which]
-        gradients = rows[:, 3:12].T
-        coordinates = _transform(gradients, [middle[i] - rows[:, i] for i in range(3)])
-        coordinates.insert(0, 1.0 - (coordinates[0] + coordinates[1] + coordinates[2]))
-        slopes = [-(gradients[0:3] + gradients[3:6] + gradients[6:9])]
-        slopes += [gradients[0:3], gradients[3:6], gradients[6:9]]
-        result = np.ones(len(which), dtype=np.bool_)
-        for i, (coordinate, slope) in enumerate(zip(coordinates, slopes, strict=True)):
-            reach = np.abs(slope[0]) * half[0] + np.abs(slope[1]) * half[1]
-            reach += np.abs(slope[2]) * half[2]
+        gradients = self._table[:, 3:12].T.reshape(3, 3, -1)
+        slopes = np.concatenate((-gradients.sum(axis=0, keepdims=True), gradients))
+        away = (low + 0.5 * size)[:, None] - self._table[:, :3].T
+        result = np.empty((4, 4, len(self._table)))
+        for i, slope in enumerate(slopes):
+            np.multiply(slope, size[:, None], out=result[i, :3])
+            reach = 0.5 * np.abs(result[i, :3]).sum(axis=0)
             # a little more, for the rounding of this very sum
-            result &= coordinate + reach * (1 + 1e-9) >= -2.0 * rows[:, 12 + i] - 1e-12
+            spare = 2.0 * self.tolerance[:, i] + 1e-12
+            result[i, 3] = _dot(slope, away) + (i == 0) + reach * (1 + 1e-9) + spare
         return result
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.locate import Location
+from spacemap_vtk.modal.elements import shape_slopes
 
 
 def deformation_gradients(
@@ -40,6 +45,68 @@ def deformation_gradients(
     moved[flat] = 0.0
     # edges F^T = moved edges
     return np.eye(3) + np.linalg.solve(edges, moved).transpose(0, 2, 1)
+
+
+class QuadraticGradients:
+    """The gradient of the map at each point in quadratic tetrahedra, where it varies.
+
+    Parameters
+    ----------
+    location : Location
+        Where the points lie.
+    vertices : (V, 3) float64
+        At rest, in m.
+    elements : (T, 10) int
+        Corners, which are joined by straight edges, and midpoints.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.cage.quadratic import with_midpoints
+    >>> from spacemap_vtk.embedding.locate import locate
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> nodes, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))
+    >>> where = locate([[0.25, 0.5, 0.125]], corners, cells[:, :4])
+    >>> QuadraticGradients(where, nodes, cells).at(nodes**2)[0].round(9).tolist()
+    [[1.5, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.25]]
+    """
+
+    def __init__(
+        self,
+        location: Location,
+        vertices: NDArray[np.float64],
+        elements: NDArray[np.integer[Any]],
+    ) -> None:
+        corners = vertices[elements[location.tetrahedron, :4]]
+        # outside, the map goes on as its tangent does
+        inside = np.maximum(location.weights, 0.0)
+        inside /= inside.sum(axis=1, keepdims=True)
+        slopes = shape_slopes(inside)
+        turned = np.linalg.inv(corners[:, 1:] - corners[:, :1])  # axis, weight
+        per_axis = np.concatenate((-turned.sum(axis=2, keepdims=True), turned), axis=2)
+        self._along = [
+            Interpolation(
+                replace(location, weights=np.einsum("nai,ni->na", slopes, per_axis[:, axis])),
+                elements,
+                len(vertices),
+            )
+            for axis in range(3)
+        ]
+
+    def at(self, displacement: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the gradient F at each point.
+
+        Parameters
+        ----------
+        displacement : (V, 3)
+            In m.
+
+        Returns
+        -------
+        (N, 3, 3) float64
+            dx'/dx.
+        """
+        columns = [ride.apply(displacement) for ride in self._along]
+        return np.eye(3) + np.stack(columns, axis=2)
 
 
 def cofactors(gradients: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from math import prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
 
 from spacemap_vtk.embedding.frames import Frames
+from spacemap_vtk.parallel import for_each
 
-_CELLS_PER_TETRAHEDRON = 2.0
+_CELLS_PER_TETRAHEDRON = 4.0
 _FEWEST_CELLS = 4096.0  # a coarse cage meets many points: fewer trials pay for more cells
-_PAIRS = 2**15  # pairs of a tetrahedron and a cell that are looked at together
+_PAIRS = 2**16  # pairs of a tetrahedron and a cell that are looked at together
+_SLACK = 1e-6  # of a cell: more than the rounding of where a face cuts a row
+_FAR = 1e9  # more cells than any grid has along a side
 
 
 class Grid:
@@ -21,10 +26,13 @@ class Grid:
     ----------
     frames : Frames
         The tetrahedra.
+    threads : int, optional
+        Threads to work in; all processors if not given.
     """
 
-    def __init__(self, frames: Frames) -> None:
+    def __init__(self, frames: Frames, threads: int | None = None) -> None:
         self._frames = frames
+        self._threads = threads
         usable = np.flatnonzero(frames.usable)
         # wider by more than any tolerance, so that it bounds what counts as inside
         margin = 2.0 * frames.distance + 1e-8 * (frames.high[usable] - frames.low[usable]).max()
@@ -81,38 +89,78 @@ class Grid:
         self, usable: NDArray[np.intp], first: NDArray[np.int64], extent: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return (cells + 1,) starts and the candidates of each cell, ascending."""
-        # Boxes of needles cover many cells that the needle misses: in blocks, and sieved at once.
+        # Boxes of needles cover many cells that the needle misses: in blocks, and sieved at once,
+        # row by row.
         ends = np.cumsum(extent.prod(axis=1))
-        cells, tetrahedra = [], []
+        blocks: list[tuple[int, slice]] = []
         begin = 0
         while begin < len(usable):
             done = ends[begin - 1] if begin else 0
             end = max(begin + 1, int(np.searchsorted(ends, done + _PAIRS, side="right")))
-            block = slice(begin, end)
-            cell, place = self._pairs(first[block], extent[block])
-            which = usable[block][place]
-            half = 0.5 / self._per_length
-            middle = [self._low[i] + (cell[i] + 0.5) / self._per_length[i] for i in range(3)]
-            kept = self._frames.touch_boxes(which, middle, half)
-            cells.append(self._number(np.stack(cell, axis=1)[kept]))
-            tetrahedra.append(which[kept].astype(np.int32))
+            blocks.append((len(blocks), slice(begin, end)))
             begin = end
-        all_cells = np.concatenate(cells)
-        order = np.argsort(all_cells, kind="stable")
-        counts = np.bincount(all_cells, minlength=int(prod(self._shape.tolist())))
-        return np.concatenate(([0], np.cumsum(counts))), np.concatenate(tetrahedra)[order]
+        planes = self._frames.planes(self._low, 1.0 / self._per_length)
+        found: list[Any] = [None] * len(blocks)
+
+        def do(job: tuple[int, slice]) -> None:
+            number, block = job
+            row, place = self._rows(first[block], extent[block])
+            which = usable[block][place]
+            begin, end = self._reach(planes, which, row)
+            np.maximum(begin, first[block, 0][place], out=begin)
+            np.minimum(end, (first[block, 0] + extent[block, 0])[place], out=end)
+            counts = np.maximum(end - begin, 0)
+            start = begin + self._shape[0] * (row[0] + self._shape[1] * row[1])
+            cells = np.repeat(start - np.cumsum(counts) + counts, counts)
+            cells += np.arange(len(cells))
+            found[number] = cells.astype(np.int32), np.repeat(which, counts).astype(np.int32)
+
+        for_each(blocks, lambda: do, self._threads)
+        cells, tetrahedra = (np.concatenate(part) for part in zip(*found, strict=True))
+        # rows of cells, each with its tetrahedra in the order given: a sort by counting
+        there = np.ones(len(cells), dtype=np.int8)
+        shape = int(prod(self._shape.tolist())), int(usable[-1]) + 1
+        table = coo_matrix((there, (cells, tetrahedra)), shape=shape).tocsr()
+        return table.indptr.astype(np.int64), table.indices.astype(np.int32, copy=False)
 
     @staticmethod
-    def _pairs(
+    def _rows(
         first: NDArray[np.int64], extent: NDArray[np.int64]
     ) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
-        """Return x, y, z of every cell of some boxes of cells, and the box that each is of."""
-        counts = extent.prod(axis=1)
+        """Return y, z of every row of some boxes of cells, and the box that each is of."""
+        counts = extent[:, 1] * extent[:, 2]
         box = np.repeat(np.arange(len(first)), counts)
         within = np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
-        within, x = np.divmod(within, extent[box, 0])
         z, y = np.divmod(within, extent[box, 1])
-        return [first[box, 0] + x, first[box, 1] + y, first[box, 2] + z], box
+        return [first[box, 1] + y, first[box, 2] + z], box
+
+    @staticmethod
+    def _reach(
+        planes: NDArray[np.float64], which: NDArray[np.integer[Any]], row: list[NDArray[np.int64]]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the cells from begin to before end of rows that no face of a tetrahedron cuts off.
+
+        Each face leaves half of a row, so that one division says what else a test for each cell
+        would.
+        """
+        low = np.full(len(which), -_FAR)
+        high = np.full(len(which), _FAR)
+        for plane in planes:
+            slope, along_y, along_z, offset = plane[:, which]
+            rest = offset + along_y * row[0] + along_z * row[1]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                bound = -rest / slope
+            # without a slope all of the row is in, or nothing
+            bound = np.where(slope == 0.0, np.where(rest >= 0.0, -_FAR, _FAR), bound)
+            np.maximum(low, bound, out=low, where=slope >= 0.0)
+            np.minimum(high, bound, out=high, where=slope < 0.0)
+        np.clip(low, -_FAR, _FAR, out=low)
+        np.clip(high, -_FAR, _FAR, out=high)
+        begin, end = (
+            np.ceil(low - _SLACK).astype(np.int64),
+            np.floor(high + _SLACK).astype(np.int64),
+        )
+        return begin, end + 1
 
 
 def _shape(size: NDArray[np.float64], cells: float) -> NDArray[np.int64]:

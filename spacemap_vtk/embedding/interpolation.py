@@ -138,11 +138,10 @@ class Interpolation:
         InputError
             The points are not as many as were located, or the displacement is not (V, 3).
         """
-        table = np.ascontiguousarray(displacement, dtype=np.float64)
-        if points.shape != (self.point_count, 3) or table.shape != (self.vertex_count, 3):
+        table = displacement_table(displacement, self.vertex_count)
+        if points.shape != (self.point_count, 3):
             raise InputError(
-                f"points of shape {points.shape} and displacements of shape {table.shape}",
-                allowed=f"({self.point_count}, 3) and ({self.vertex_count}, 3)",
+                f"points of shape {points.shape}", allowed=f"({self.point_count}, 3): those located"
             )
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
@@ -155,6 +154,35 @@ class Interpolation:
 
         for_each(self._blocks, lambda: do, self._threads)
         return moved, shift
+
+
+def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float64]:
+    """Return displacements of vertices as a table.
+
+    Parameters
+    ----------
+    values : (V, 3) array_like
+        In m.
+    vertex_count : int
+        V.
+
+    Returns
+    -------
+    (V, 3) float64
+        C-contiguous.
+
+    Raises
+    ------
+    InputError
+        They are of another shape.
+    """
+    table = np.ascontiguousarray(values, dtype=np.float64)
+    if table.shape != (vertex_count, 3):
+        raise InputError(
+            f"displacements of shape {table.shape}",
+            allowed=f"({vertex_count}, 3): a row for each vertex of the cage",
+        )
+    return table
 
 
 def _product(

@@ -138,7 +138,7 @@ def locate(
             return Location(tetrahedron, weights, np.zeros(len(places), dtype=np.bool_), 0, 0.0)
 
     frames = Frames(nodes, cells, epsilon)
-    grid = Grid(frames)
+    grid = Grid(frames, threads)
 
     def search() -> Callable[[int], None]:
         def do(begin: int) -> None:

@@ -1,12 +1,9 @@
 """A smooth map in place of the piecewise affine one: no kinks at the borders of tetrahedra.
 
-In each tetrahedron the displacement is a cubic Bernstein-Bézier polynomial. Its values and first
-derivatives at a vertex are shared by all tetrahedra there: the values are the cage's, the
-derivatives are those of a quadratic fitted to the values around. The control points of the faces
-are set as for quadratic precision (G. Farin, "Triangular Bernstein-Bézier patches", CAGD 3, 1986).
-The map is continuous everywhere and smooth at vertices; across faces the normal derivative still
-jumps, by an order of the cage's edge length less than before. It is linear in the displacement of
-the vertices, and affine motions are reproduced.
+The displacement is a cubic spline with continuous first derivatives everywhere inside the cage
+(`spacemap_vtk.embedding.worsey_farin`). Its values at the vertices are the cage's; its gradients
+there are those of a quadratic fitted to the values around. It is linear in the displacement of the
+vertices; affine motions are reproduced, and quadratic ones where there are enough vertices to tell.
 """
 
 from __future__ import annotations
@@ -19,14 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.interpolation import Interpolation, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.parallel import for_each
 
 #: Weight of second derivatives against the data, where these are of order 1.
 _DAMPING = 1e-2
-_BLOCK = 2**13  # points that are prepared together
+_BLOCK = 2**12  # points that are prepared together; bounds the scratch memory
 _FITS = 2**9  # vertices that are fitted together; bounds the scratch memory
 
 
@@ -66,35 +63,65 @@ class SmoothInterpolation:
         clamp: bool = False,
     ) -> None:
         count = len(vertices)
-        weights = location.weights
+        weights, foot = location.weights, location.weights
         beyond = np.flatnonzero(location.is_outside)
         if len(beyond):
             # A cubic must not be asked for its value outside: it runs away.
-            weights = weights.copy()
-            nearest = locate(points[beyond], vertices, tetrahedra, "clamp")
-            weights[beyond] = nearest.weights
-        rows = np.empty((len(points), 16))
+            foot = weights.copy()
+            foot[beyond] = locate(points[beyond], vertices, tetrahedra, "clamp").weights
+        if clamp:
+            weights = foot
+        cells = np.asarray(tetrahedra)
+        self._location, self._foot, self._cells = location, foot, cells
+        self._vertices = vertices
+        onward = (weights - foot)[None] if len(beyond) and not clamp else None
+        rows = self._prepare(lambda block, _: None if onward is None else onward[:, block])
+        self._slopes = vertex_gradients(vertices, tetrahedra)
+        columns = count + 3 * cells[:, :, None] + np.arange(3)
+        self._wide = np.concatenate((cells, columns.reshape(-1, 12)), axis=1)
+        self._rows = self._interpolation(rows.sum(axis=0))
+        self._along: list[Interpolation] = []
+
+    def _interpolation(self, rows: NDArray[np.float64]) -> Interpolation:
+        located = replace(self._location, weights=rows)
+        return Interpolation(located, self._wide, 4 * len(self._vertices))
+
+    def _prepare(
+        self, ways: Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64] | None]
+    ) -> NDArray[np.float64]:
+        """Return the factors of the corners' values and gradients, (1 + m, N, 16).
+
+        Those at the points, or where they are outside at the nearest point of the mesh, come
+        first, then those of the derivatives along m ways, which are asked for the numbers of some
+        points and the corners (n, 4, 3) of their tetrahedra.
+        """
+        vertices, cells, tetrahedron = self._vertices, self._cells, self._location.tetrahedron
+        good = np.flatnonzero(has_volume(vertices, cells))
+        centres, faces = split_points(vertices, cells[good])
+        # by tetrahedron, so that a block of points needs few of them
+        order = np.argsort(tetrahedron, kind="stable")
+        some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
+        result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
 
         def fill() -> Callable[[int], None]:
             def do(begin: int) -> None:
-                block = slice(begin, begin + _BLOCK)
-                corners = vertices[tetrahedra[location.tetrahedron[block]]]
-                rows[block, :4], slopes = _cubic(weights[block], corners)
-                rows[block, 4:] = slopes.reshape(-1, 12)
+                block = order[begin : begin + _BLOCK]
+                here, which = np.unique(tetrahedron[block], return_inverse=True)
+                row = np.searchsorted(good, here)
+                corners = vertices[cells[here]]
+                table = coefficients(corners, centres[row], faces[row])
+                asked = ways(block, corners[which])
+                found = evaluated(self._foot[block], which, table, centres[row], faces[row], asked)
+                edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
+                slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
+                result[:, block, :4] = found[:, :, :4]
+                products = np.matmul(slopes[:, :, :, None], edges)
+                result[:, block, 4:] = products.reshape(len(found), -1, 12)
 
             return do
 
-        for_each(range(0, len(points), _BLOCK), fill)
-        if len(beyond) and not clamp:
-            corners = vertices[tetrahedra[location.tetrahedron[beyond]]]
-            foot = np.einsum("ni,nik->nk", weights[beyond], corners)
-            away = weights[beyond, :, None] * (points[beyond] - foot)[:, None]
-            rows[beyond, 4:] += away.reshape(-1, 12)
-        self._slopes = vertex_gradients(vertices, tetrahedra)
-        columns = count + 3 * np.asarray(tetrahedra)[:, :, None] + np.arange(3)
-        wide = np.concatenate((tetrahedra, columns.reshape(-1, 12)), axis=1)
-        self._rows = Interpolation(replace(location, weights=rows), wide, 4 * count)
-        self._blend = Interpolation(replace(location, weights=weights), tetrahedra, count)
+        for_each(range(0, len(order), _BLOCK), fill)
+        return result
 
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
@@ -120,11 +147,7 @@ class SmoothInterpolation:
         InputError
             The displacement is not (V, 3), or the points are not those that were located.
         """
-        table = np.asarray(displacement, dtype=np.float64)
-        if table.shape != (self._slopes.shape[1], 3):
-            raise InputError(
-                f"displacements of shape {table.shape}", allowed=f"({self._slopes.shape[1]}, 3)"
-            )
+        table = displacement_table(displacement, self._slopes.shape[1])
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
@@ -144,7 +167,7 @@ class SmoothInterpolation:
         return self._rows.apply(np.concatenate((table, self._slopes @ table)))
 
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
-        """Return the gradient of the map at each point, blended from those of the vertices.
+        """Return the gradient of the map at each point.
 
         Parameters
         ----------
@@ -154,37 +177,47 @@ class SmoothInterpolation:
         Returns
         -------
         (N, 3, 3) float64
-            Row i is the gradient of coordinate i.
+            Row i is the gradient of coordinate i; of points outside, that at the nearest point of
+            the mesh.
         """
-        table = np.asarray(displacement, dtype=np.float64)
-        slopes = (self._slopes @ table).reshape(-1, 9)  # vertex; direction, coordinate
-        blended = self._blend.apply(slopes).reshape(-1, 3, 3)
-        return np.eye(3) + blended.transpose(0, 2, 1)
+        table = displacement_table(displacement, self._slopes.shape[1])
+        if not self._along:
+            rows = self._prepare(lambda _, corners: _axes(corners))[1:]
+            self._along = [self._interpolation(row) for row in rows]
+        values = np.concatenate((table, self._slopes @ table))
+        columns = [ride.apply(values) for ride in self._along]
+        return np.eye(3) + np.stack(columns, axis=2)
 
 
-def _cubic(
-    weights: NDArray[np.float64], corners: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the factors (n, 4) of the corners' values, and (n, 4, 3) of their gradients."""
-    # one array for each pair of corners: small enough for the cache, and no sums over short axes
-    w = np.ascontiguousarray(weights.T)
-    values, slopes = w**3, np.zeros((3, 4, len(weights)))
-    x = np.ascontiguousarray(corners.transpose(2, 1, 0))  # axis, corner, point
-    for i in range(4):
-        for j in range(i):
-            both = w[i] * w[j]
-            left = 1.0 - w[i] - w[j]
-            # of the control points on the edge, a third of the way from either end
-            from_i, from_j = both * (3.0 * w[i] + 1.5 * left), both * (3.0 * w[j] + 1.5 * left)
-            values[i] += from_i
-            values[j] += from_j
-            # the faces' control points take half of what their three edges have given too much
-            values[i] -= 0.5 * both * left
-            values[j] -= 0.5 * both * left
-            along = x[:, j] - x[:, i]
-            slopes[:, i] += from_i * along
-            slopes[:, j] -= from_j * along
-    return values.T, slopes.transpose(2, 1, 0) / 3.0
+def _axes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return x, y and z as ways in barycentric coordinates, (3, n, 4)."""
+    turned = np.linalg.inv(corners[:, 1:] - corners[:, :1]).transpose(1, 0, 2)
+    return np.concatenate((-turned.sum(axis=2, keepdims=True), turned), axis=2)
+
+
+def has_volume(
+    vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
+) -> NDArray[np.bool_]:
+    """Return which tetrahedra are not flat.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    (T,) bool
+        True where there is a volume.
+    """
+    corners = vertices[tetrahedra]
+    edges = corners[:, 1:] - corners[:, :1]
+    result: NDArray[np.bool_] = (
+        np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
+    )
+    return result
 
 
 def vertex_gradients(
@@ -209,10 +242,7 @@ def vertex_gradients(
         so for quadratic ones where there are enough vertices to tell.
     """
     count = len(vertices)
-    corners = vertices[tetrahedra]
-    edges = corners[:, 1:] - corners[:, :1]
-    good = np.abs(np.linalg.det(edges)) > 1e-12 * np.abs(edges).max(axis=(1, 2)) ** 3
-    cells = np.asarray(tetrahedra)[good]
+    cells = np.asarray(tetrahedra)[has_volume(vertices, tetrahedra)]
     member = csr_matrix(
         (np.ones(cells.size), (np.repeat(np.arange(len(cells)), 4), cells.ravel())),
         shape=(len(cells), count),

@@ -103,6 +103,27 @@ def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
     data.AddArray(to_array(values, name))
 
 
+def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> None:
+    """Add some rows of all numeric arrays to another table, with the roles they have.
+
+    Parameters
+    ----------
+    source, target : vtkDataSetAttributes
+        Point or cell data.
+    rows : ndarray of int
+        Rows of the source, in the order wanted.
+    """
+    for i in range(source.GetNumberOfArrays()):
+        array = source.GetArray(i)
+        if array is None or not array.GetName():
+            continue
+        add_array(target, array.GetName(), np.take(vtk_to_numpy(array), rows, axis=0))
+        # by its number: VTK's arrays compare as numpy's do, not by identity
+        role = source.IsArrayAnAttribute(i)
+        if role >= 0:
+            target.SetActiveAttribute(array.GetName(), role)
+
+
 #: Names of arrays that a message lists.
 _LISTED = 8
 
@@ -275,7 +296,24 @@ def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     """
     count, size = connectivity.shape
     offsets = np.arange(0, (count + 1) * size, size, dtype=np.int64)
-    numbers = np.ascontiguousarray(connectivity, dtype=np.int64).ravel()
+    return to_ragged(offsets, np.ascontiguousarray(connectivity, dtype=np.int64).ravel())
+
+
+def to_ragged(offsets: NDArray[np.int64], numbers: NDArray[np.int64]) -> vtkCellArray:
+    """Return cells of any sizes.
+
+    Parameters
+    ----------
+    offsets : (n_cells + 1,) ndarray of int64
+        Where each cell begins, and where the last one ends.
+    numbers : (offsets[-1],) ndarray of int64
+        Point numbers, cell by cell.
+
+    Returns
+    -------
+    vtkCellArray
+        The cells.
+    """
     cells = vtkCellArray()
     cells.SetData(
         numpy_to_vtkIdTypeArray(offsets, deep=_CELLS_NEED_COPIES),

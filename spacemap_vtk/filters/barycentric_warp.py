@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,10 +13,17 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
+from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
 from spacemap_vtk.embedding.averaging import vertex_averages
-from spacemap_vtk.embedding.gradients import cofactors, deformation_gradients, turned_normals
+from spacemap_vtk.embedding.gradients import (
+    QuadraticGradients,
+    cofactors,
+    deformation_gradients,
+    turned_normals,
+)
 from spacemap_vtk.embedding.interpolation import Interpolation
-from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import (
@@ -68,7 +75,8 @@ class BarycentricWarp(Stage):
 
     smooth = Flag(
         False,
-        "Cubic in each tetrahedron, so that no kinks show at their borders, in place of affine.",
+        "A cubic spline through the cage's vertices, without kinks at the borders of tetrahedra, "
+        "in place of a map that is affine in each.",
     )
 
     carried = Text(
@@ -129,16 +137,13 @@ class BarycentricWarp(Stage):
         kept = self._kept
         if kept is None or not kept.serves((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
-            elements = elements_of(cage)
+            elements = cells = elements_of(cage)
+            if self.smooth and elements.shape[1] > 4:
+                # the spline goes through all nodes
+                pieces = split_quadratic(elements, TETRAHEDRON)
+                elements = mended(vertices, pieces)[0].astype(np.int64)
             # Quadratic ones are straight-sided: their corners alone say where a point lies.
             corners = elements[:, :4]
-            if self.smooth and elements.shape[1] > 4:
-                raise InputError(
-                    "the smooth map is for linear tetrahedra, and these are quadratic",
-                    key="smooth",
-                    value=True,
-                    cure="Leave it out: quadratic tetrahedra bend by themselves.",
-                )
             where = locate(
                 points_of(points).astype(np.float64, copy=False), vertices, corners, self.outside
             )
@@ -158,13 +163,16 @@ class BarycentricWarp(Stage):
                 ride = SmoothInterpolation(places, where, vertices, corners, clamp)
             else:
                 ride = Interpolation(where, elements, len(vertices))
+            if elements.shape[1] == 4:  # its weights serve the gradients of quadratic cages alone
+                where = replace(where, weights=where.weights[:0])
             kept = self._kept = _Prepared(
                 settings=(self.outside, self.smooth),
                 points=Geometry(points),
                 cage=Geometry(cage),
                 vertices=vertices,
+                cells=cells,
                 elements=elements,
-                tetrahedron=where.tetrahedron,
+                location=where,
                 interpolation=ride,
                 note=note,
             )
@@ -181,10 +189,12 @@ class _Prepared:
     points: Geometry
     cage: Geometry
     vertices: NDArray[np.float64]
+    cells: NDArray[np.int64]
     elements: NDArray[np.int64]
-    tetrahedron: NDArray[np.int32]
+    location: Location
     interpolation: Interpolation | SmoothInterpolation
     note: str
+    quadratic: QuadraticGradients | None = None
 
     def serves(
         self, settings: tuple[str, bool], points: vtkPointSet, cage: vtkUnstructuredGrid
@@ -194,15 +204,20 @@ class _Prepared:
     @cached_property
     def averages(self) -> csr_matrix:
         """Values of tetrahedra to values at vertices, (V, T)."""
-        return vertex_averages(self.vertices, self.elements)
+        return vertex_averages(self.vertices, self.cells)
 
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
+        each: NDArray[np.integer[Any]] = np.arange(len(normals))
         if isinstance(self.interpolation, SmoothInterpolation):
             gradients = self.interpolation.gradients(displacement)
-            return turned_normals(normals, cofactors(gradients), np.arange(len(normals)))
-        # Of a quadratic tetrahedron the mean turn, which its corners give, has to do.
-        gradients = deformation_gradients(self.vertices, self.elements[:, :4], displacement)
-        return turned_normals(normals, cofactors(gradients), self.tetrahedron)
+        elif self.elements.shape[1] > 4:
+            if self.quadratic is None:
+                self.quadratic = QuadraticGradients(self.location, self.vertices, self.elements)
+            gradients = self.quadratic.at(displacement)
+        else:
+            gradients = deformation_gradients(self.vertices, self.elements, displacement)
+            each = self.location.tetrahedron
+        return turned_normals(normals, cofactors(gradients), each)
 
 
 def _renew_cell_normals(output: vtkPointSet) -> None:

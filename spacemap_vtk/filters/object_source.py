@@ -8,6 +8,7 @@ from typing import Any
 from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import (
     vtkDataObject,
+    vtkImageData,
     vtkPointSet,
     vtkPolyData,
     vtkUnstructuredGrid,
@@ -23,16 +24,20 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import tell_bounds
 from spacemap_vtk.filters.processes import Piece
-from spacemap_vtk.filters.reading import merged, read_blocks
+from spacemap_vtk.filters.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import FilePath, Real, Vector
+
+#: The files read, with time of change and size.
+_State = tuple[tuple[Path, int, int], ...]
 
 
 class ObjectSource(Stage):
     """Read an object: a surface, a volume, lines or points, in any format that pyvista reads.
 
-    Arrays, texture coordinates and colours are kept. The blocks of a multi-block are merged, with
-    a cell array ``block``. The object is scaled about the origin, then turned about x, y and z in
-    this order, then moved.
+    Arrays, texture coordinates and colours are kept; so are the colours and pictures of the
+    materials of .obj and .gltf files, all pictures in one (`picture`). The blocks of a multi-block
+    are merged, with a cell array ``block``. The object is scaled about the origin, then turned
+    about x, y and z in this order, then moved.
 
     Notes
     -----
@@ -50,6 +55,11 @@ class ObjectSource(Stage):
     output = "vtkPointSet"
 
     file = FilePath(None, "The mesh to read.", automatic="none, which is an error")
+    texture = FilePath(
+        None,
+        "A picture to paint the object with, by its texture coordinates.",
+        automatic="those that an .obj or .gltf file names",
+    )
     scale = Real(
         1.0, "Factor on all lengths: 0.001 for a file that counts in millimetres.", above=0.0
     )
@@ -64,8 +74,8 @@ class ObjectSource(Stage):
         component=Real(0.0, "", unit="m"),
     )
 
-    _kept: tuple[tuple[Path, int, int], vtkPointSet] | None = None
-    _kind: tuple[tuple[Path, int, int], str] | None = None
+    _kept: tuple[_State, ReadObject] | None = None
+    _kind: tuple[_State, str] | None = None
     _kept_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
 
     def load(self) -> vtkPointSet:
@@ -88,14 +98,20 @@ class ObjectSource(Stage):
             read_blocks(self.file)  # says what is wrong
         key = self._state()
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, merged(read_blocks(self.file), self.file)
-            self._kind = key, self._kept[1].GetClassName()
-        return self._kept[1]
+            self._kept = key, read_object(self.file, self.texture)
+            self._kind = key, self._kept[1].data.GetClassName()
+        return self._kept[1].data
 
-    def _state(self) -> tuple[Path, int, int]:
-        assert self.file is not None
-        state = self.file.stat()
-        return self.file, state.st_mtime_ns, state.st_size
+    @property
+    def picture(self) -> vtkImageData | None:
+        """What the object is painted with, by its texture coordinates; None if with nothing."""
+        self.load()
+        return self._kept[1].picture if self._kept else None
+
+    def _state(self) -> _State:
+        files = [file for file in (self.file, self.texture) if file is not None and file.is_file()]
+        states = [(file, file.stat()) for file in files]
+        return tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Put the object in its place."""
@@ -104,6 +120,8 @@ class ObjectSource(Stage):
             self._run_piece(output, piece)
             return
         self._place(self.load(), output)
+        for note in self._kept[1].notes if self._kept else []:
+            self.warn(note)
 
     def _run_piece(self, output: vtkPointSet, piece: Piece) -> None:
         """Keep of the object what is asked for, and let go of the rest."""
@@ -113,6 +131,8 @@ class ObjectSource(Stage):
             self._place(self.load(), whole)
             part = _cut(whole, piece)
             tell_bounds(part, whole.GetBounds())
+            for note in self._kept[1].notes if self._kept else []:
+                self.warn(note)
             self._kept = None
             self._kept_piece = key, part
         output.ShallowCopy(self._kept_piece[1])

@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 import importlib
-import re
+import io
+import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
-from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet, vtkPointSet
+from vtkmodules.vtkCommonDataModel import (
+    vtkCompositeDataSet,
+    vtkDataSet,
+    vtkImageData,
+    vtkMultiBlockDataSet,
+    vtkPointSet,
+    vtkPolyData,
+)
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
-from spacemap_vtk.filters.arrays import add_array
+from spacemap_vtk.filters import materials
+from spacemap_vtk.filters.arrays import add_array, to_cells
+from spacemap_vtk.filters.paint import Material, apply, read_picture
+from spacemap_vtk.filters.quiet import quiet_vtk
+from spacemap_vtk.filters.whole import CHECKS, truncated
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
 
-#: Endings of files that hold an object; pyvista reads more, by the name of a scene's file.
+#: Endings of files that hold an object, read by VTK or, with pyvista, by meshio.
 OBJECT_ENDINGS = (
     *(".stl", ".ply", ".obj", ".vtp", ".vtu", ".vtk", ".gltf", ".glb", ".vtm", ".vtmb", ".vtkhdf"),
-    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".g", ".byu", ".facet", ".e", ".ex2", ".exo"),
-    *(".case", ".cas", ".cgns", ".msh", ".inp", ".off", ".3ds", ".wrl", ".dae", ".fbx", ".nas"),
+    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
+    *(".e", ".ex2", ".exo", ".exii", ".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
+    *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
+    *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
+    *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
 )
 
 
-#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
-_HARMLESS = "InformationKey"
+#: What is further away than this, in m, has no square in single precision.
+_LARGEST = 1e18
 _OWN_READERS = {
     ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
     ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
@@ -41,47 +56,84 @@ _OWN_READERS = {
     ".stl": ("vtkIOGeometry", "vtkSTLReader"),
     ".obj": ("vtkIOGeometry", "vtkOBJReader"),
     ".ply": ("vtkIOPLY", "vtkPLYReader"),
+    ".vtm": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
+    ".vtmb": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
+    ".pvtu": ("vtkIOXML", "vtkXMLPUnstructuredGridReader"),
+    ".pvtp": ("vtkIOXML", "vtkXMLPPolyDataReader"),
+    ".vtkhdf": ("vtkIOHDF", "vtkHDFReader"),
+    ".gltf": ("vtkIOGeometry", "vtkGLTFReader"),
+    ".glb": ("vtkIOGeometry", "vtkGLTFReader"),
 }
 
 
-@contextmanager
-def quiet_vtk(path: Path) -> Iterator[None]:
-    """Turn what VTK prints as an error while a file is read into an exception.
+@dataclass
+class ReadObject:
+    """An object as it stands in its file.
+
+    Parameters
+    ----------
+    data : vtkPointSet
+        The mesh.
+    picture : vtkImageData or None
+        What it is painted with, by its texture coordinates.
+    notes : list of str
+        What was not found.
+    """
+
+    data: vtkPointSet
+    picture: vtkImageData | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def read_object(path: Path, texture: Path | None = None) -> ReadObject:
+    """Read a mesh, and the pictures and colours of its materials.
 
     Parameters
     ----------
     path : Path
-        The file, for the message.
+        The mesh.
+    texture : Path, optional
+        A picture in place of those that the file names.
 
-    Yields
-    ------
-    None
-        While the window of messages is another.
+    Returns
+    -------
+    ReadObject
+        One mesh, and one picture for all of it.
 
     Raises
     ------
     InputError
-        If VTK reported an error.
+        If a file is missing or damaged, or there is a picture and no texture coordinates.
+    MissingLibraryError
+        If pyvista, or what it needs for that format, is not installed.
     """
-    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkOutputWindow.SetInstance(window)
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
-    try:
-        yield
-    finally:
-        vtkOutputWindow.SetInstance(usual)
-        vtkLogger.SetStderrVerbosity(verbosity)
-    errors = [
-        " ".join(text.split("):")[-1].split())
-        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
-        if text.startswith("ERROR") and _HARMLESS not in text
-    ]
-    if errors:
-        raise InputError(
-            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
-            cure="Write the file again, whole.",
-        )
+    data, reader = _read(path)
+    notes: list[str] = []
+    ending, picture = path.suffix.lower(), None
+    if texture is None and ending in (".obj", ".gltf", ".glb"):
+        if ending == ".obj":
+            blocks, paint = materials.of_obj(data, path)
+        else:
+            blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
+            paint = materials.of_gltf(blocks, reader)
+        picture = apply(blocks, paint.materials)
+        notes = paint.notes
+        data = vtkMultiBlockDataSet()
+        for number, block in enumerate(blocks):
+            data.SetBlock(number, block)
+    made = merged(data, path)
+    if texture is not None:
+        pixels = read_picture(texture)
+        coordinates = made.GetPointData().GetTCoords()
+        if coordinates is None:
+            raise InputError(
+                f"{path} has no texture coordinates",
+                key="texture",
+                value=str(texture),
+                cure="Leave texture out, or give the mesh coordinates in the program it is from.",
+            )
+        picture = apply([made], [Material(pixels, coordinates=coordinates.GetName())])
+    return ReadObject(made, picture, notes)
 
 
 def read_blocks(path: Path) -> Any:
@@ -104,12 +156,17 @@ def read_blocks(path: Path) -> Any:
     MissingLibraryError
         If pyvista, or what it needs for that format, is not installed.
     """
+    return _read(path)[0]
+
+
+def _read(path: Path) -> tuple[Any, Any]:
+    """Return what `read_blocks` does, and VTK's reader if it was one of the common formats."""
     if not path.is_file():
         raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}", key="file")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")
-    if path.suffix.lower() == ".ply":
-        check_ply(path)
+    if path.suffix.lower() in CHECKS:
+        CHECKS[path.suffix.lower()](path)
     if path.suffix.lower() in _OWN_READERS:
         # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
         # harmless message.
@@ -121,82 +178,69 @@ def read_blocks(path: Path) -> Any:
             made = reader.GetOutputDataObject(0)
         if made is None:
             raise InputError(f"{path}: VTK found nothing in it", key="file")
-        return made
+        return made, reader
     try:
         import pyvista as pv
     except ImportError:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
+    said = io.StringIO()
     try:
-        with quiet_vtk(path):
-            return pv.read(path)
+        # meshio prints, and ends the program where it cannot read
+        with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
+            made = pv.read(path, **_other_format(path))
     except InputError:
         raise
     except ImportError as error:
-        raise MissingLibraryError(f"{path}: {error}") from None
-    except Exception as error:
+        raise MissingLibraryError(
+            f"{path}: {error}", cure=f'Run "pip install {error.name}".' if error.name else None
+        ) from None
+    except (Exception, SystemExit) as error:
         # pyvista's and meshio's own: unknown endings, broken headers, missing parts
+        why = said.getvalue() if isinstance(error, SystemExit) else str(error)
         raise InputError(
-            f"{path}: cannot be read: {' '.join(str(error).split())[:200]}",
+            f"{path}: cannot be read: {' '.join(why.split())[:200]}",
             allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
         ) from None
+    if "not closed" in said.getvalue():  # meshio goes on with what there is
+        raise truncated(path)
+    return made, None
 
 
-def check_ply(path: Path) -> None:
-    """Refuse a PLY file that is shorter than its header says: VTK's reader crashes on it.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If it has no header, or too few bytes or lines.
-    """
-    content = path.read_bytes()
-    header, end, body = content.partition(b"end_header")
-    lines = [line.split() for line in header.decode("latin-1").splitlines()]
-    if not content.startswith(b"ply") or not end:
-        raise InputError(f"{path}: no PLY file: it does not begin with a PLY header", key="file")
-    sizes: list[list[int]] = []  # count of elements, least bytes of one
-    for words in lines:
-        if words[:1] == ["element"] and words[-1].isdigit():
-            sizes.append([int(words[-1]), 0])
-        elif words[:1] == ["property"] and sizes:
-            # of a list, its count alone is certain
-            kind = words[2] if words[1] == "list" else words[1]
-            sizes[-1][1] += _PLY_BYTES.get(kind, 1)
-    if ["format", "ascii", "1.0"] in lines:
-        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(n for n, _ in sizes)
-    else:
-        short = len(body) < sum(count * size for count, size in sizes)
-        # faces of a surface have at least three corners of a byte each
-        faces = [n for n, _ in sizes[1:2]]
-        short |= len(body) < sum(n * s for n, s in sizes) + 3 * sum(faces)
-    if short:
-        raise InputError(
-            f"{path}: truncated: it holds less than its header promises",
-            key="file",
-            cure="Write the file again, whole.",
-        )
+@contextmanager
+def _quiet_logging() -> Iterator[None]:
+    """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
-_PLY_BYTES = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
-}
+def _other_format(path: Path) -> dict[str, str]:
+    """Return pyvista's option for a format that has the ending of another one."""
+    with path.open("rb") as file:
+        begin = file.read(256).lstrip()
+    ending = path.suffix.lower()
+    if ending == ".msh":
+        # Not meshio's reader of ANSYS, which comes first there and takes Gmsh's for its own.
+        gmsh = begin.startswith(b"$MeshFormat")
+        return {"file_format": "gmsh"} if gmsh else {"force_ext": ".cas"}
+    if ending == ".inp" and begin.startswith(b"*"):
+        return {"file_format": "abaqus"}  # and not VTK's AVS
+    if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
+        return {"file_format": "xdmf"}  # VTK's reader knows the second version
+    return {}
 
 
 def merged(data: Any, path: Path) -> vtkPointSet:
     """Return one point set out of whatever a file holds.
 
-    Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, so that
-    none is lost, and the cell array ``block`` numbers the blocks.
+    Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, a colour
+    with white, so that none is lost, and the cell array ``block`` numbers the blocks. Points
+    without any cell get one each, so that they can be seen.
 
     Parameters
     ----------
@@ -218,6 +262,8 @@ def merged(data: Any, path: Path) -> vtkPointSet:
     blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
+    for block in blocks:
+        _check_numbers(block, path)
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
         copies = [block.NewInstance() for block in blocks]
@@ -238,14 +284,35 @@ def merged(data: Any, path: Path) -> vtkPointSet:
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
     _name_roles(result)
-    finite = np.isfinite(vtk_to_numpy(result.GetPoints().GetData())).all(axis=1)
-    if not finite.all():
+    if result.GetNumberOfCells() == 0:
+        result = _dotted(result)
+    largest = np.abs(vtk_to_numpy(result.GetPoints().GetData())).max(axis=1)
+    good = largest < _LARGEST  # not so for NaN
+    if not good.all():
         raise GeometryError(
-            f"{path}: {np.count_nonzero(~finite)} of {len(finite)} points are not finite, the "
-            f"first is number {np.argmin(finite)}",
+            f"{path}: {np.count_nonzero(~good)} of {len(good)} points are not finite, or further "
+            f"away than {_LARGEST:g}; the first is number {np.argmin(good)}",
             cure="Remove or repair them; a mesh program's cleaning does that.",
         )
     return result
+
+
+def _check_numbers(block: vtkDataSet, path: Path) -> None:
+    """Refuse cells of points that are not there: VTK does not look, and reads wild memory."""
+    if block.IsA("vtkUnstructuredGrid"):
+        parts = [block.GetCells()]
+    elif block.IsA("vtkPolyData"):
+        parts = [block.GetVerts(), block.GetLines(), block.GetPolys(), block.GetStrips()]
+    else:
+        return
+    count = block.GetNumberOfPoints()
+    for part in parts:
+        numbers = vtk_to_numpy(part.GetConnectivityArray())
+        if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
+            wrong = numbers.min() if numbers.min() < 0 else numbers.max()
+            raise GeometryError(
+                f"{path}: a cell names point {wrong}", allowed=f"0 to {count - 1}: its points"
+            )
 
 
 def _name_roles(data: vtkPointSet) -> None:
@@ -255,6 +322,16 @@ def _name_roles(data: vtkPointSet) -> None:
         table.SetActiveNormals("NORMAL")
     if table.GetTCoords() is None and table.HasArray("TEXCOORD_0"):
         table.SetActiveTCoords("TEXCOORD_0")
+
+
+def _dotted(data: vtkPointSet) -> vtkPointSet:
+    """Return points that each have a cell."""
+    result = vtkPolyData()
+    result.SetPoints(data.GetPoints())
+    result.SetVerts(to_cells(np.arange(data.GetNumberOfPoints())[:, None]))
+    result.GetPointData().ShallowCopy(data.GetPointData())
+    result.GetFieldData().ShallowCopy(data.GetFieldData())
+    return result
 
 
 def _leaves(data: Any) -> Iterator[vtkDataSet]:
@@ -279,4 +356,6 @@ def _fill_up(tables: list[tuple[vtkFieldData, int]]) -> None:
         for table, count in tables:
             if not table.HasArray(name):
                 shape = (count, components) if components > 1 else (count,)
-                add_array(table, name, np.full(shape, np.nan if kind.kind == "f" else 0, kind))
+                white = kind == np.uint8 and components in (3, 4)
+                fill = np.nan if kind.kind == "f" else 255 if white else 0
+                add_array(table, name, np.full(shape, fill, kind))

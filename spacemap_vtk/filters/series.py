@@ -15,7 +15,9 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.reading import merged, quiet_vtk, read_blocks
+from spacemap_vtk.filters.quiet import quiet_vtk
+from spacemap_vtk.filters.reading import merged, read_blocks
+from spacemap_vtk.filters.whole import CHECKS
 
 #: What a motion can be read from, in words.
 KINDS = (
@@ -148,6 +150,8 @@ def open_series(file: Path) -> Series:
         from vtkmodules.vtkIOHDF import vtkHDFReader
 
         return _Reader(file, vtkHDFReader())
+    if ending in CHECKS:
+        CHECKS[ending](file)
     if ending in (".e", ".ex2", ".exo", ".exii"):
         from vtkmodules.vtkIOExodus import vtkExodusIIReader
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import ceil, log2
 from typing import Any
 
-import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import (
     vtkPointSet,
@@ -15,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.filters.arrays import cell_types, points_of, to_array, to_points
+from spacemap_vtk.filters.arrays import cell_types, points_of, take_arrays, to_points
 from spacemap_vtk.filters.kept import Connectivity
 
 #: VTK's numbers of the cells with straight edges; its own question changed its name in 9.6.
@@ -72,15 +71,7 @@ class Skin:
             (grid.GetPointData(), output.GetPointData(), points),
             (grid.GetCellData(), output.GetCellData(), cells),
         ):
-            roles = [source.GetAttribute(role) for role in range(source.NUM_ATTRIBUTES)]
-            for i in range(source.GetNumberOfArrays()):
-                array = source.GetArray(i)
-                if array is None or not array.GetName():
-                    continue
-                taken = to_array(np.take(vtk_to_numpy(array), rows, axis=0), array.GetName())
-                target.AddArray(taken)
-                if array in roles:
-                    target.SetActiveAttribute(array.GetName(), roles.index(array))
+            take_arrays(source, target, rows)
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
 

@@ -4,13 +4,18 @@ Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in
 Trans. Graph. 39 (2020). It takes any triangles, open and self-intersecting ones too, and gives
 another mesh at each run: so a mesh once made is kept in the user's cache folder under a hash of
 surface and parameters, and found again there.
+
+It runs in a process of its own: it writes a file into the working folder, which must not be the
+user's, and where a surface makes it crash, the crash is told in words.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
+import importlib.metadata
+import importlib.util
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -18,16 +23,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk import cache
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
-
-#: The cache holds at most this many bytes; the meshes longest unused go first.
-CACHE_BYTES = 256 * 2**20
-#: Name of an environment variable with another folder for the cache.
-CACHE_VARIABLE = "SPACEMAP_CACHE"
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
 #: makes ten times as many tetrahedra near flat faces as a cage needs.
 _EPSILON = 4e-3
+
+_PROGRAM = """
+import sys
+import numpy as np, pytetwild
+given = np.load("surface.npz")
+try:
+    vertices, tetrahedra = pytetwild.tetrahedralize(
+        given["points"], given["triangles"], edge_length_abs=float(given["edge_length"]),
+        epsilon=float(given["epsilon"]), coarsen=True, stop_energy=20.0, num_opt_iter=20,
+        num_threads=2, quiet=True)
+except RuntimeError as error:
+    sys.exit(str(error))
+np.savez("mesh.npz", vertices=vertices, tetrahedra=tetrahedra)
+"""
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -60,80 +75,54 @@ def filled(
     GeometryError
         If the surface has no inside.
     """
-    try:
-        import pytetwild
-    except ImportError:
+    if importlib.util.find_spec("pytetwild") is None:
         raise MissingLibraryError(
             'method "tetwild" needs the package pytetwild',
             cure='Run "pip install pytetwild", or use method = "carved".',
-        ) from None
+        )
     digest = hashlib.sha256()
-    settings = (edge_length, getattr(pytetwild, "__version__", ""), _EPSILON)
+    settings = edge_length, _EPSILON, importlib.metadata.version("pytetwild")
     for part in (points.tobytes(), triangles.tobytes(), repr(settings).encode()):
         digest.update(hashlib.sha256(part).digest())
-    file = _folder() / f"{digest.hexdigest()[:40]}.npz"
-    with contextlib.suppress(OSError, ValueError, KeyError, EOFError):
-        mesh = _read(file)
-        os.utime(file)
-        return mesh, True
+    key = f"tetwild-{digest.hexdigest()[:40]}"
+    entry = cache.load(key)
+    if entry is not None and entry.keys() >= {"vertices", "tetrahedra"}:
+        return (entry["vertices"], entry["tetrahedra"]), True
     # Near the origin and of unit size: fTetWild's own tolerances are relative, its files float32.
     middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    try:
-        vertices, tetrahedra = pytetwild.tetrahedralize(
-            np.ascontiguousarray((points - middle) / size),
-            np.ascontiguousarray(triangles, dtype=np.int32),
-            edge_length_abs=edge_length / size,
-            epsilon=_EPSILON,
-            coarsen=True,
-            stop_energy=20.0,
-            num_opt_iter=20,
-            num_threads=2,
-            quiet=True,
-        )
-    except RuntimeError as error:
-        raise GeometryError(f"fTetWild failed: {error}", cure=_CURE) from None
+    made = _run(
+        points=(points - middle) / size,
+        triangles=triangles.astype(np.int32),
+        edge_length=np.float64(edge_length / size),
+        epsilon=np.float64(_EPSILON),
+    )
+    vertices = made["vertices"].astype(np.float64) * size + middle
+    tetrahedra = made["tetrahedra"].astype(np.int64)
     if len(tetrahedra) == 0:
         raise GeometryError("the surface encloses no volume", cure=_CURE)
-    mesh = np.asarray(vertices, np.float64) * size + middle, np.asarray(tetrahedra, np.int64)
-    with contextlib.suppress(OSError):  # a full disk only costs the next run its time
-        _write(file, mesh)
-    return mesh, False
+    cache.store(key, vertices=vertices, tetrahedra=tetrahedra)
+    return (vertices, tetrahedra), False
 
 
 _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or method = "carved"'
 
 
-def _folder() -> Path:
-    if os.environ.get(CACHE_VARIABLE):
-        return Path(os.environ[CACHE_VARIABLE])
-    from platformdirs import user_cache_dir
-
-    return Path(user_cache_dir("spacemap_vtk", appauthor=False)) / "tetwild"
-
-
-def _read(file: Path) -> Mesh:
-    with np.load(file, allow_pickle=False) as held:
-        return held["vertices"], held["tetrahedra"]
-
-
-def _write(file: Path, mesh: Mesh) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    # Whole or not at all: two programs may write at once.
-    handle, name = tempfile.mkstemp(suffix=".part", dir=file.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            arrays: dict[str, Any] = {"vertices": mesh[0], "tetrahedra": mesh[1]}
-            np.savez_compressed(stream, **arrays)
-        os.replace(name, file)
-    finally:
-        Path(name).unlink(missing_ok=True)
-    _bound(file.parent)
-
-
-def _bound(folder: Path) -> None:
-    files = sorted(folder.glob("*.npz"), key=lambda f: f.stat().st_mtime, reverse=True)
-    total = 0
-    for file in files:
-        total += file.stat().st_size
-        if total > CACHE_BYTES and file != files[0]:
-            file.unlink(missing_ok=True)
+def _run(**surface: Any) -> dict[str, NDArray[Any]]:
+    """Return the arrays of the mesh that another process makes, in a folder of its own."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
+        folder = Path(name)
+        np.savez(folder / "surface.npz", **surface)
+        done = subprocess.run(
+            [sys.executable, "-c", _PROGRAM],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        if done.returncode or not (folder / "mesh.npz").is_file():
+            said = done.stderr.strip().splitlines()
+            reason = said[-1][:200] if said else f"its process ended with {done.returncode}"
+            raise GeometryError(f"fTetWild failed: {reason}", cure=_CURE)
+        with np.load(folder / "mesh.npz", allow_pickle=False) as mesh:
+            return dict(mesh)

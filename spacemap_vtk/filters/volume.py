@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,14 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
 
 from spacemap_vtk.cage import split
+from spacemap_vtk.cage.split_quadratic import (
+    HEXAHEDRON,
+    PYRAMID,
+    TETRAHEDRON,
+    WEDGE,
+    split_quadratic,
+    split_triquadratic,
+)
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.arrays import add_array, points_of, to_array, to_cells, to_points
 
@@ -26,15 +35,24 @@ def _voxels(cells: Cells) -> Cells:
     return split.split_hexahedra(cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
 
 
+_TETRAHEDRA = (10, 24, 71, 78)
 # For each of VTK's types: number of corners, how they are split.
 _KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
-    **dict.fromkeys((10, 24, 71, 78), (4, _whole)),
+    **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
     **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.split_hexahedra)),
     **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.split_wedges)),
     **dict.fromkeys((14, 27, 37, 74, 81), (5, split.split_pyramids)),
     11: (8, _voxels),
 }
-_QUADRATIC_TETRA = 24
+# The same of quadratic cells: their nodes, of which those past the middles of edges are left out.
+_QUADRATIC: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+    24: (10, partial(split_quadratic, kind=TETRAHEDRON)),
+    **dict.fromkeys((25, 29, 33), (20, partial(split_quadratic, kind=HEXAHEDRON))),
+    **dict.fromkeys((26, 32), (15, partial(split_quadratic, kind=WEDGE))),
+    **dict.fromkeys((27, 37), (13, partial(split_quadratic, kind=PYRAMID))),
+}
+# Without any others beside them all of their nodes are used.
+_TRIQUADRATIC = {29: (27, split_triquadratic)}
 # Points, lines and polygons, straight and curved: they have no volume.
 _NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
 
@@ -65,7 +83,8 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
     ----------
     data : vtkPointSet
         A mesh with tetrahedra, hexahedra, voxels, wedges and pyramids, linear or of higher order.
-        Quadratic tetrahedra become eight each; of other curved cells the corners are used.
+        Quadratic cells are split at the middles of their edges; beside linear ones, and of other
+        curved cells, the corners are used.
     what : str
         Its name, for messages.
 
@@ -104,21 +123,26 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
         notes.append(f"{what}: {flat_cells} cells without a volume were left out")
     starts, numbers = _offsets(data), vtk_to_numpy(data.GetCells().GetConnectivityArray())
     solid = {kind for kind in set(types.tolist()) if kind in _KINDS}
+    table: dict[int, Any] = _KINDS
+    whole = []
+    if solid <= _QUADRATIC.keys():  # beside linear cells they would not conform
+        table = _TRIQUADRATIC if solid == _TRIQUADRATIC.keys() else _QUADRATIC
     for kind in sorted(solid):
-        corners, cut = _KINDS[kind]
-        if solid == {_QUADRATIC_TETRA}:
-            # beside other curved cells they would not conform
-            corners, cut = 10, split.split_quadratic_tetrahedra
+        corners, cut = table[kind]
         rows = starts[:-1][types == kind]
+        if kind in _TETRAHEDRA:
+            whole.append(numbers[rows[:, None] + np.arange(4)].astype(np.int64))
         parts.append(cut(numbers[rows[:, None] + np.arange(corners)].astype(np.int64)))
     if not parts:
         raise GeometryError(f"{what} has no cells with a volume")
-    tetrahedra, inverted, flat = split.mended(vertices, np.concatenate(parts))
+    tetrahedra, _, flat = split.mended(vertices, np.concatenate(parts))
+    # what other cells fall into has any orientation
+    inverted = split.mended(vertices, np.concatenate(whole))[1] if whole else 0
     if not len(tetrahedra):
         raise GeometryError(
             f"{what}: all {flat} tetrahedra are flat", allowed="at least one with a volume"
         )
-    if inverted and solid <= {10, 24, 71, 78}:
+    if inverted:
         notes.append(f"{what}: {inverted} inverted tetrahedra were turned")
     if flat:
         notes.append(f"{what}: {flat} flat tetrahedra were left out")

@@ -122,8 +122,8 @@ class Picture:
             surface.ShallowCopy(self.scene.polygons)
             add_measure(surface, self.scene.view.color)
             for solid in self._solids:
-                view = self.scene.view
-                solid.show(surface, view.color, view.object_color, self._span)
+                scene, view = self.scene, self.scene.view
+                solid.show(surface, view.color, view.object_color, self._span, scene.painting)
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
     def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:

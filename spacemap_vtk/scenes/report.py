@@ -120,7 +120,7 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if scene.source is not scene.weave:
         raise InputError(
             f"{scene.file}: this scene shows an object, and an object has no yarns",
-            cure='"spacemap modes" tells of its cage, "spacemap validate" whether it can be read.',
+            cure="Its own figures are those of `spacemap_vtk.scenes.anatomy.body`.",
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")

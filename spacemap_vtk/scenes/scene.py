@@ -8,7 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import (
+    vtkImageData,
+    vtkPointSet,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
 
 from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
 from spacemap_vtk.fabric.wif import WifDraft
@@ -137,6 +142,11 @@ class Scene:
         try:
             values = tomllib.loads(path.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            if path.suffix.lower() != ".toml":
+                raise InputError(
+                    f"{path}: neither a scene nor a draft nor a mesh, by its ending",
+                    allowed=", ".join([".toml", ".wif", *OBJECT_ENDINGS]),
+                ) from None
             raise InputError(
                 f"{path}: not a scene: {error}",
                 allowed="a TOML text with sections " + ", ".join(SECTIONS),
@@ -333,6 +343,11 @@ class Scene:
         """The draft of the weave; needs no update."""
         with self._naming_file(), _naming_section("weave"):
             return self.weave.wif
+
+    @property
+    def painting(self) -> vtkImageData | None:
+        """What the object is painted with; None where it shows its own colours."""
+        return self.object.picture if self.source is self.object else None
 
     @property
     def polygons(self) -> vtkPolyData:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.filters.arrays import to_array
 from spacemap_vtk.scenes.coloring import COLORINGS, SHOWN, unit_of
@@ -44,6 +44,7 @@ class SurfaceActor(vtkActor):
         color: str,
         plain: Sequence[int] = (185, 196, 207),
         span: Span | None = None,
+        picture: vtkImageData | None = None,
     ) -> Span | None:
         """Draw a surface.
 
@@ -57,6 +58,8 @@ class SurfaceActor(vtkActor):
             Colour of a surface that has none of its own; red, green, blue to 255.
         span : tuple of float, optional
             The numbers that the scale reaches from and to, in SI; by default the surface's.
+        picture : vtkImageData, optional
+            What the surface is painted with where it shows its own colours.
 
         Returns
         -------
@@ -83,13 +86,30 @@ class SurfaceActor(vtkActor):
             self._color_by(color, [colors[i % len(colors)] for i in range(count)], (0, count - 1))
             mapper.SetScalarModeToUseCellFieldData()
         else:
-            self._show_own(surface, plain)
+            self._show_own(surface, plain, picture)
+        self._paint(picture if shown is None and color == "own" else None)
         self.bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
         return shown
 
-    def _show_own(self, surface: vtkPolyData, plain: Sequence[int]) -> None:
+    def _paint(self, picture: vtkImageData | None) -> None:
+        former = self.GetTexture()
+        if picture is None:
+            self.SetTexture(None)
+        elif former is None or former.GetInput() is not picture:
+            texture = vtkTexture()
+            texture.SetInputData(picture)
+            texture.InterpolateOn()
+            texture.MipmapOn()
+            texture.RepeatOn()
+            self.SetTexture(texture)
+
+    def _show_own(
+        self, surface: vtkPolyData, plain: Sequence[int], picture: vtkImageData | None
+    ) -> None:
         mapper, found = self._mapper, own_colors(surface)
+        if picture is not None:  # it would be mixed with them
+            found, plain = None, (255, 255, 255)
         mapper.SetScalarVisibility(found is not None)
         self.GetProperty().SetColor(*(part / 255 for part in plain))
         if found is not None:

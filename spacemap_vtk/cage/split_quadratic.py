@@ -1,0 +1,155 @@
+"""Quadratic cells, split into linear tetrahedra at the nodes in the middle of their edges.
+
+Each corner is cut off at the middles of its edges; what is left, with the middles as its corners,
+is filled from the one with the lowest number. So each triangle of a face falls into four, and each
+quadrilateral into four and a middle one that is cut from its lowest number: both neighbours of a
+face cut it the same way, whatever they are. No point is added, and displacements in the middles of
+edges count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, split_hexahedra
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A quadratic cell, with VTK's numbers of its nodes.
+
+    Parameters
+    ----------
+    nodes : int
+        Corners and middles of edges; further ones are not used.
+    edges : tuple of pairs of int
+        Corners of each edge; the middle of the first has the number after the last corner's.
+    faces : tuple of tuples of int
+        Corners of each face, in circular order.
+    """
+
+    nodes: int
+    edges: tuple[tuple[int, int], ...]
+    faces: tuple[tuple[int, ...], ...]
+
+
+TETRAHEDRON = Kind(
+    10,
+    ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
+)
+PYRAMID = Kind(
+    13,
+    ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+    ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+)
+WEDGE = Kind(
+    15,
+    ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
+)
+HEXAHEDRON = Kind(
+    20,
+    (
+        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+        *((0, 4), (1, 5), (2, 6), (3, 7)),
+    ),
+    ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+)
+# Eight hexahedra of the 27 nodes of a triquadratic one: x + 3y + 9z in VTK's order.
+_NODES = [0, 8, 1, 11, 24, 9, 3, 10, 2, 16, 22, 17, 20, 26, 21, 19, 23, 18]
+_NODES += [4, 12, 5, 15, 25, 13, 7, 14, 6]
+_EIGHT = np.array(
+    [
+        [_NODES[corner + x + 3 * y + 9 * z] for corner in (0, 1, 4, 3, 9, 10, 13, 12)]
+        for z in (0, 1)
+        for y in (0, 1)
+        for x in (0, 1)
+    ]
+)
+
+
+def split_quadratic(cells: Cells, kind: Kind) -> Cells:
+    """Return linear tetrahedra of quadratic cells.
+
+    Parameters
+    ----------
+    cells : (n, at least kind.nodes) int
+        In VTK's order.
+    kind : Kind
+        What they are.
+
+    Returns
+    -------
+    (m, 4) int
+        In any orientation.
+    """
+    corners = kind.nodes - len(kind.edges)
+    middle = {frozenset(edge): corners + i for i, edge in enumerate(kind.edges)}
+    # what is left when the corners are gone: a face for each face, and one for each corner
+    left = [
+        [middle[frozenset(pair)] for pair in zip(face, (*face[1:], face[0]), strict=True)]
+        for face in kind.faces
+    ]
+    parts = []
+    for corner in range(corners):
+        cut = _ring(corner, kind, middle)
+        left.append(cut)
+        if len(cut) == 3:
+            parts.append(cells[:, [corner, *cut]])
+        else:
+            parts.append(_joined(cells[:, [corner]], cut_quadrilaterals(cells[:, cut])))
+    lowest = cells[:, corners : kind.nodes].argmin(axis=1) + corners
+    for apex in np.unique(lowest):
+        chosen = cells[lowest == apex]
+        for face in left:
+            if apex in face:
+                continue
+            if len(face) == 3:
+                parts.append(chosen[:, [apex, *face]])
+            else:
+                parts.append(_joined(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
+    return np.concatenate(parts)
+
+
+def split_triquadratic(cells: Cells) -> Cells:
+    """Return linear tetrahedra of hexahedra of 27 nodes, all of which become corners.
+
+    Parameters
+    ----------
+    cells : (n, 27) int
+        In VTK's order.
+
+    Returns
+    -------
+    (48 n, 4) int
+        In any orientation.
+    """
+    return split_hexahedra(cells[:, _EIGHT].reshape(-1, 8))
+
+
+def _ring(corner: int, kind: Kind, middle: dict[Any, int]) -> list[int]:
+    """Return the middles of the edges at a corner, in circular order."""
+    ring: list[int] = []
+    pairs = []
+    for face in kind.faces:
+        if corner in face:
+            at = face.index(corner)
+            beside = face[at - 1], face[(at + 1) % len(face)]
+            pairs.append({middle[frozenset((corner, other))] for other in beside})
+    ring = [min(pairs[0])]
+    while pairs:
+        pair = next(pair for pair in pairs if ring[-1] in pair)
+        pairs.remove(pair)
+        ring.append((pair - {ring[-1]}).pop())
+    return ring[:-1]
+
+
+def _joined(apex: Cells, triangles: Cells) -> NDArray[Any]:
+    """Return the tetrahedra of (n, 1) points and (n, 2, 3) triangles."""
+    apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
+    return np.concatenate((apexes, triangles), axis=2).reshape(-1, 4)

@@ -1,0 +1,55 @@
+"""What VTK prints while it reads a file, as an exception."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+
+from spacemap_vtk.errors import InputError
+
+#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
+_HARMLESS = "InformationKey"
+
+
+@contextmanager
+def quiet_vtk(path: Path) -> Iterator[None]:
+    """Turn what VTK prints as an error while a file is read into an exception.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+
+    Yields
+    ------
+    None
+        While the window of messages is another.
+
+    Raises
+    ------
+    InputError
+        If VTK reported an error.
+    """
+    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
+    try:
+        yield
+    finally:
+        vtkOutputWindow.SetInstance(usual)
+        vtkLogger.SetStderrVerbosity(verbosity)
+    errors = [
+        " ".join(text.split("):")[-1].split())
+        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
+        if text.startswith("ERROR") and _HARMLESS not in text
+    ]
+    if errors:
+        raise InputError(
+            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
+            cure="Write the file again, whole.",
+        )

@@ -1,0 +1,163 @@
+"""An object's figures, and its cage's: what ``info`` tells of a scene without yarns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csgraph
+from vtkmodules import vtkCommonDataModel
+from vtkmodules.vtkCommonDataModel import (
+    vtkFieldData,
+    vtkPointSet,
+    vtkUnstructuredGrid,
+)
+
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.embedding.triangles import FACES
+from spacemap_vtk.filters.arrays import points_of, tetrahedra_of
+from spacemap_vtk.filters.outline import edge_faults, outline
+from spacemap_vtk.scenes.scene import Scene
+
+#: Who knows the names of types of cells: another class since VTK 9.6.
+_NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataModel.vtkCellTypes)
+
+
+def body(scene: Scene) -> dict[str, Any]:
+    """Return the figures of a scene's object, and of its cage if it has one.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a section ``[object]``. No modes are solved.
+
+    Returns
+    -------
+    dict
+        - ``file``, ``type`` (VTK's name of the data set), ``points``, ``cells`` and ``cell_types``
+          (how many of each kind, by VTK's name);
+        - ``bounds``: lowest and highest corner; ``size``: the difference, in m;
+        - ``arrays``: a list of ``name``, ``on`` (``"points"`` or ``"cells"``), ``components``,
+          ``type``, and ``role`` (``"Normals"``, ``"TCoords"`` ... or None);
+        - ``triangles``, ``open_edges``, ``branching_edges``: of the surface, which is closed if
+          there are no such edges;
+        - ``picture``: width and height in pixels of what it is painted with, or None;
+        - ``cage``: None, or ``vertices``, ``tetrahedra``, ``quadratic``, ``volume`` (m³),
+          ``pieces`` (tetrahedra of each part that hangs together by faces, the largest first),
+          ``points_outside`` and ``largest_distance`` (m) of the object's points outside it;
+        - ``steps`` and ``time_range`` (s) of a motion out of a file, or None;
+        - ``warnings``: what was repaired or left out, and what else is to be known.
+
+    Raises
+    ------
+    InputError
+        If the object or the cage cannot be made.
+    """
+    scene.update_stage(scene.source)
+    data, picture = scene.source.GetOutputDataObject(0), scene.object.picture
+    places = points_of(data).astype(np.float64, copy=False)
+    low, high = places.min(axis=0), places.max(axis=0)
+    points, triangles = outline(data)
+    triangles = triangles[triangles[:, 1] != triangles[:, 2]]
+    open_, branching = edge_faults(triangles, points)
+    figures: dict[str, Any] = {
+        "file": str(scene.object.file),
+        "type": data.GetClassName(),
+        "points": data.GetNumberOfPoints(),
+        "cells": data.GetNumberOfCells(),
+        "cell_types": _kinds(data),
+        "bounds": [low.tolist(), high.tolist()],
+        "size": (high - low).tolist(),
+        "arrays": _arrays(data.GetPointData(), "points") + _arrays(data.GetCellData(), "cells"),
+        "triangles": len(triangles),
+        "open_edges": open_,
+        "branching_edges": branching,
+        "picture": None if picture is None else list(picture.GetDimensions()[:2]),
+        "cage": None,
+        "steps": None,
+        "time_range": None,
+    }
+    if scene.moves:
+        from_file = scene.mover is scene.motion
+        stage = scene.motion if from_file else scene.cage
+        scene.update_stage(stage)
+        figures["cage"] = _cage(stage.GetOutputDataObject(0), places)
+        if from_file:
+            times = scene.motion.time_steps([])
+            figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
+    figures["warnings"] = scene.warnings
+    return figures
+
+
+def _cage(grid: vtkUnstructuredGrid, points: NDArray[np.float64]) -> dict[str, Any]:
+    vertices, tetrahedra = points_of(grid).astype(np.float64), tetrahedra_of(grid)
+    corners = vertices[tetrahedra]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
+    where = locate(points, vertices, tetrahedra)
+    return {
+        "vertices": len(vertices),
+        "tetrahedra": len(tetrahedra),
+        "quadratic": grid.GetCells().GetMaxCellSize() > 4,
+        "volume": float(volumes.sum()),
+        "pieces": pieces(tetrahedra),
+        "points_outside": where.outside,
+        "largest_distance": where.largest_distance,
+    }
+
+
+def pieces(tetrahedra: NDArray[np.integer[Any]]) -> list[int]:
+    """Return how many tetrahedra each piece of a mesh has.
+
+    Parameters
+    ----------
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    list of int
+        Of the parts that hang together by faces, the largest first.
+
+    Examples
+    --------
+    >>> pieces(np.array([[0, 1, 2, 3], [1, 2, 3, 4], [4, 5, 6, 7]]))
+    [2, 1]
+    """
+    faces = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
+    _, face = np.unique(faces, axis=0, return_inverse=True)
+    owner = np.repeat(np.arange(len(tetrahedra)), 4)
+    order = np.argsort(face.ravel(), kind="stable")
+    same = np.flatnonzero(np.diff(face.ravel()[order]) == 0)
+    joined = coo_matrix(
+        (np.ones(len(same)), (owner[order[same]], owner[order[same + 1]])),
+        shape=(len(tetrahedra), len(tetrahedra)),
+    )
+    _, piece = csgraph.connected_components(joined, directed=False)
+    return sorted(np.bincount(piece).tolist(), reverse=True)
+
+
+def _kinds(data: vtkPointSet) -> dict[str, int]:
+    counts = Counter(data.GetCellType(i) for i in range(data.GetNumberOfCells()))
+    return {
+        _NAMES.GetClassNameFromTypeId(kind).removeprefix("vtk"): count
+        for kind, count in sorted(counts.items())
+    }
+
+
+def _arrays(data: vtkFieldData, on: str) -> list[dict[str, Any]]:
+    found = []
+    for i in range(data.GetNumberOfArrays()):
+        array = data.GetAbstractArray(i)
+        role = data.IsArrayAnAttribute(i)
+        found.append(
+            {
+                "name": array.GetName(),
+                "on": on,
+                "components": array.GetNumberOfComponents(),
+                "type": array.GetDataTypeAsString(),
+                "role": data.GetAttributeTypeAsString(role) if role >= 0 else None,
+            }
+        )
+    return found
