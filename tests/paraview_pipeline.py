@@ -30,6 +30,23 @@ from spacemap_vtk import (
 window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
 vtkOutputWindow.SetInstance(window)
 
+
+def made_and_left() -> float:
+    """Make a pipeline, and let go of its stages in the order of data, as a function does."""
+    weave, cage = WeaveSource(ends=4, picks=3), TetraCage(divisions=(3, 3, 1))
+    modal, response, warp = ModalSolver(modes=12), ModalResponse(), BarycentricWarp()
+    cage.SetInputConnection(weave.GetOutputPort())
+    modal.SetInputConnection(cage.GetOutputPort())
+    response.SetInputConnection(modal.GetOutputPort())
+    warp.SetInputConnection(0, weave.GetOutputPort())
+    warp.SetInputConnection(1, response.GetOutputPort())
+    warp.update(time=0.01)
+    return float(warp.GetOutputDataObject(0).GetBounds()[4])
+
+
+# Before VTK 9.7 the second or third of these corrupted memory.
+assert len({made_and_left() for _ in range(40)}) == 1
+
 weave = WeaveSource(ends=7, picks=7)
 cage = TetraCage(divisions=(5, 5, 1))
 modal = ModalSolver(youngs_modulus=1e3, density=300, modes=180, fixed="+y")

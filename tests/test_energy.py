@@ -73,6 +73,18 @@ def test_no_damping_loses_nothing_over_ten_thousand_periods():
         assert stored == pytest.approx(energy.work, rel=1e-10)
 
 
+def test_work_behind_too_many_periods_is_not_added_up():
+    """Kinetic and strain energy are known at any time, and at once."""
+    motion = Motion(STIFFNESS, DAMPING["mixed"], [Drive(GAIN, tf.periodic([0, 0.01], [0, 1]))])
+    account = Account(motion)
+    late = account.at(1e8)
+    assert late.kinetic > 0
+    assert math.isnan(late.work)
+    assert math.isnan(late.dissipated)
+    early = account.at(0.1)
+    assert early.kinetic + early.strain + early.dissipated == pytest.approx(early.work, rel=1e-10)
+
+
 def test_equilibrium_holds_the_work_that_led_there():
     gain = GAIN * (STIFFNESS > 0)
     motion = Motion(STIFFNESS, DAMPING["ratio"], [Drive(gain, tf.pulse(0.2))], equilibrium=True)

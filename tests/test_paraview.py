@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import signal
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +26,8 @@ pytestmark = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
     reason="needs pvpython and xvfb-run: apt-get install paraview python3-paraview xvfb xauth",
 )
+#: For a shell that finds this Python and this package.
+SHELL = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
 
 
@@ -56,21 +63,103 @@ def test_state_files(tmp_path: Path) -> None:
     assert "both state files load\n" in run(SCRIPTS / "state.py", tmp_path)
 
 
+def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
+    assert run(SCRIPTS / "colours.py", tmp_path) == "yarns in their own colours\n"
+    pictures = [
+        np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
+        for name in ("shown", "again", "displacement", "map")
+    ]
+    red, _, blue = pictures[0].reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+    assert np.abs(pictures[1] - pictures[0]).max() <= 1
+    for picture in pictures[2:]:
+        assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
+
+
+@pytest.fixture(params=["plugin in its environment", "plugin loaded by the client"])
+def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, bool]]:
+    """Start pvserver in a shell with the printed lines; its port, and whether it has the plugin."""
+    has_plugin = request.param.endswith("environment")
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        port = free.getsockname()[1]
+    lines = 'eval "$(python -m spacemap_vtk paraview)"; '
+    if not has_plugin:
+        lines += "unset PV_PLUGIN_CONFIG_FILE; "
+    lines += f"exec pvserver --server-port={port}"
+    log = tmp_path / "server.log"
+    with log.open("w") as out:
+        process = subprocess.Popen(
+            [*XVFB, "sh", "-c", lines],
+            env={**SHELL, "LIBGL_ALWAYS_SOFTWARE": "1"},
+            stdout=out,
+            stderr=out,
+            cwd=ROOT,
+            start_new_session=True,
+        )
+    try:
+        deadline = time.monotonic() + 60
+        while "Accepting connection" not in log.read_text():
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < deadline, log.read_text()
+            time.sleep(0.1)
+        yield port, has_plugin
+        process.wait(timeout=30)  # the server ends with its only client
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_client_and_server(server: tuple[int, bool], tmp_path: Path) -> None:
+    port, has_plugin = server
+    picture = tmp_path / "remote.png"
+    arguments = [port, ROOT / "scenes" / "32-shaft_twill.wif", picture]
+    if not has_plugin:
+        arguments.append(environment.PLUGIN)
+    bare = {**os.environ, "LIBGL_ALWAYS_SOFTWARE": "1"}
+    done = subprocess.run(
+        [*XVFB, "pvpython", str(SCRIPTS / "remote.py"), *map(str, arguments)],
+        env=bare,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    # The server's messages reach the client: the two mistakes, each in one line, and nothing else.
+    messages = [line for line in done.stderr.splitlines() if "|" in line]
+    assert len(messages) == 2, done.stderr
+    assert "PatchTessellator: subdivisions = 1000: out of range" in messages[0]
+    assert "Make warp_diameter smaller" in messages[1]
+    assert "over the wire" in done.stdout
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(abs(red - blue) > 40) > 0.05
+
+
 def test_scenes_drafts_and_other_readers(tmp_path: Path) -> None:
     out = run(SCRIPTS / "readers.py", ROOT / "scenes", tmp_path)
     assert out == "scenes, drafts and other readers\n"
 
 
-@pytest.mark.parametrize("program", ["pvpython", "pvbatch"])
+IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
+
+
 @pytest.mark.parametrize(
-    "script", sorted((ROOT / "pipelines" / "paraview").glob("*.py")), ids=lambda p: p.stem
+    ("script", "program"),
+    [(script, "pvbatch") for script in IN_PARAVIEW]
+    + [(ROOT / "pipelines" / "paraview" / "plain_weave.py", "pvpython")],
+    ids=lambda value: value if isinstance(value, str) else value.stem,
 )
 def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
-    picture = tmp_path / "cloth.png"
-    assert run(script, picture, program=program)
-    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
-    assert np.mean(red - blue > 40) > 0.05  # the weft's sand
-    assert np.mean((blue - red > 30) & (red < 50)) > 0.05  # the warp's blue
+    assert run(script, tmp_path / "cloth.png", program=program)
+    pictures = sorted(tmp_path.glob("cloth*.png"))
+    assert len(pictures) == (12 if script.stem == "film" else 1)
+    for picture in {pictures[0], pictures[-1]}:
+        # In the yarns' own colours, with nothing said of colours.
+        red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+        assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+        assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
 
 
 def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
@@ -88,17 +177,17 @@ def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
     assert np.mean(panel.min(axis=2) > 250) > 0.2  # fields to write in
 
 
-def test_a_vtk_script_runs_in_paraviews_python_as_it_is() -> None:
-    script = ROOT / "pipelines" / "with_vtk.py"
+@pytest.mark.parametrize("name", ["with_vtk", "on_a_result"])
+def test_a_vtk_script_runs_in_paraviews_python_as_it_is(name: str) -> None:
     done = subprocess.run(
-        ["pvpython", str(script)],
+        ["pvpython", str(ROOT / "pipelines" / f"{name}.py")],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("sag ")
+    assert done.stdout
 
 
 def test_the_filters_without_the_plugin() -> None:
@@ -115,8 +204,7 @@ def test_the_printed_lines_start_paraview_with_the_plugin() -> None:
     done = subprocess.run(
         ["sh", "-c", 'eval "$(python -m spacemap_vtk paraview)"; pvpython -c "$CODE"'],
         env={
-            **os.environ,
-            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+            **SHELL,
             "CODE": "from paraview.simple import *; print(PatchTessellator.__name__)",
         },
         capture_output=True,

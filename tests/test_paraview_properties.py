@@ -111,6 +111,38 @@ def test_the_xmls_default_is_the_declared_default(name: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("length", "0.123456789 mm"),
+        ("spare_width", None),
+        ("spare_shift", -0.002),
+        ("spare_shift", 1.0 / 3.0),
+        ("spare_shift", None),
+        ("number", "4"),
+        ("flag", False),
+        ("vector", ["1 mm/s2", 0, -9.81]),
+        ("maybe_vector", (1.0, 2.0, 1.0 / 3.0)),
+        ("maybe_vector", None),
+        ("sizes", [7, 8]),
+        ("text", ""),
+        ("file", None),
+        ("file", "/a b.wif"),
+        ("color", "#01fe7f"),
+        ("maybe_color", (1, 2, 3)),
+        ("pattern", ["110", "011", "101"]),
+        ("sides", []),
+        ("yarn", 20.1234567),
+    ],
+)
+def test_a_value_is_written_so_that_it_comes_back(name: str, given: Any) -> None:
+    parameter = Everything.parameters[name]
+    value = parameter.check(given)
+    written = property_of(parameter).write(value)
+    assert isinstance(written, (int, float, str, list))
+    assert read(name, *(written if isinstance(written, list) else [written])) == value
+
+
+@pytest.mark.parametrize(
     ("name", "values", "expected"),
     [
         ("length", [0.003], 0.003),
@@ -168,6 +200,8 @@ def test_ranges_units_and_choices_are_shown() -> None:
     assert units("sizes") == ["w", "h"]
     assert [word.get("value") for word in xml("word").iter("String")] == ["a", "b"]
     assert "0 stands for automatic" in xml("spare_width").findtext("Documentation", "")
+    # An empty field says by itself what it stands for.
+    assert xml("spare_shift").findtext("Hints/PlaceholderText") == "automatic: none"
 
 
 def test_groups_are_declared_or_share_their_first_word() -> None:
@@ -191,17 +225,17 @@ def test_every_filter_is_offered() -> None:
 
 
 def test_a_default_that_cannot_be_written_is_a_mistake_of_ours() -> None:
-    class Odd(Parameter[int]):
-        def convert(self, value: Any) -> int:
-            if value != 1:
-                raise InputError("not one")
-            return 1
+    class Odd(Parameter[complex]):
+        def convert(self, value: Any) -> complex:
+            if value != 1j:
+                raise InputError("not the imaginary unit")
+            return 1j
 
-        def show(self, value: int) -> str:
+        def show(self, value: complex) -> str:
             return "uno"
 
     class Holder(Parameterised):
-        odd = Odd(1, "One.")
+        odd = Odd(1j, "A number that JSON has no word for.")
 
     with pytest.raises(ValueError, match="odd"):
         property_of(Holder.parameters["odd"])

@@ -13,8 +13,7 @@ from spacemap_vtk.errors import MissingLibraryError
 
 
 def require_display() -> None:
-    """Skip the module where no window can be opened. Not pytest-qt, which imports Qt in every
-    run of pytest, also where Qt's own libraries are missing."""
+    """Skip the module where no window can be opened."""
     try:
         require_window()
     except MissingLibraryError as error:

@@ -40,9 +40,7 @@ print(f"sag {sag * 1e6:.1f} um, swing {swung * 1e6:.1f} um after {half_a_period 
 assert 1.9 < swung / sag < 2.1, swung / sag
 
 view = simple.GetActiveViewOrCreate("RenderView")
-display = simple.Show(surface, view)
-simple.ColorBy(display, ("CELLS", "color"))
-display.MapScalars = 0  # they are colours already
+simple.Show(surface, view)  # in the yarns' own colours
 edges = simple.Show(response, view)
 edges.SetRepresentationType("Wireframe")
 simple.Hide(weave, view)

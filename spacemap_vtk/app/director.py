@@ -122,6 +122,11 @@ class Director(QObject):
         """
         self._held = held
 
+    @property
+    def held(self) -> bool:
+        """Whether a drag goes on."""
+        return self._held
+
     def cancel(self) -> None:
         """Give up what runs; the last picture stays."""
         self._times.pause()

@@ -11,15 +11,19 @@ from typing import Any
 import tomlkit
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QUndoStack
-from tomlkit.items import AoT
+from tomlkit.items import AoT, Array
 
 from spacemap_vtk.app.edit import Edit
+from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.output import whole_file
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
+
+#: A longer list is written with a line for each value.
+_LINE = 8
 
 
 def values_of(path: Path) -> dict[str, Any]:
@@ -65,6 +69,9 @@ class Document(QObject):
         self.file: Path | None = None
         #: The file that the scene was read from, a draft or a scene of the program's among them.
         self.source: Path | None = None
+        #: Drafts that are edited and in no file of the user's yet.
+        self.drafts = KeptDrafts()
+        self._saved_draft: Path | None = None
         self._folder = Path.cwd()
         self._load("")
 
@@ -119,9 +126,11 @@ class Document(QObject):
         target = target.resolve()
         if target.parent != self._folder:
             self._move_to(target.parent)
+        self._save_draft(target)
         with whole_file(target) as file:
             file.write_text(self.text, encoding="utf-8")
         self.file = self.source = target
+        self._saved_draft = self.scene.weave.draft
         self.undo.setClean()
 
     @property
@@ -178,7 +187,9 @@ class Document(QObject):
         """
         self.set_many(section, {key: written}, burst)
 
-    def set_many(self, section: str, written: Mapping[str, Any], burst: int = 0) -> None:
+    def set_many(
+        self, section: str, written: Mapping[str, Any], burst: int = 0, name: str = ""
+    ) -> None:
         """Change values that belong together; undone as one.
 
         Parameters
@@ -189,6 +200,8 @@ class Document(QObject):
             As for `set`, by key.
         burst : int, optional
             As for `set`.
+        name : str, optional
+            What is changed, for the menu; by default the keys.
 
         Raises
         ------
@@ -206,7 +219,7 @@ class Document(QObject):
             self._toml = tomlkit.parse(before)
             raise
         if self.text != before:
-            names = ", ".join(f"{section}.{key}" for key in written)
+            names = name or ", ".join(f"{section}.{key}" for key in written)
             self.undo.push(Edit(self, names, before, self.text, burst))
             self.changed.emit()
 
@@ -224,6 +237,7 @@ class Document(QObject):
     def _replace(self, text: str, folder: Path | None) -> None:
         self._folder = folder or Path.cwd()
         self._load(text)
+        self._saved_draft = self.scene.weave.draft if self.file else None
         self.undo.clear()
         self.replaced.emit()
 
@@ -248,6 +262,25 @@ class Document(QObject):
             self._toml[section][key] = written
         else:
             self._toml[section] = {key: written}
+        if isinstance(written, list) and len(written) > _LINE:
+            long = self._toml[section][key]
+            if isinstance(long, Array):
+                long.multiline(True)
+
+    def _save_draft(self, target: Path) -> None:
+        """Let an edited draft lie beside the scene that is about to be saved."""
+        draft = self.scene.weave.draft
+        if not self.drafts.holds(draft):
+            return
+        # Only the scene's own draft is written over, never another file of that name.
+        beside = free = target.with_suffix(".wif")
+        number = 2
+        while free.exists() and free != self._saved_draft:
+            free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
+        with whole_file(free) as file:
+            file.write_bytes(draft.read_bytes())
+        self._put("weave", "draft", free.name)
+        self.scene = Scene(self.values, target)
 
     def _move_to(self, folder: Path) -> None:
         """Let relative paths lead to the same files from another folder."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import weakref
+from collections.abc import Callable, Generator
 from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
@@ -13,6 +14,7 @@ from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.job import Job
 from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.filters.base import Cancelled
+from spacemap_vtk.scenes.scene import Scene
 
 #: A run that takes longer is given up for a newer wish; a shorter one ends, or a drag whose
 #: wishes come faster than runs end would show nothing.
@@ -39,6 +41,8 @@ class Engine(QThread):
     cancelled = Signal()
     #: Nothing is left to do.
     idle = Signal()
+    #: What the work that was asked for with `ask_beside` has come to, or its exception.
+    beside_ready = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -48,6 +52,7 @@ class Engine(QThread):
         self._ending = False
         self._begun: float | None = None
         self._running_values: dict[str, Any] = {}
+        self._beside: Generator[None, None, Any] | None = None
         # The pipeline must not keep the thread object alive that owns it.
         me = weakref.proxy(self)
         self._pipeline = Pipeline(
@@ -76,6 +81,20 @@ class Engine(QThread):
         if late:
             self._pipeline.stop()
 
+    def ask_beside(self, work: Callable[[Scene], Generator[None, None, Any]] | None) -> None:
+        """Ask for work on the present scene that is done while no frame is asked for.
+
+        Parameters
+        ----------
+        work : callable, or None
+            Given the scene, which is as the last job wanted it, a generator that pauses often;
+            what it returns is told by `beside_ready`. None gives up what is under way.
+        """
+        with self._condition:
+            scene = self._pipeline.scene
+            self._beside = None if work is None or scene is None else work(scene)
+            self._condition.notify()
+
     def take(self) -> Frame | None:
         """Return the latest frame once; None if it was taken.
 
@@ -103,7 +122,7 @@ class Engine(QThread):
         """Stop, and wait until the thread has ended."""
         with self._condition:
             self._ending = True
-            self._job = None
+            self._job = self._beside = None
             self._condition.notify()
         self._pipeline.stop()
         self.wait()
@@ -113,14 +132,18 @@ class Engine(QThread):
         """Do one job after the other; the thread's own function."""
         while True:
             with self._condition:
-                while self._job is None and not self._ending:
+                while self._job is None and self._beside is None and not self._ending:
                     self._condition.wait()
                 if self._ending:
                     return
                 job, self._job = self._job, None
-                self._begun = time.perf_counter()
-                assert job is not None
-                self._running_values = job.values
+                beside = self._beside
+                if job is not None:
+                    self._begun = time.perf_counter()
+                    self._running_values = job.values
+            if job is None:
+                self._go_on(beside)
+                continue
             self._do(job)
             with self._condition:
                 self._begun = None
@@ -140,3 +163,20 @@ class Engine(QThread):
             with self._condition:
                 self._frame = frame
             self.ready.emit()
+
+    def _go_on(self, beside: Generator[None, None, Any] | None) -> None:
+        """Do a little of the work beside."""
+        if beside is None:
+            return
+        try:
+            next(beside)
+        except StopIteration as end:
+            self.beside_ready.emit(end.value)
+        except Exception as error:
+            # No stage has failed: who asked is told.
+            self.beside_ready.emit(error.with_traceback(None))
+        else:
+            return
+        with self._condition:
+            if self._beside is beside:
+                self._beside = None

@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.draft.tab import DraftTab
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.exports import Exports
@@ -30,6 +31,7 @@ from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
@@ -58,9 +60,15 @@ class MainWindow(QMainWindow):
         self.modes = ModesTab()
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
+        # Its line is white in the dark.
+        self.tabs.tabBar().setDrawBase(False)
+        self.draft = DraftTab(self.document)
         self.gallery = Gallery()
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
+        self.plots = PlotsTab(self.document, self.engine)
+        self.tabs.addTab(self.plots, "Plots")
+        self.tabs.addTab(self.draft, "Draft")
         self.files = Files(self, self.document, self.errors)
         self.exports = Exports(self)
         self._lay_out()
@@ -97,8 +105,11 @@ class MainWindow(QMainWindow):
         """
         self.errors.say(error)
         if isinstance(error, SpacemapError) and error.key:
-            if error.section in SECTIONS and error.section != self.properties.section:
-                self.stages.choose(error.section)
+            # Not during a drag: its slider would go from under the hand.
+            section = error.section or ""
+            elsewhere = section in SECTIONS and section != self.properties.section
+            if elsewhere and not self.director.held:
+                self.stages.choose(section)
             self.properties.mark(error)
 
     def closeEvent(self, event: QCloseEvent) -> None:
@@ -108,6 +119,7 @@ class MainWindow(QMainWindow):
             return
         self.keep_state()
         self.modes.stop()
+        self.plots.stop()
         self.exports.stop()
         self.director.stop()
         self.view.shut()
@@ -182,6 +194,13 @@ class MainWindow(QMainWindow):
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
         self.view.picked.connect(self._picked)
+        self.plots.asked.connect(self._asked)
+        self.plots.failed.connect(self.errors.say)
+        self.view.picked.connect(self.plots.add)
+        self.director.drawn.connect(self.plots.follow)
+        self.draft.failed.connect(self.report)
+        self.draft.accepted.connect(self.errors.clear)
+        self.draft.held.connect(self.director.hold)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
@@ -240,6 +259,11 @@ class MainWindow(QMainWindow):
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
             self.told.setToolTip("\n".join(frame.warnings))
+
+    def _asked(self, at: float, going_on: bool) -> None:
+        self.modes.stop()
+        self.times.pause()
+        self.times.go(at, going_on)
 
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)

@@ -115,11 +115,21 @@ class Menus(QObject):
 
     def _copy_command(self) -> None:
         window = self.parent()
-        QGuiApplication.clipboard().setText(as_command(window.document, window.times.time))
+        if self._can_copy():
+            QGuiApplication.clipboard().setText(as_command(window.document, window.times.time))
 
     def _copy_script(self) -> None:
         window = self.parent()
-        QGuiApplication.clipboard().setText(as_script(window.document, window.times.time))
+        if self._can_copy():
+            QGuiApplication.clipboard().setText(as_script(window.document, window.times.time))
+
+    def _can_copy(self) -> bool:
+        """Whether the scene is made of files that will be there later."""
+        window = self.parent()
+        if not window.document.drafts.holds(window.document.scene.weave.draft):
+            return True
+        window.errors.warn("The draft is edited and in no file yet: save the scene, then copy.")
+        return False
 
     def _theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")

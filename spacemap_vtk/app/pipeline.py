@@ -56,6 +56,11 @@ class Pipeline:
         self._stopped = False
         self._interrupt = Interrupt()
 
+    @property
+    def scene(self) -> Scene | None:
+        """The scene as the last job wanted it; belongs to the engine's thread."""
+        return self._scene
+
     def run(self, job: Job) -> Frame:
         """Return what a job asks for.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPixmap
+from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
@@ -94,7 +94,7 @@ class StageList(QTreeWidget):
         self.states[section] = state
         color, words = STATES[state]
         item = self.items[section]
-        item.setIcon(0, _dot(color))
+        item.setIcon(0, _dot(color, hollow=state == "off"))
         item.setToolTip(1, words)
         item.setToolTip(2, words)
         faint = state in ("off",)
@@ -148,14 +148,18 @@ def _words(name: str) -> str:
     return spaced.capitalize()
 
 
-def _dot(color: str) -> QIcon:
+def _dot(color: str, hollow: bool = False) -> QIcon:
     size = 24
     pixmap = QPixmap(size, size)
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = QPainter(pixmap)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    painter.setBrush(QColor(color))
-    painter.setPen(Qt.PenStyle.NoPen)
-    painter.drawEllipse(6, 6, 12, 12)
+    if hollow:
+        painter.setPen(QPen(QColor(color), 2))
+        painter.drawEllipse(7, 7, 10, 10)
+    else:
+        painter.setBrush(QColor(color))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.drawEllipse(6, 6, 12, 12)
     painter.end()
     return QIcon(pixmap)

@@ -70,7 +70,10 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     dark : bool
         Dark.
     """
-    app.setStyle("Fusion")
+    # Once: each style that is set leaves the one before behind in PySide.
+    if app.property("styled") is None:
+        app.setStyle("Fusion")
+        app.setProperty("styled", True)
     palette = QPalette()
     for role, color in (_DARK if dark else _LIGHT).items():
         palette.setColor(role, QColor(color))

@@ -11,6 +11,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.loom_edit import tiled
 from spacemap_vtk.fabric.settle import FAMILIES, Fabric
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
@@ -66,14 +67,33 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
         plain = from_wif and getattr(own, f"{family}_colors") is None
         if not plain or getattr(wishes, f"{family}_color") is not None:
             colors[f"{family}_colors"] = getattr(fabric, f"{family}_colors")
-    same = isinstance(source, WifDraft) and np.array_equal(own.drawdown, fabric.drawdown)
     return WifDraft(
         Draft(fabric.drawdown, **colors, **lengths, title=own.title or title),
-        source.loom
-        if same and isinstance(source, WifDraft)
-        else Loom.from_drawdown(fabric.drawdown),
+        loom_of(source, fabric.drawdown),
         **each,
     )
+
+
+def loom_of(source: Draft | WifDraft, drawdown: NDArray[np.bool_]) -> Loom:
+    """Return the loom for a cloth: the draft's own, repeated, if it weaves it.
+
+    Parameters
+    ----------
+    source : Draft or WifDraft
+        What the cloth was made from.
+    drawdown : ndarray of bool, shape (picks, ends)
+        The cloth, which may be larger or smaller than the draft.
+
+    Returns
+    -------
+    Loom
+        The smallest one where the source has none.
+    """
+    if isinstance(source, WifDraft):
+        loom = tiled(source.loom, drawdown.shape[1], len(drawdown))
+        if np.array_equal(loom.drawdown(), drawdown):
+            return loom
+    return Loom.from_drawdown(drawdown)
 
 
 def _widths(cloth: Cloth, family: str, count: int) -> NDArray[np.float64]:

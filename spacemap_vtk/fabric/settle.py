@@ -97,8 +97,8 @@ def settle(source: Draft | WifDraft, wishes: Wishes) -> Fabric:
     return Fabric(
         wif.draft.drawdown[np.ix_(rows, columns)],
         cloth,
-        _colors("warp", ends, wif.draft.warp_colors, wishes),
-        _colors("weft", picks, wif.draft.weft_colors, wishes),
+        colors_of("warp", ends, wif.draft.warp_colors, wishes),
+        colors_of("weft", picks, wif.draft.weft_colors, wishes),
         wishes.packing * wishes.fibre_density,
         (*wif.draft.warnings, *warnings),
     )
@@ -236,9 +236,27 @@ def _single(values: NDArray[np.float64]) -> Any:
     return float(values[0]) if (values == values[0]).all() else values
 
 
-def _colors(
+def colors_of(
     family: str, count: int, own: NDArray[np.uint8] | None, wishes: Wishes
 ) -> NDArray[np.uint8]:
+    """Return the colour of each yarn of a family.
+
+    Parameters
+    ----------
+    family : str
+        ``"warp"`` or ``"weft"``.
+    count : int
+        How many yarns.
+    own : ndarray of uint8, shape (n, 3), or None
+        The draft's colours.
+    wishes : Wishes
+        The user's, which come first.
+
+    Returns
+    -------
+    ndarray of uint8, shape (count, 3)
+        Red, green and blue.
+    """
     asked = getattr(wishes, f"{family}_color")
     chosen = asked if asked is not None else COLORS[family] if own is None else own
     return np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3))

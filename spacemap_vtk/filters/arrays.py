@@ -20,9 +20,9 @@ from vtkmodules.vtkCommonDataModel import (
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.parameters import suggestion
 
-#: VTK 9.2 takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that own
-#: them: it would read freed memory.
-_CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 4)
+#: Up to 9.5 VTK takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that
+#: own them: it would read freed memory.
+_CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 6)
 
 
 def points_of(dataset: vtkPointSet) -> NDArray[Any]:

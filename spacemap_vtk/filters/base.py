@@ -9,6 +9,8 @@ Invariants:
   marked as a duplicate in all but the first.
 - No stage holds a reference to itself or to a stage above it, not even through an observer or a
   stored bound method: on VTK 9.2 such an object is never freed.
+- What a stage keeps for its next run, and may hold VTK objects, is an attribute that its class
+  declares as None: before VTK 9.7 it must go with the last reference from Python.
 """
 
 from __future__ import annotations
@@ -17,13 +19,16 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
-import numpy as np
 from vtkmodules.util.misc import calldata_type
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
-from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation, vtkInformationVector
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet, vtkDataSetAttributes
+from vtkmodules.vtkCommonCore import (
+    vtkGarbageCollector,
+    vtkInformation,
+    vtkInformationVector,
+    vtkVersion,
+)
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
     vtkDemandDrivenPipeline,
@@ -31,6 +36,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 )
 
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.extent import mark_owner
 from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, world
 from spacemap_vtk.parameters import Parameterised
 
@@ -43,6 +49,11 @@ _PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
+
+#: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
+#: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
+#: there are VTK objects among them, the table is corrupted, and the program crashes later.
+_GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
 #: For `Stage.output`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkPointSet"
@@ -96,6 +107,13 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         self.AddObserver("ErrorEvent", observer)
         self.GetExecutive().AddObserver("ErrorEvent", observer)
         Parameterised.__init__(self, **values)
+
+    if _GHOSTS_ARE_FRAGILE:
+
+        def __del__(self) -> None:
+            values = self.__dict__
+            for name in [name for name in values if getattr(type(self), name, name) is None]:
+                del values[name]
 
     @property
     def executions(self) -> int:
@@ -350,7 +368,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             raise self._untold
         self.run(inputs, output, time)
         if self.replicated and self._piece.of > 1:
-            _mark(output, 0 if self._piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL)
+            mark_owner(output, self._piece)
 
     def _request_update_extent(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
@@ -412,17 +430,6 @@ def _piece_of(info: vtkInformation) -> Piece:
     if not info.Has(_PIECE[1]) or info.Get(_PIECE[1]) <= 1:
         return WHOLE
     return Piece(*(info.Get(key) for key in _PIECE))
-
-
-def _mark(output: vtkDataSet, value: int) -> None:
-    """Mark all cells and points: 0, or as duplicates of another piece's."""
-    for data, count in (
-        (output.GetCellData(), output.GetNumberOfCells()),
-        (output.GetPointData(), output.GetNumberOfPoints()),
-    ):
-        array = numpy_to_vtk(np.full(count, value, dtype=np.uint8))
-        array.SetName(vtkDataSetAttributes.GhostArrayName())
-        data.AddArray(array)
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:

@@ -1,4 +1,4 @@
-"""The bounds of a whole data set of which a process has a piece only."""
+"""What a piece says of the whole: the bounds of that, and who owns what is in several pieces."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkDataSet
+from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkDataSetAttributes
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.arrays import add_array
@@ -76,3 +76,22 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
     assert rows is not None
     result: list[float] = rows[1].tolist()
     return result
+
+
+def mark_owner(data: vtkDataSet, piece: Piece) -> None:
+    """Mark the cells and points of what is whole in each piece: they belong to the first.
+
+    Parameters
+    ----------
+    data : vtkDataSet
+        It gets the arrays ``vtkGhostType``, 0 in the first piece.
+    piece : Piece
+        Which this is.
+    """
+    value = 0 if piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL
+    name = vtkDataSetAttributes.GhostArrayName()
+    for array, count in (
+        (data.GetCellData(), data.GetNumberOfCells()),
+        (data.GetPointData(), data.GetNumberOfPoints()),
+    ):
+        add_array(array, name, np.full(count, value, dtype=np.uint8))

@@ -191,6 +191,12 @@ class ModalResponse(Stage):
             add_array(cells, "von_mises", von_mises(stress))
         if self.energy:
             energies = prepared.account.at(time, state)
+            if np.isnan(energies.work):
+                self.warn(
+                    "so many periods have passed that the work of the loads is not added up: "
+                    "dissipated_energy and external_work are not a number; take an earlier time, "
+                    "or longer periods"
+                )
             names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
             for name, value in zip(names, energies, strict=True):
                 add_array(field, name, np.array([value]))
@@ -215,6 +221,23 @@ class ModalResponse(Stage):
         # The point is a mesh of one vertex.
         point = prepared.at_point(weights)
         return np.stack([point.fields(prepared.motion.at(t), t)[:, 0] for t in times], axis=1)
+
+    def energies(self, times: FloatArray) -> FloatArray:
+        """Return where the energy is over time; call `update` before.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (t, 4)
+            Kinetic, strain and dissipated energy, and their sum, the external work [J].
+        """
+        assert self._kept_motion is not None, "not updated yet"
+        account = self._kept_motion[1].account
+        return np.array([account.at(t) for t in times]).reshape(-1, 4)
 
     def frequency_response(self, weights: FloatArray, frequencies: FloatArray) -> NDArray[Any]:
         """Return how a point answers to the loads as sines, all in phase; call `update` before.

@@ -1,7 +1,8 @@
 """ParaView properties, made from declared parameters.
 
-A property is the XML that ParaView's server manager reads, and the way back: what ParaView hands to
-the setter, turned into a value for the parameter's own check. ParaView has no value for "automatic"
+A property is the XML that ParaView's server manager reads, and the ways to and fro: a value as
+ParaView holds it, and what ParaView hands to the setter, turned into a value for the parameter's
+own check. ParaView has no value for "automatic"
 (None): where a number is optional, 0 or -1 stands for it, whichever the parameter refuses; in a
 text, the empty one, which ParaView hands over as None. Kinds that are declared elsewhere are texts,
 with or without quotes.
@@ -29,6 +30,8 @@ class Property(NamedTuple):
     xml: Element
     read: Callable[..., Any]
     """From the values that ParaView hands over to one for the parameter's check."""
+    write: Callable[[Any], Any]
+    """From a checked value to what ParaView's property takes: a number, a text, or a list."""
 
 
 def command(parameter: Parameter[Any]) -> str:
@@ -106,32 +109,39 @@ def _kind_of(parameter: Parameter[Any]) -> Callable[[Any], Property]:
 
 def _number(parameter: Real) -> Property:
     stand_in = _stand_in(parameter) if parameter.optional else None
-    xml = _numbers(parameter, [parameter.default if stand_in is None else stand_in])
+
+    def write(value: Any) -> Any:
+        return stand_in if value is None else value
+
+    xml = _numbers(parameter, [write(parameter.default)])
     _range(xml, parameter, stand_in)
     _labels(xml, [parameter.unit])
     if stand_in is not None:
         xml.set("automatic", str(stand_in))
-    return Property(xml, lambda value: None if value == stand_in else value)
+    return Property(xml, lambda value: None if value == stand_in else value, write)
 
 
 def _vector(parameter: Vector) -> Property:
     xml = _numbers(parameter.component, parameter.default)
     _range(xml, parameter.component, None)
     _labels(xml, [f"{letter} {parameter.unit}".rstrip() for letter in parameter.labels])
-    return Property(xml, lambda *values: values)
+    return Property(xml, lambda *values: values, list)
 
 
 def _color(parameter: Color) -> Property:
-    xml = _vector_property("Double", [f"{channel / 255:.6g}" for channel in parameter.default])
+    def write(value: Any) -> list[float]:
+        return [channel / 255 for channel in value]
+
+    xml = _vector_property("Double", [f"{share:.6g}" for share in write(parameter.default)])
     xml.set("panel_widget", "color_selector")
     SubElement(xml, "DoubleRangeDomain", name="range", min="0 0 0", max="1 1 1")
-    return Property(xml, lambda *values: tuple(round(255 * value) for value in values))
+    return Property(xml, lambda *values: tuple(round(255 * value) for value in values), write)
 
 
 def _flag(parameter: Flag) -> Property:
     xml = _vector_property("Int", [int(parameter.default)])
     SubElement(xml, "BooleanDomain", name="bool")
-    return Property(xml, bool)
+    return Property(xml, bool, int)
 
 
 def _choice(parameter: Choice) -> Property:
@@ -140,36 +150,47 @@ def _choice(parameter: Choice) -> Property:
     words = SubElement(xml, "StringListDomain", name="list")
     for word in parameter.choices:
         SubElement(words, "String", value=word)
-    return Property(xml, str)
+    return Property(xml, str, str)
 
 
 def _file(parameter: FilePath) -> Property:
-    xml = _vector_property("String", [parameter.default or ""])
+    xml = _vector_property("String", [_bare(parameter.default)])
     xml.set("animateable", "0")
     SubElement(xml, "FileListDomain", name="files")
-    return Property(xml, lambda path=None: path or None)
+    return Property(xml, lambda path=None: path or None, _bare)
 
 
 def _plain(parameter: PlainText) -> Property:
-    xml = _vector_property("String", [parameter.default or ""])
-    return Property(xml, lambda text=None: text or (None if parameter.optional else ""))
+    xml = _vector_property("String", [_bare(parameter.default)])
+    return Property(xml, lambda text=None: text or (None if parameter.optional else ""), _bare)
+
+
+def _bare(value: Any) -> str:
+    return "" if value is None else str(value)
 
 
 def _text(parameter: Parameter[Any]) -> Property:
-    shown = "" if parameter.default is None else _written(parameter)
-    xml = _vector_property("String", [shown])
+    xml = _vector_property("String", [_written(parameter, parameter.default)])
     if parameter.optional:
         xml.set("automatic", "an empty field")
-    return Property(xml, lambda text=None: _read_text(parameter, text or ""))
+        _hint(xml, "PlaceholderText").text = f"automatic: {parameter.automatic}"
+    return Property(
+        xml,
+        lambda text=None: _read_text(parameter, text or ""),
+        lambda value: _written(parameter, value),
+    )
 
 
-def _written(parameter: Parameter[Any]) -> str:
-    """Return a default as a user would write it: without quotes, where it needs none."""
-    shown = parameter.show(parameter.default)
+def _written(parameter: Parameter[Any], value: Any) -> str:
+    """Return a value as a user would write it: without quotes, where it needs none."""
+    if value is None:
+        return ""
+    shown = parameter.show(value)
     bare = shown[1:-1] if len(shown) > 1 and shown[0] == shown[-1] == '"' else shown
-    for text in (bare, shown):
+    # What is shown may be rounded; as JSON it is not.
+    for text in (bare, shown, json.dumps(value, default=str)):
         try:
-            if parameter.check(_read_text(parameter, text)) == parameter.default:
+            if parameter.check(_read_text(parameter, text)) == value:
                 return text
         except InputError:
             continue
@@ -233,6 +254,10 @@ def _range(xml: Element, parameter: Real, stand_in: int | None) -> None:
 def _labels(xml: Element, labels: list[str]) -> None:
     """Show units beside the fields: in the property's label they would enter its Python name."""
     if any(labels):
-        shown = SubElement(SubElement(xml, "Hints"), "ShowComponentLabels")
+        shown = _hint(xml, "ShowComponentLabels")
         for number, label in enumerate(labels):
             SubElement(shown, "ComponentLabel", component=str(number), label=label)
+
+
+def _hint(xml: Element, name: str) -> Element:
+    return SubElement(SubElement(xml, "Hints"), name)

@@ -33,6 +33,8 @@ _CELL, _LABEL = (440, 400), 46
 _SWING = 0.12
 #: Width of a plotted curve, in samples.
 SAMPLES = 2000
+#: Factor on frequencies that meet an undamped mode exactly.
+ASIDE = 1 + 1e-9
 QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
 _INK, _FAINT = (40, 46, 54), (118, 126, 138)
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
@@ -176,7 +178,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     unit, row = QUANTITIES[quantity]
     times = np.linspace(0.0, response.duration, SAMPLES)
     curves = response.history(weights, times)[row]
-    unit, size = _handy(unit, float(abs(curves).max()))
+    unit, size = handy(unit, float(abs(curves).max()))
 
     figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
@@ -187,11 +189,11 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
         over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
     over_time.set(xlabel="time [s]", ylabel=f"{quantity} [{unit}]", xlim=(0, times[-1]))
 
-    frequencies = _frequencies([mode["frequency_hz"] for mode in figures["modes"]])
+    frequencies = frequencies_near([mode["frequency_hz"] for mode in figures["modes"]])
     try:
         answer = abs(response.frequency_response(weights, frequencies))
     except InputError:  # an undamped mode was met exactly
-        frequencies *= 1 + 1e-9
+        frequencies *= ASIDE
         answer = abs(response.frequency_response(weights, frequencies))
     answer *= (2 * np.pi * frequencies[:, None]) ** row / size
     for axis, color in enumerate(_COLORS):
@@ -212,16 +214,42 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     figure.savefig(file)
 
 
-def _handy(unit: str, largest: float) -> tuple[str, float]:
-    """Return a unit in which a value is no tiny number, and its size."""
-    for prefix, size in (("", 1.0), ("m", 1e-3), ("µ", 1e-6)):
+def handy(unit: str, largest: float) -> tuple[str, float]:
+    """Return a unit in which a value is no tiny number.
+
+    Parameters
+    ----------
+    unit : str
+        As ``"m"``.
+    largest : float
+        The value.
+
+    Returns
+    -------
+    unit : str
+        As ``"mm"``.
+    size : float
+        Of that unit in the other one.
+    """
+    for prefix, size in (("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12)):
         if largest >= 0.1 * size:
             return prefix + unit, size
     return unit, 1.0
 
 
-def _frequencies(natural: list[float]) -> NDArray[np.float64]:
-    """Return frequencies to plot, dense about the modes."""
+def frequencies_near(natural: list[float]) -> NDArray[np.float64]:
+    """Return frequencies to plot, dense about the modes.
+
+    Parameters
+    ----------
+    natural : list of float
+        Frequencies of the modes in Hz, ascending.
+
+    Returns
+    -------
+    ndarray of float64, shape (n,)
+        Ascending, in Hz.
+    """
     swinging = [f for f in natural if f > 0.0] or [1.0]
     low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)
     near = np.concatenate([f * (1 + np.linspace(-0.08, 0.08, 41)) for f in swinging])

@@ -44,8 +44,12 @@ for name, stage in PROXIES.items():
 weave = simple.WeaveSource()
 for name, label in (("WarpDiameter", "Warp Diameter"), ("Ends", "Ends")):
     assert weave.GetProperty(name).SMProperty.GetXMLLabel() == label
+hints = weave.GetProperty("WarpSett").SMProperty.GetHints()
+label = hints.FindNestedElementByName("ShowComponentLabels").GetNestedElement(0)
+assert label.GetAttribute("label") == "1/m"
 hints = weave.GetProperty("WarpSpacing").SMProperty.GetHints()
-assert hints is None or "ComponentLabel" in str(hints)
+shown = hints.FindNestedElementByName("PlaceholderText").GetCharacterData()
+assert shown.startswith("automatic: from the sett"), shown
 modal = servermanager.ProxyManager().NewProxy("filters", "ModalSolver")
 domain = modal.GetProperty("PoissonsRatio").FindDomain("vtkSMDoubleRangeDomain")
 assert (domain.GetMinimum(0), domain.GetMaximum(0)) == (-1.0, 0.5)

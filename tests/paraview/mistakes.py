@@ -50,6 +50,49 @@ for proxy, name, bad, fine, words in (
     assert said() == "", name
     assert bounds(surface) == good, name
 
+# Refused before it gets as far as the stage: what a property cannot even hold is said at once, by
+# an error that a script stops at, and nothing has changed.
+for proxy, name, bad, words in (
+    (weave, "Ends", "many", 'WeaveSource: ends = "many": not a number; allowed: a whole number'),
+    (weave, "Ends", 3.7, "not a whole number"),
+    (weave, "WarpDiameter", -1e-3, "warp_diameter = -0.001: out of range"),
+    (weave, "WarpDiameter", ["0.2 mm", "0.3 kg"], "value 2"),
+    (weave, "WarpSett", "dense", "not a number; allowed: a number greater than 0 1/m"),
+    (response, "Alpha", None, "ModalResponse: alpha"),
+    (response, "Gravity", [0, -1], "2 components in place of 3"),
+    (surface, "Subdivisions", "fine", "not a number"),
+):
+    refusal = ""
+    try:
+        setattr(proxy, name, bad)
+    except TypeError as error:
+        refusal = str(error)
+    assert words in refusal, (name, bad, refusal)
+    surface.UpdatePipeline(0.02)
+    assert said() == "", name
+    assert bounds(surface) == good, name
+
+# What the filters take in Python is taken here: numbers and lists for texts, units for numbers.
+for name, value, held in (
+    ("WarpDiameter", 0.2e-3, 0.2e-3),
+    ("WarpDiameter", [0.2e-3, "0.25 mm"], (0.2e-3, 0.25e-3)),
+    ("WarpDiameter", None, None),
+    ("WarpSett", "20 /cm", 2000.0),
+    ("WarpSett", None, None),
+    ("WarpColor", (255, 0, 0), (255, 0, 0)),
+    ("WarpColor", "", None),
+    ("Pattern", ["10", "01"], ("10", "01")),
+    ("Pattern", "plain", "plain"),
+):
+    setattr(weave, name, value)
+    weave.UpdatePipeline()
+    settings = weave.GetClientSideObject().settings
+    key = name.lower() if name == "Pattern" else f"warp_{name[4:].lower()}"
+    assert settings[key] == held, (name, settings[key])
+surface.UpdatePipeline(0.02)
+assert said() == ""
+assert bounds(surface) == good
+
 # Nothing good yet: empty, and said once for each time it is asked for, with no error of VTK's.
 empty = simple.SceneReader(FileName="/no/such/scene.toml")
 empty.UpdatePipeline()

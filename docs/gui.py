@@ -1,0 +1,86 @@
+"""Make the pictures of the window, docs/gui.png among them.
+
+xvfb-run -a -s "-screen 0 1600x1000x24" python docs/gui.py docs
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ["SPACEMAP_CACHE"] = "off"
+
+from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+from PySide6.QtWidgets import QApplication
+
+from spacemap_vtk.app.launch import MainWindow
+from spacemap_vtk.fabric.loom import Loom
+
+#: A diamond twill: pointed threading, and a treadling that follows it.
+POINT = tuple((8 - abs(k - 7),) for k in range(15))
+DIAMOND = Loom(
+    POINT,
+    tuple(tuple(sorted((k + step) % 8 + 1 for step in (0, 1, 2, 4))) for k in range(8)),
+    POINT,
+)
+
+
+def diamond(window: MainWindow) -> None:
+    """Weave a diamond twill with two stripes, in the paper's cage."""
+    stripes = ["#2d6a8e"] * 3 + ["#b5443c"] + ["#2d6a8e"] * 7 + ["#b5443c"] + ["#2d6a8e"] * 3
+    values = {"ends": 15, "picks": 15, "warp_color": stripes, "weft_color": "#ead7b0"}
+    window.document.set_many("weave", values)
+    window.draft._reloom(DIAMOND, "loom")
+    window.splitter.setSizes([270, 640, 530])
+    window.menus.actions["To the end"].trigger()
+    wait(lambda: window.view.frame.time == window.times.time)
+    window.view.reset_camera()
+    window.times.go(0.02)
+
+
+def curves(window: MainWindow) -> None:
+    """Wait for the plots."""
+    wait(lambda: window.plots.curves is not None)
+
+
+def wait(done: Callable[[], bool], seconds: float = 60.0) -> None:
+    """Let the window live until something holds."""
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        QApplication.processEvents()
+        time.sleep(0.01)
+
+
+def shoot(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow], None]) -> None:
+    """Save what the screen shows of a window with the paper's scene."""
+    window = MainWindow()
+    window.resize(1440, 900)
+    if window.menus.dark.isChecked() != dark:
+        window.menus.dark.trigger()
+    window.start("plain_weave")
+    window.show()
+    window.tabs.setCurrentWidget(getattr(window, tab))
+    wait(lambda: window.view.frame is not None)
+    prepare(window)
+    # A smooth picture of the last state.
+    end = time.monotonic() + 2.0
+    wait(lambda: time.monotonic() > end and not window.engine.busy)
+    QApplication.primaryScreen().grabWindow(window.winId()).save(str(file))
+    window.discard()
+    QApplication.processEvents()
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
+    own = QSettings.Scope.UserScope
+    QSettings.setPath(QSettings.Format.IniFormat, own, tempfile.mkdtemp())
+    app = QApplication([])
+    app.setApplicationName("spacemap")
+    shoot(folder / "gui.png", "draft", False, diamond)
+    shoot(folder / "gui_plots.png", "plots", True, curves)

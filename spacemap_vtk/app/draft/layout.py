@@ -1,0 +1,272 @@
+"""Where the grids of a draft stand on the screen, and what lies under a point."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from spacemap_vtk.app.draft.shown import Shown
+
+#: Pixels round the draft, between its grids (where the numbers stand), of a strip of colours, and
+#: between a strip and its grid.
+MARGIN, GAP, STRIP, NEAR = 10, 24, 13, 4
+#: Share of the window that grids beside the drawdown may take and still stay in sight.
+FROZEN = 0.6
+
+
+class Place(NamedTuple):
+    """A cell: its panel, and its numbers from 1 along x and y; 0 where the panel has none."""
+
+    panel: str
+    x: int
+    y: int
+
+
+class Axis(NamedTuple):
+    """One direction of the screen: something, then the drawdown, then something.
+
+    What stands before and after the drawdown stays in sight while the drawdown scrolls, unless
+    that would leave too little room for it: then all of it scrolls.
+    """
+
+    before: int
+    """Pixels before the drawdown."""
+    cells: int
+    after: int
+    cell: int
+    """Pixels of a cell."""
+    room: int
+    """Pixels of the window."""
+    offset: int
+    """Pixels scrolled."""
+
+    @property
+    def length(self) -> int:
+        """Pixels of the drawdown."""
+        return self.cells * self.cell
+
+    @property
+    def frozen(self) -> bool:
+        """Whether only the drawdown scrolls."""
+        return self.before + self.after <= FROZEN * self.room
+
+    @property
+    def most(self) -> int:
+        """Largest offset."""
+        return max(0, self.before + self.length + self.after - self.room)
+
+    @property
+    def main(self) -> int:
+        """Where the drawdown begins, in sight or not."""
+        return self.before - self.offset
+
+    @property
+    def clip(self) -> tuple[int, int]:
+        """Between which pixels the drawdown is seen."""
+        if not self.frozen:
+            return 0, self.room
+        return self.before, max(self.before, min(self.before + self.length, self._end))
+
+    @property
+    def first(self) -> int:
+        """Where what comes before begins."""
+        return 0 if self.frozen else -self.offset
+
+    @property
+    def last(self) -> int:
+        """Where what comes after begins."""
+        if not self.frozen:
+            return self.main + self.length
+        return min(self.before + self.length, self._end)
+
+    @property
+    def _end(self) -> int:
+        return self.room - self.after
+
+
+class Span(NamedTuple):
+    """A panel along one direction."""
+
+    begin: int
+    """Pixel where its first cell begins."""
+    cells: int
+    """Cells; 0 where the panel is one strip without cells in this direction."""
+    size: int
+    """Pixels of a cell."""
+    low: int
+    high: int
+    """Between which pixels it is seen."""
+    reversed: bool
+    """Whether the last number comes first."""
+
+    def number(self, pixel: float) -> int | None:
+        """Return the number of the cell at a pixel.
+
+        Parameters
+        ----------
+        pixel : float
+            Of the window.
+
+        Returns
+        -------
+        int or None
+            From 1; 0 for a strip, None outside.
+        """
+        if not self.low <= pixel < self.high:
+            return None
+        index = int((pixel - self.begin) // self.size)
+        if not 0 <= index < max(self.cells, 1):
+            return None
+        if not self.cells:
+            return 0
+        return self.cells - index if self.reversed else index + 1
+
+    def pixel(self, number: int) -> int:
+        """Return where a cell begins.
+
+        Parameters
+        ----------
+        number : int
+            Its number, from 1.
+
+        Returns
+        -------
+        int
+            In pixels of the window.
+        """
+        return self.begin + self.size * (
+            self.cells - number if self.reversed else max(number - 1, 0)
+        )
+
+    @property
+    def visible(self) -> range:
+        """The cells in sight, counted from 0 as they stand on the screen."""
+        first = max(0, (self.low - self.begin) // self.size)
+        last = min(max(self.cells, 1), -(-(self.high - self.begin) // self.size))
+        return range(first, max(first, last))
+
+
+class Layout:
+    """Places of the grids.
+
+    Threading above, tie-up in the corner, treadling to the right, drawdown below; a strip of
+    colours above the threading and right of the treadling. As on paper everything is counted from
+    the corner where the four grids meet; `as_cloth` counts ends from the left and picks from
+    below, as the cloth is seen from its front.
+
+    Parameters
+    ----------
+    shown : Shown
+        The draft.
+    cell : int
+        Pixels of a cell.
+    room : tuple of int
+        Width and height of the window in pixels.
+    offset : tuple of int, optional
+        Pixels scrolled.
+    as_cloth : bool, optional
+        Where ends and picks are counted from.
+    """
+
+    def __init__(
+        self,
+        shown: Shown,
+        cell: int,
+        room: tuple[int, int],
+        offset: tuple[int, int] = (0, 0),
+        as_cloth: bool = False,
+    ) -> None:
+        (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
+        self.cell = cell
+        head = MARGIN + STRIP + NEAR
+        x = Axis(MARGIN, ends, GAP + columns * cell + NEAR + STRIP + MARGIN, cell, room[0], 0)
+        y = Axis(head + shafts * cell + GAP, picks, MARGIN, cell, room[1], 0)
+        #: Largest scrolls.
+        self.most = x.most, y.most
+        self.offset = min(max(offset[0], 0), x.most), min(max(offset[1], 0), y.most)
+        self.x, self.y = (
+            axis._replace(offset=at) for axis, at in zip((x, y), self.offset, strict=True)
+        )
+        x, y = self.x, self.y
+        along_ends = Span(x.main, ends, cell, *x.clip, not as_cloth)
+        along_picks = Span(y.main, picks, cell, *y.clip, as_cloth)
+        right, far = x.last + GAP, x.last + GAP + columns * cell
+        treadles = Span(right, columns, cell, right, far, False)
+        # Shaft 1 is next to the cloth, at the bottom.
+        top = y.first + head
+        heddles = Span(top, shafts, cell, top, top + shafts * cell, True)
+        strip = Span(y.first + MARGIN, 0, STRIP, y.first + MARGIN, y.first + MARGIN + STRIP, False)
+        side = Span(far + NEAR, 0, STRIP, far + NEAR, far + NEAR + STRIP, False)
+        self.panels: dict[str, tuple[Span, Span]] = {
+            "threading": (along_ends, heddles),
+            "treadling": (treadles, along_picks),
+            "drawdown": (along_ends, along_picks),
+            "warp": (along_ends, strip),
+            "weft": (side, along_picks),
+        }
+        if shown.loom.liftplan is None:
+            self.panels["tieup"] = treadles, heddles
+
+    def at(self, x: float, y: float, panel: str | None = None) -> Place | None:
+        """Return the cell under a point.
+
+        Parameters
+        ----------
+        x, y : float
+            In pixels of the window.
+        panel : str, optional
+            Look into this one only.
+
+        Returns
+        -------
+        Place or None
+            None beside all cells.
+        """
+        for name, (across, down) in self.panels.items():
+            if panel in (None, name):
+                column, row = across.number(x), down.number(y)
+                if column is not None and row is not None:
+                    return Place(name, column, row)
+        return None
+
+    def center(self, place: Place) -> tuple[int, int]:
+        """Return the middle of a cell, in sight or not.
+
+        Parameters
+        ----------
+        place : Place
+            The cell.
+
+        Returns
+        -------
+        x, y : int
+            In pixels of the window.
+        """
+        across, down = self.panels[place.panel]
+        return (
+            across.pixel(place.x) + across.size // 2,
+            down.pixel(place.y) + down.size // 2,
+        )
+
+
+def fitting(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
+    """Return the size of a cell with which a whole draft is in sight.
+
+    Parameters
+    ----------
+    shown : Shown
+        The draft.
+    room : tuple of int
+        Width and height of the window in pixels.
+    smallest, largest : int
+        Between which it must be.
+
+    Returns
+    -------
+    int
+        In pixels.
+    """
+    ends, picks = shown.size
+    wide = room[0] - 2 * MARGIN - GAP - NEAR - STRIP
+    high = room[1] - 2 * MARGIN - GAP - NEAR - STRIP
+    cell = min(wide // (ends + shown.columns), high // (picks + shown.loom.shafts))
+    return min(max(cell, smallest), largest)

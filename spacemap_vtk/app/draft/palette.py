@@ -1,0 +1,161 @@
+"""The colours of a draft's yarns, to paint the strips with."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPoint, QRect, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
+
+from spacemap_vtk.app.draft.shown import Shown
+
+_SIDE, _ROOM = 22, 5
+#: Where a draft has fewer colours, these are offered.
+_OFFERED = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
+_MOST = 24
+
+
+class Palette(QWidget):
+    """A row of colours: click chooses, double click changes it wherever it is, + adds one."""
+
+    #: The colour to paint with.
+    chosen = Signal(object)
+    #: A colour, and the one that takes its place.
+    changed = Signal(object, object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colors: list[QColor] = []
+        self.color = QColor(_OFFERED[2])
+        self._own: list[QColor] = []
+        self._extra: list[QColor] = []
+        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        policy.setHeightForWidth(True)
+        self.setSizePolicy(policy)
+        self.setMouseTracking(True)
+
+    def show_colors(self, shown: Shown | None) -> None:
+        """Show the colours that a draft has.
+
+        Parameters
+        ----------
+        shown : Shown or None
+            None: those that are offered alone.
+        """
+        self._own = []
+        if shown is not None:
+            both = np.concatenate([shown.warp, shown.weft])
+            found, first = np.unique(both, axis=0, return_index=True)
+            self._own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MOST]]
+        self._arrange()
+
+    def choose(self, color: QColor) -> None:
+        """Paint with a colour.
+
+        Parameters
+        ----------
+        color : QColor
+            One of the palette's, or another one.
+        """
+        if color not in self.colors:
+            self._extra.append(color)
+            self._arrange()
+        self.color = color
+        self.update()
+        self.chosen.emit(color)
+
+    def rect_of(self, index: int) -> QRect:
+        """Return where a colour stands; the one after the last is the +.
+
+        Parameters
+        ----------
+        index : int
+            From 0.
+
+        Returns
+        -------
+        QRect
+            In pixels.
+        """
+        columns = max(1, (self.width() - _ROOM) // (_SIDE + _ROOM))
+        row, column = divmod(index, columns)
+        step = _SIDE + _ROOM
+        return QRect(_ROOM + column * step, _ROOM + row * step, _SIDE, _SIDE)
+
+    def heightForWidth(self, width: int) -> int:
+        """Return the height of all rows."""
+        columns = max(1, (width - _ROOM) // (_SIDE + _ROOM))
+        return _ROOM + -(-(len(self.colors) + 1) // columns) * (_SIDE + _ROOM)
+
+    def sizeHint(self) -> QSize:
+        """Return the size of the rows."""
+        return QSize(240, self.heightForWidth(max(self.width(), 240)))
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint the colours, and a ring round the chosen one."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        line, ring = self.palette().mid().color(), self.palette().highlight().color()
+        for index, color in enumerate(self.colors):
+            rect = self.rect_of(index)
+            painter.setBrush(color)
+            painter.setPen(QPen(line, 1))
+            painter.drawRoundedRect(rect, 4, 4)
+            if color == self.color:
+                painter.setBrush(Qt.BrushStyle.NoBrush)
+                painter.setPen(QPen(ring, 2.5))
+                painter.drawRoundedRect(rect.adjusted(-2, -2, 2, 2), 6, 6)
+        rect = self.rect_of(len(self.colors))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(QPen(line, 1))
+        painter.drawRoundedRect(rect, 4, 4)
+        painter.setPen(self.palette().windowText().color())
+        painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, "+")
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Choose, or add."""
+        index = self._index(event.position().toPoint())
+        if index is None or event.button() != Qt.MouseButton.LeftButton:
+            return
+        if index < len(self.colors):
+            self.choose(self.colors[index])
+        else:
+            color = QColorDialog.getColor(self.color, self, "Another colour")
+            if color.isValid():
+                self.choose(color)
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        """Change a colour wherever it is."""
+        index = self._index(event.position().toPoint())
+        if index is None or index >= len(self.colors):
+            return
+        old = self.colors[index]
+        new = QColorDialog.getColor(old, self, "This colour, wherever it is")
+        if new.isValid() and new != old:
+            self._extra = [color for color in self._extra if color != old]
+            self.changed.emit(old, new)
+            self.choose(new)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Say what is under the mouse."""
+        index = self._index(event.position().toPoint())
+        if index is not None:
+            words = "Another colour"
+            if index < len(self.colors):
+                words = f"{self.colors[index].name()}: double click changes it everywhere"
+            QToolTip.showText(event.globalPosition().toPoint(), words, self)
+
+    def _arrange(self) -> None:
+        offered = [QColor(word) for word in _OFFERED]
+        self.colors = []
+        for color in (*self._own, *self._extra, *offered):
+            if color not in self.colors:
+                self.colors.append(color)
+        self.updateGeometry()
+        self.update()
+
+    def _index(self, at: QPoint) -> int | None:
+        for index in range(len(self.colors) + 1):
+            if self.rect_of(index).contains(at):
+                return index
+        return None

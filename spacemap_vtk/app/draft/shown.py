@@ -1,0 +1,200 @@
+"""What the draft tab shows of a weave, and the scene values that an edit of it becomes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import SizeError
+from spacemap_vtk.fabric.as_wif import loom_of
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft_file import PICTURES, TEXTS
+from spacemap_vtk.fabric.drawdown import rows, tile
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.settle import FAMILIES, colors_of
+from spacemap_vtk.fabric.wif import MAX_CROSSINGS, WifDraft
+from spacemap_vtk.filters.weave_source import WeaveSource
+
+Colors = NDArray[np.uint8]
+#: Values of a weave by key, as a scene file has them; None: the key goes.
+Changes = dict[str, Any]
+#: Longer lists of colours are written whole, without a look for their repeat.
+_LONGEST = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A draft on the screen.
+
+    Parameters
+    ----------
+    loom : Loom
+        The draft's own; for a weave without one the smallest that weaves it.
+    drawdown : ndarray of bool, shape (picks, ends)
+        True where the end lies over the pick.
+    warp : ndarray of uint8, shape (ends, 3)
+        Colour of each end.
+    weft : ndarray of uint8, shape (picks, 3)
+        Colour of each pick.
+    bare : bool
+        Whether the weave is a pattern, rows or a picture, without a loom of its own: its drawdown
+        can be edited.
+    source : Draft or WifDraft
+        What it was made from.
+    """
+
+    loom: Loom
+    drawdown: NDArray[np.bool_]
+    warp: Colors
+    weft: Colors
+    bare: bool
+    source: Draft | WifDraft
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Ends and picks."""
+        return self.drawdown.shape[1], self.drawdown.shape[0]
+
+    @property
+    def columns(self) -> int:
+        """Columns of the treadling: treadles, or of a liftplan shafts."""
+        return self.loom.treadles if self.loom.liftplan is None else self.loom.shafts
+
+    @property
+    def lifted(self) -> tuple[tuple[int, ...], ...]:
+        """What is pressed at each pick: treadles, or in a liftplan shafts."""
+        return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
+
+    def with_loom(self, loom: Loom) -> Shown:
+        """Return the same on another loom, which weaves its own cloth.
+
+        Parameters
+        ----------
+        loom : Loom
+            Of as many ends and picks.
+
+        Returns
+        -------
+        Shown
+            No longer bare.
+        """
+        return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
+
+
+def shown_of(weave: WeaveSource) -> Shown:
+    """Return what there is to see of a weave; builds nothing.
+
+    Parameters
+    ----------
+    weave : WeaveSource
+        Jammed or not.
+
+    Returns
+    -------
+    Shown
+        Of the size of the cloth.
+
+    Raises
+    ------
+    SpacemapError
+        If the draft cannot be read, or is too large to be drawn.
+    """
+    source, wishes = weave.source, weave.wishes
+    own = source.draft if isinstance(source, WifDraft) else source
+    picks, ends = wishes.picks or len(own.drawdown), wishes.ends or own.drawdown.shape[1]
+    if ends * picks > MAX_CROSSINGS:
+        raise SizeError(
+            f"a draft of {ends} x {picks} yarns is too large to be shown",
+            allowed=f"up to {MAX_CROSSINGS} crossings",
+        )
+    drawdown = tile(own.drawdown, ends, picks)
+    draft = weave.draft
+    return Shown(
+        loom_of(source, drawdown),
+        drawdown,
+        colors_of("warp", ends, own.warp_colors, wishes),
+        colors_of("weft", picks, own.weft_colors, wishes),
+        draft is None or draft.suffix.lower() in PICTURES | TEXTS,
+        source,
+    )
+
+
+def as_draft(shown: Shown) -> WifDraft:
+    """Return the draft of an edited loom: what the source says besides, over all of its threads.
+
+    Parameters
+    ----------
+    shown : Shown
+        The loom, and what it was made from.
+
+    Returns
+    -------
+    WifDraft
+        Colours, spacings and thicknesses of the source among it, where it is a draft.
+    """
+    if not isinstance(shown.source, WifDraft):
+        return WifDraft(Draft(shown.drawdown), shown.loom)
+    own = shown.source.draft
+    counts = dict(zip(FAMILIES, shown.size, strict=True))
+    changed: dict[str, Any] = {}
+    each: dict[str, Any] = {}
+    for family, count in counts.items():
+        colors = getattr(own, f"{family}_colors")
+        changed[f"{family}_colors"] = None if colors is None else np.resize(colors, (count, 3))
+        for name in (f"{family}_spacings", f"{family}_thicknesses"):
+            values = getattr(shown.source, name)
+            each[name] = None if values is None else np.resize(values, count)
+    rest = {f.name: getattr(own, f.name) for f in fields(own) if f.name not in changed}
+    rest |= {"drawdown": shown.drawdown, "warnings": ()}
+    return WifDraft(Draft(**rest, **changed), shown.loom, **each)
+
+
+def as_pattern(shown: Shown) -> Changes:
+    """Return the scene values of an edited drawdown.
+
+    Parameters
+    ----------
+    shown : Shown
+        Without a loom of its own.
+
+    Returns
+    -------
+    dict
+        The whole cloth as rows of 0 and 1.
+    """
+    ends, picks = shown.size
+    return {
+        "draft": None,
+        "pattern": rows(shown.drawdown),
+        "ends": ends,
+        "picks": picks,
+    }
+
+
+def as_series(colors: Colors) -> str | list[str]:
+    """Return colours as a scene file has them, repeated over the yarns.
+
+    Parameters
+    ----------
+    colors : ndarray of uint8, shape (n, 3)
+        Of each yarn.
+
+    Returns
+    -------
+    str or list of str
+        One colour, or the shortest list whose repetition they are.
+
+    Examples
+    --------
+    >>> as_series(np.array([[255, 0, 0], [0, 0, 255], [255, 0, 0]], dtype=np.uint8))
+    ['#ff0000', '#0000ff']
+    """
+    count = len(colors)
+    length = 1 if count <= _LONGEST else count
+    while length < count and (colors[length:] != colors[:-length]).any():
+        length += 1
+    words = ["#{:02x}{:02x}{:02x}".format(*color) for color in colors[:length].tolist()]
+    return words[0] if len(words) == 1 else words

@@ -1,0 +1,73 @@
+"""Drafts that are being edited, each version in a file of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+import weakref
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.wif import WifDraft
+from spacemap_vtk.fabric.wif_writer import format_wif
+
+
+class KeptDrafts:
+    """A folder of drafts, named by their content, that goes when this object goes.
+
+    A scene refers to a draft by its file. With a file for each version, undo and redo of an edited
+    draft are those of the scene's text, and the pipeline sees nothing but another file.
+    """
+
+    def __init__(self) -> None:
+        self._folder: Path | None = None
+
+    def keep(self, wif: WifDraft) -> Path:
+        """Write a draft.
+
+        Parameters
+        ----------
+        wif : WifDraft
+            The draft.
+
+        Returns
+        -------
+        Path
+            Its file, the same for the same draft.
+
+        Raises
+        ------
+        InputError
+            If the disk refuses it.
+        """
+        data = format_wif(wif)
+        try:
+            if self._folder is None:
+                self._folder = Path(tempfile.mkdtemp(prefix="spacemap-drafts-")).resolve()
+                weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+            path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}.wif"
+            if not path.exists():
+                path.write_bytes(data)
+        except OSError as error:
+            raise InputError(
+                f"the draft cannot be kept ({error.strerror})",
+                key="draft",
+                cure=f"Make room in {tempfile.gettempdir()}.",
+            ) from None
+        return path
+
+    def holds(self, path: Path | None) -> bool:
+        """Return whether a file is one of these.
+
+        Parameters
+        ----------
+        path : Path or None
+            A draft's file.
+
+        Returns
+        -------
+        bool
+            True: nobody but this object knows of it, and it will go.
+        """
+        return path is not None and self._folder is not None and path.parent == self._folder

@@ -1,0 +1,1 @@
+"""The plots: motion of picked points, energies and frequency response."""

@@ -1,0 +1,196 @@
+"""The curves of the plots, computed by the engine a little at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.app.pick import Point
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.arrays import array_of, points_of, tetrahedra_of
+from spacemap_vtk.filters.motion_reader import MotionReader
+from spacemap_vtk.scenes.plots import ASIDE, frequencies_near
+from spacemap_vtk.scenes.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+#: Times of a curve, and how many are computed before the engine looks for other work.
+SAMPLES, CHUNK = 1500, 60
+
+
+class Wish(NamedTuple):
+    """Curves wanted."""
+
+    key: str
+    """Another word for another scene, range or set of points."""
+    points: tuple[Point, ...]
+    """At rest [m]; none: the vertex that moves most in the first mode."""
+    start: float
+    stop: float
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """What is plotted.
+
+    Parameters
+    ----------
+    key : str
+        Of the wish.
+    points : ndarray of float64, shape (p, 3)
+        At rest [m].
+    times : ndarray of float64, shape (t,)
+        In s.
+    motion : ndarray of float64, shape (3, p, t, 3)
+        Displacement [m], velocity [m/s] and acceleration [m/s²].
+    energies : ndarray of float64, shape (t, 4), or None
+        Kinetic, strain, dissipated, total [J]; None where they are not known.
+    frequencies : ndarray of float64, shape (f,)
+        In Hz; empty where the response is not known.
+    response : ndarray of float64, shape (p, f, 3)
+        Amplitude of the displacement [m] under the loads as sines.
+    modes : ndarray of float64, shape (n,)
+        Frequencies of the modes in Hz.
+    note : str
+        What is missing, and why.
+    """
+
+    key: str
+    points: FloatArray
+    times: FloatArray
+    motion: FloatArray
+    energies: FloatArray | None
+    frequencies: FloatArray
+    response: FloatArray
+    modes: FloatArray
+    note: str = ""
+
+
+def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
+    """Compute curves; pauses every few milliseconds.
+
+    Parameters
+    ----------
+    scene : Scene
+        Up to date at some time.
+    wish : Wish
+        What is wanted.
+
+    Returns
+    -------
+    Curves or None
+        None of a scene that does not move.
+
+    Yields
+    ------
+    None
+        At each pause.
+    """
+    yield
+    times = np.linspace(wish.start, wish.stop, SAMPLES)
+    if not scene.moves:
+        return None
+    if isinstance(scene.mover, MotionReader):
+        return (yield from _read(scene, wish, times))
+    response = scene.response
+    modes = response.cage_modes()
+    natural = np.sqrt(np.maximum(modes.eigenvalues, 0.0)) / (2 * np.pi)
+    places, weights, note = [], [], ""
+    for place in wish.points or (_tip(modes.shapes[0], modes.model.points),):
+        try:
+            weights.append(modes.weights(np.asarray(place)))
+            places.append(place)
+        except InputError as error:
+            note = f"{error.message}."
+        yield
+    motion = np.zeros((3, len(places), len(times), 3))
+    for number, weight in enumerate(weights):
+        for part in _parts(len(times)):
+            motion[:, number, part] = response.history(weight, times[part])
+            yield
+    energies = None
+    if response.energy:
+        energies = np.zeros((len(times), 4))
+        for part in _parts(len(times)):
+            energies[part] = response.energies(times[part])
+            yield
+    frequencies = frequencies_near(natural.tolist())
+    answers = np.zeros((len(places), len(frequencies), 3))
+    for number, weight in enumerate(weights):
+        for part in _parts(len(frequencies)):
+            try:
+                answer = response.frequency_response(weight, frequencies[part])
+            except InputError:  # an undamped mode was met exactly
+                frequencies[part] *= ASIDE
+                answer = response.frequency_response(weight, frequencies[part])
+            answers[number, part] = abs(answer)
+            yield
+    return Curves(
+        wish.key,
+        np.array(places).reshape(-1, 3),
+        times,
+        motion,
+        energies,
+        frequencies,
+        answers,
+        natural,
+        note,
+    )
+
+
+def _read(scene: Scene, wish: Wish, times: FloatArray) -> Generator[None, None, Curves | None]:
+    """Follow points through a motion out of a file: at its own steps, linear between them."""
+    # One of its own: the scene's would run anew at each time, and then again for the view.
+    reader = MotionReader(**scene.motion.settings)
+    reader.update()
+    cage = reader.GetOutputDataObject(0)
+    rest, cells = points_of(cage), tetrahedra_of(cage)
+    steps = reader.time_steps([])
+    inside = [t for t in steps if wish.start < t < wish.stop]
+    times = np.array([wish.start, *inside, wish.stop])
+    fields = []
+    for time in times:
+        reader.update(time=float(time))
+        data = reader.GetOutputDataObject(0).GetPointData()
+        fields.append(array_of(data, "displacement", "a plot").copy())
+        yield
+    moved = np.stack(fields)
+    places, curves, note = [], [], "A motion out of a file has neither energies nor modes."
+    largest = rest[int(np.argmax(np.linalg.norm(moved, axis=2).max(axis=0)))]
+    for place in wish.points or (largest,):
+        where = locate([place], rest, cells, threads=1)
+        if where.outside:
+            note = "A point lies outside the cage."
+            continue
+        corners = cells[where.tetrahedron[0]]
+        places.append(place)
+        curves.append(np.einsum("c,tcx->tx", where.weights[0], moved[:, corners]))
+    displacement = np.array(curves).reshape(-1, len(times), 3)
+    velocity = np.gradient(displacement, times, axis=1)
+    motion = np.stack([displacement, velocity, np.gradient(velocity, times, axis=1)])
+    nothing = np.zeros(0)
+    return Curves(
+        wish.key,
+        np.array(places).reshape(-1, 3),
+        times,
+        motion,
+        None,
+        nothing,
+        np.zeros((len(places), 0, 3)),
+        nothing,
+        note,
+    )
+
+
+def _tip(shape: FloatArray, points: FloatArray) -> Point:
+    x, y, z = points[int(np.argmax((shape.reshape(-1, 3) ** 2).sum(axis=1)))]
+    return float(x), float(y), float(z)
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(first, first + CHUNK) for first in range(0, count, CHUNK)]

@@ -1,0 +1,83 @@
+"""Yarns in their own colours: ParaView's *Map Scalars* follows the array that is coloured by.
+
+With it ticked, as it is by default, ParaView 5.11 sends colours through a colour map like any other
+numbers. What else it has does not do: a colour map in VTK's vector mode RGBCOLORS does not know
+that mode's name, and ends ParaView at the next choice of an array.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
+
+_NAME = 4  # place of the array's name in the property ColorArrayName
+_followed: set[int] = set()
+
+
+def show_colors() -> None:
+    """From now on set *Map Scalars* of each new representation, whenever its array changes.
+
+    It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
+    them, and ticked for others. What a user ticks by hand stays until the next choice of an array.
+    """
+    try:
+        from paraview.modules.vtkRemotingCore import vtkProcessModule
+        from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
+    except ImportError:  # a server built without a client's libraries
+        return
+    clients = (vtkProcessModule.PROCESS_CLIENT, vtkProcessModule.PROCESS_BATCH)
+    if vtkProcessModule.GetProcessType() in clients:
+        manager = vtkSMProxyManager.GetProxyManager()
+        manager.AddObserver("RegisterEvent", lambda caller, event: _follow_new(caller))
+
+
+def _follow_new(manager: Any) -> None:
+    from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
+
+    session = manager.GetActiveSessionProxyManager()
+    if session is None:
+        return
+    iterator = vtkSMProxyIterator()
+    iterator.SetSessionProxyManager(session)
+    iterator.SetModeToOneGroup()
+    iterator.Begin("representations")
+    while not iterator.IsAtEnd():
+        proxy = iterator.GetProxy()
+        iterator.Next()
+        if proxy.GetGlobalID() not in _followed:
+            _followed.add(proxy.GetGlobalID())
+            _follow(proxy)
+
+
+def _follow(proxy: Any) -> None:
+    array, mapped = proxy.GetProperty("ColorArrayName"), proxy.GetProperty("MapScalars")
+    if array is None or mapped is None or not hasattr(array, "GetElement"):
+        return
+    # Python's collector takes an observer that refers to what it observes for garbage.
+    owner = vtkWeakReference()
+    owner.Set(proxy)
+
+    def adjust(caller: Any, event: str) -> None:
+        name, representation = caller.GetElement(_NAME), owner.Get()
+        if name and representation is not None:
+            wanted = int(not (name == "color" and _has_colors(representation)))
+            if mapped.GetElement(0) != wanted:
+                mapped.SetElement(0, wanted)  # handed on together with the array's name
+
+    array.AddObserver("ModifiedEvent", adjust)
+    adjust(array, "")
+
+
+def _has_colors(representation: Any) -> bool:
+    shown = representation.GetProperty("Input")
+    source = shown.GetProxy(0)
+    if source is None:
+        return False
+    data = source.GetDataInformation(shown.GetOutputPortForConnection(0))
+    array = data.GetCellDataInformation().GetArrayInformation("color")
+    return (
+        array is not None
+        and array.GetDataType() == VTK_UNSIGNED_CHAR
+        and array.GetNumberOfComponents() == 3
+    )

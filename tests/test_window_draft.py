@@ -1,0 +1,461 @@
+"""The draft tab as a weaver uses it: threading, tie-up, treadling, drawdown, colours, files."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
+from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
+from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog  # noqa: E402
+
+from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
+from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
+from spacemap_vtk.app.draft.shown import as_series, shown_of  # noqa: E402
+from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
+from spacemap_vtk.fabric.wif import read_wif  # noqa: E402
+from spacemap_vtk.fabric.wif_writer import format_wif  # noqa: E402
+from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
+TWILL = """title = "twill"
+[weave]
+draft = "twill.wif"
+[cage]
+divisions = [2, 2, 1]
+[modal]
+[response]
+"""
+WIF = """[WIF]
+Version=1.1
+Date=April 20, 1997
+Developers=wif@mhsoft.com
+Source Program=by hand
+[CONTENTS]
+WEAVING=true
+WARP=true
+WEFT=true
+THREADING=true
+TIEUP=true
+TREADLING=true
+[WEAVING]
+Shafts=4
+Treadles=4
+Rising Shed=true
+[WARP]
+Threads=8
+[WEFT]
+Threads=8
+[THREADING]
+1=1
+2=2
+3=3
+4=4
+5=1
+6=2
+7=3
+8=4
+[TIEUP]
+1=1,2
+2=2,3
+3=3,4
+4=1,4
+[TREADLING]
+1=1
+2=2
+3=3
+4=4
+5=1
+6=2
+7=3
+8=4
+"""
+
+
+@pytest.fixture
+def twill(tmp_path: Path) -> Path:
+    (tmp_path / "twill.wif").write_text(WIF)
+    (tmp_path / "twill.toml").write_text(TWILL)
+    return tmp_path / "twill.toml"
+
+
+@pytest.fixture
+def draft_of(open_window: Any) -> Any:
+    """Open a scene with its draft in sight."""
+
+    def open_(scene: object) -> Any:
+        window = open_window(str(scene), wait=False)
+        window.tabs.setCurrentWidget(window.draft)
+        wait_until(lambda: settled(window))
+        return window
+
+    return open_
+
+
+def spot(window: Any, panel: str, x: int, y: int) -> QPoint:
+    return QPoint(*window.draft.grid.layout_now().center(Place(panel, x, y)))
+
+
+def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> None:
+    at = spot(window, panel, x, y)
+    qtbot.mouseClick(window.draft.grid.viewport(), LEFT, *keys, pos=at)
+
+
+def woven(window: Any) -> np.ndarray:
+    """The drawdown of the fabric that is drawn."""
+    wait_until(lambda: settled(window))
+    return window.engine._pipeline._scene.weave.fabric.drawdown
+
+
+def runs(window: Any) -> dict[str, int]:
+    return {s.section: s.executions for s in window.engine._pipeline._scene.stages}
+
+
+def test_the_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    before, counts, image = woven(window), runs(window), window.view.image().astype(int)
+    click(qtbot, window, "threading", 2, 4)
+    after = woven(window)
+    # End 2 now does what end 4 does, and nothing else has changed.
+    np.testing.assert_array_equal(after[:, 1], before[:, 3])
+    np.testing.assert_array_equal(np.delete(after, 1, 1), np.delete(before, 1, 1))
+    np.testing.assert_array_equal(window.draft.grid.shown.drawdown, after)
+    assert np.abs(window.view.image().astype(int) - image).max() > 60
+    # Each stage has run once more, and one undo is all of it.
+    assert runs(window) == {name: count + 1 for name, count in counts.items()}
+    assert window.document.undo.count() == 1
+    window.menus.actions["Undo"].trigger()
+    np.testing.assert_array_equal(woven(window), before)
+    np.testing.assert_array_equal(window.draft.grid.shown.drawdown, before)
+    assert window.document.written("weave", "draft") == "twill.wif"
+    window.menus.actions["Redo"].trigger()
+    np.testing.assert_array_equal(woven(window), after)
+
+
+def test_a_drag_threads_a_whole_line_and_is_undone_as_one(
+    draft_of: Any, qtbot: Any, twill: Path
+) -> None:
+    window = draft_of(twill)
+    view = window.draft.grid.viewport()
+    qtbot.mousePress(view, LEFT, pos=spot(window, "threading", 8, 1))
+    # A quick hand: two moves over six ends.
+    for end, shaft in ((5, 4), (2, 1)):
+        qtbot.mouseMove(view, spot(window, "threading", end, shaft))
+        qtbot.wait(20)
+    qtbot.mouseRelease(view, LEFT, pos=spot(window, "threading", 2, 1))
+    assert window.draft.grid.shown.loom.threading[1:] == ((1,), (2,), (3,), (4,), (3,), (2,), (1,))
+    wait_until(lambda: settled(window))
+    assert window.document.undo.count() == 1
+    np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
+    window.document.undo.undo()
+    assert window.draft.grid.shown.loom.threading[7] == (4,)
+
+
+def test_tie_up_treadling_and_second_marks(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    loom = window.draft.grid.shown.loom
+    click(qtbot, window, "tieup", 1, 3)
+    assert window.draft.grid.shown.loom.tieup[0] == (1, 2, 3)
+    click(qtbot, window, "tieup", 1, 3)
+    assert window.draft.grid.shown.loom.tieup == loom.tieup
+    click(qtbot, window, "treadling", 3, 1)
+    assert window.draft.grid.shown.loom.treadling[0] == (3,)
+    click(qtbot, window, "treadling", 2, 1, CONTROL)
+    assert window.draft.grid.shown.loom.treadling[0] == (2, 3)
+    click(qtbot, window, "threading", 1, 1)
+    assert window.draft.grid.shown.loom.threading[0] == ()  # out of its heddle: it floats
+    assert not woven(window)[:, 0].any()
+    # The cloth of a loom is not painted by hand; the program says why.
+    before = window.document.text
+    click(qtbot, window, "drawdown", 4, 4)
+    assert "threading" in window.draft.hint.text()
+    assert window.document.text == before
+
+
+def test_a_liftplan_is_another_writing_of_the_same_cloth(
+    draft_of: Any, qtbot: Any, twill: Path
+) -> None:
+    window = draft_of(twill)
+    before = woven(window)
+    window.draft.kind.setFocus()
+    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Down)
+    shown = window.draft.grid.shown
+    assert shown.loom.liftplan[:2] == ((1, 2), (2, 3))
+    assert "tieup" not in window.draft.grid.layout_now().panels
+    np.testing.assert_array_equal(woven(window), before)
+    click(qtbot, window, "treadling", 4, 1)
+    np.testing.assert_array_equal(woven(window)[0], before[0] | (np.arange(8) % 4 == 3))
+    qtbot.keyClick(window.draft.kind, Qt.Key.Key_Up)
+    loom = window.draft.grid.shown.loom
+    assert loom.liftplan is None
+    assert loom.treadles == 5
+    np.testing.assert_array_equal(loom.drawdown(), woven(window))
+
+
+def test_a_sinking_shed_turns_the_cloth_over(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    before = woven(window)
+    box = window.draft.rising
+    qtbot.mouseClick(box, LEFT, pos=QPoint(8, box.height() // 2))
+    np.testing.assert_array_equal(woven(window), ~before)
+
+
+def test_numbers_of_yarns_shafts_and_treadles(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    before, counts = woven(window), window.draft.counts
+    type_into(counts["ends"].lineEdit(), "12")
+    assert window.document.scene.weave.ends == 12
+    np.testing.assert_array_equal(woven(window), np.tile(before, (1, 2))[:, :12])
+    assert window.draft.grid.shown.loom.shafts == 4  # the draft's own loom, repeated
+    type_into(counts["shafts"].lineEdit(), "6")
+    assert window.draft.grid.shown.loom.shafts == 6
+    # Those in use stay, whatever is typed, and letters are nothing.
+    type_into(counts["shafts"].lineEdit(), "2")
+    assert window.draft.grid.shown.loom.shafts == 4
+    type_into(counts["picks"].lineEdit(), "many")
+    assert window.draft.grid.shown.size == (12, 8)
+    click(qtbot, window, "threading", 12, 1)
+    assert woven(window).shape == (8, 12)
+    assert window.errors.text == ""
+
+
+def test_the_drawdown_of_a_pattern_is_painted_by_hand(draft_of: Any, qtbot: Any) -> None:
+    window = draft_of("plain_weave")
+    before, view = woven(window), window.draft.grid.viewport()
+    assert not before[0, 1]
+    qtbot.mousePress(view, LEFT, pos=spot(window, "drawdown", 2, 1))
+    qtbot.mouseMove(view, spot(window, "drawdown", 2, 4))
+    qtbot.mouseRelease(view, LEFT, pos=spot(window, "drawdown", 2, 4))
+    after = woven(window)
+    assert after[:4, 1].all()
+    after[:4, 1] = before[:4, 1]
+    np.testing.assert_array_equal(after, before)
+    assert window.document.undo.count() == 1
+    assert Scene(window.document.values).weave.pattern[0][:2] == "11"
+    # Its loom is found anew: end 2 has a shaft of its own now.
+    assert window.draft.grid.shown.loom.shafts == 3
+    # A pattern becomes a draft as soon as its loom is changed.
+    click(qtbot, window, "tieup", 1, 2)
+    assert window.document.scene.weave.draft is not None
+    np.testing.assert_array_equal(woven(window), window.draft.grid.shown.drawdown)
+
+
+def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    draft = window.draft
+
+    def choose(color: str) -> None:
+        dialog = QApplication.activeModalWidget()
+        assert isinstance(dialog, QColorDialog)
+        dialog.setCurrentColor(QColor(color))
+        dialog.accept()
+
+    QTimer.singleShot(200, lambda: choose("#112233"))
+    plus = draft.palette_row.rect_of(len(draft.palette_row.colors)).center()
+    qtbot.mouseClick(draft.palette_row, LEFT, pos=plus)
+    assert draft.grid.color.name() == "#112233"
+    view = draft.grid.viewport()
+    qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
+    qtbot.mouseMove(view, spot(window, "warp", 3, 0))
+    qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 3, 0))
+    wait_until(lambda: settled(window))
+    colors = window.engine._pipeline._scene.weave.fabric.warp_colors
+    assert (colors[:3] == (0x11, 0x22, 0x33)).all()
+    assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
+    assert window.document.undo.count() == 1
+    # The same colour, wherever it is, by a double click; and back.
+    QTimer.singleShot(200, lambda: choose("#aa3300"))
+    index = [color.name() for color in draft.palette_row.colors].index("#112233")
+    qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
+    wait_until(lambda: settled(window))
+    assert (window.engine._pipeline._scene.weave.fabric.warp_colors[:3] == (0xAA, 0x33, 0)).all()
+    window.document.undo.undo()
+    window.document.undo.undo()
+    assert window.document.written("weave", "warp_color") is None
+    # A right click takes a colour up.
+    qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=spot(window, "weft", 0, 2))
+    assert draft.grid.color.name() == "#e8c78f"
+
+
+def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    original = read_wif(twill.with_suffix(".wif")).loom
+    click(qtbot, window, "threading", 2, 4)
+    kept = window.document.scene.weave.draft
+    window.menus.actions["Copy as command line"].trigger()
+    assert "save the scene" in window.errors.text
+    # Another file of that name is never written over.
+    other = twill.parent / "mine.wif"
+    other.write_text("not mine")
+    window.document.save(twill.parent / "mine.toml")
+    assert other.read_text() == "not mine"
+    scene = Scene.read(twill.parent / "mine.toml")
+    assert scene.weave.draft.name == "mine-2.wif"
+    assert read_wif(scene.weave.draft).loom.threading[1] == (4,)
+    # The scene's own draft is.
+    click(qtbot, window, "threading", 3, 4)
+    window.document.save()
+    assert read_wif(twill.parent / "mine-2.wif").loom.threading[1:3] == ((4,), (4,))
+    assert not (twill.parent / "mine-3.wif").exists()
+    assert read_wif(twill.with_suffix(".wif")).loom == original
+    assert kept.is_file()  # for undo
+
+
+def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
+    keeper = KeptDrafts()
+    path = keeper.keep(read_wif(twill.with_suffix(".wif")))
+    assert keeper.holds(path)
+    assert not keeper.holds(twill)
+    assert keeper.keep(read_wif(twill.with_suffix(".wif"))) == path
+    del keeper
+    assert not path.parent.exists()
+
+
+def test_drafts_are_opened_and_saved_as_wif(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of("plain_weave")
+    monkeypatch.setattr(
+        QFileDialog, "getOpenFileName", lambda *_: (str(twill.with_suffix(".wif")), "")
+    )
+    out = twill.parent / "out"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(out), ""))
+    divisions = window.document.scene.cage.divisions
+    qtbot.mouseClick(window.draft.opened, LEFT)
+    assert woven(window).shape == (8, 8)
+    assert window.document.scene.cage.divisions == divisions  # the rest of the scene stays
+    click(qtbot, window, "treadling", 4, 1)
+    qtbot.mouseClick(window.draft.saved, LEFT)
+    written = read_wif(out.with_suffix(".wif"))
+    assert written.loom == window.draft.grid.shown.loom
+    assert window.document.scene.weave.draft == out.with_suffix(".wif")
+    wait_until(lambda: settled(window))
+    # A file that is no draft is told, and the cloth stays.
+    bad = twill.parent / "bad.wif"
+    bad.write_text("nonsense")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(bad), ""))
+    qtbot.mouseClick(window.draft.opened, LEFT)
+    wait_until(lambda: window.errors.text)
+    window.menus.actions["Undo"].trigger()
+    assert woven(window).shape == (8, 8)
+
+
+def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None:
+    window = draft_of(library.folder() / "32-shaft_twill.wif")
+    window.splitter.setSizes([260, 300, 640])
+    qtbot.wait(50)
+    grid, loom = window.draft.grid, read_wif(library.folder() / "32-shaft_twill.wif").loom
+    layout = grid.layout_now()
+    assert layout.most == (0, 0)
+    picture = grid.viewport().grab().toImage()
+    for end, (shaft,) in enumerate(loom.threading, start=1):
+        at = layout.center(Place("threading", end, shaft))
+        beside = layout.center(Place("threading", end, shaft % 32 + 1))
+        assert picture.pixelColor(*at).lightness() < 80
+        assert picture.pixelColor(*beside).lightness() > 200
+    over = grid.shown.drawdown
+    for end, pick in ((1, 1), (17, 40), (62, 62)):
+        color = picture.pixelColor(*layout.center(Place("drawdown", end, pick)))
+        family = grid.shown.warp[end - 1] if over[pick - 1, end - 1] else grid.shown.weft[pick - 1]
+        assert np.abs(np.array(color.getRgb()[:3]) - family).max() < 60
+    # The hand says what is under it, and marks it.
+    qtbot.mouseMove(grid.viewport(), QPoint(*layout.center(Place("drawdown", 17, 40))))
+    qtbot.wait(50)
+    assert "end 17" in window.draft.hint.text()
+    assert "pick 40" in window.draft.hint.text()
+    assert f"shaft {loom.threading[16][0]}" in window.draft.hint.text()
+    assert grid.viewport().grab().toImage() != picture
+    # Larger cells scroll; the threading stays where its ends are.
+    for _ in range(8):
+        qtbot.mouseClick(window.draft.larger, LEFT)
+    layout = grid.layout_now()
+    assert layout.most[0] > 0
+    grid.horizontalScrollBar().setValue(layout.most[0])
+    now = grid.layout_now()
+    assert now.center(Place("threading", 5, 1))[0] == now.center(Place("drawdown", 5, 1))[0]
+    qtbot.mouseClick(window.draft.fit, LEFT)
+    assert grid.layout_now().most == (0, 0)
+    # As the cloth lies: the first end left, the first pick below.
+    first = grid.layout_now().center(Place("drawdown", 1, 1))
+    qtbot.mouseClick(window.draft.cloth, LEFT)
+    last = grid.layout_now().center(Place("drawdown", 1, 1))
+    assert last[0] < first[0]
+    assert last[1] > first[1]
+
+
+def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    before = runs(window)
+    for end in range(1, 9):
+        qtbot.mouseMove(window.draft.grid.viewport(), spot(window, "drawdown", end, 3))
+    qtbot.mouseClick(window.draft.larger, LEFT)
+    qtbot.mouseClick(window.draft.colors, LEFT)
+    window.tabs.setCurrentWidget(window.modes)
+    qtbot.wait(400)
+    assert runs(window) == before
+
+
+def test_a_mesh_has_no_draft_and_says_so(draft_of: Any) -> None:
+    window = draft_of(next(library.folder().rglob("*.ply")))
+    assert "mesh" in window.draft.empty.text()
+    assert not window.draft.grid.isVisible()
+    window.document.open("plain_weave")
+    assert window.draft.grid.isVisible()
+
+
+def test_colours_are_written_as_their_repeat() -> None:
+    a, b = (1, 2, 3), (4, 5, 6)
+
+    def series(*rows: tuple[int, ...]) -> Any:
+        return as_series(np.array(rows, dtype=np.uint8))
+
+    assert series(a, a, a) == "#010203"
+    assert series(a, b, a) == ["#010203", "#040506"]
+    assert series(a, a, b) == ["#010203", "#010203", "#040506"]
+    many = np.arange(2001 * 3, dtype=np.uint8).reshape(-1, 3)
+    assert len(as_series(many)) == 2001
+
+
+def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> None:
+    source = library.folder() / "32-shaft_twill.wif"
+    window = draft_of(source)
+    before = window.document.scene.weave.fabric
+    click(qtbot, window, "threading", 31, 1)
+    now = window.document.scene.weave
+    kept, original = read_wif(now.draft), read_wif(source)
+    assert kept.loom.tieup == original.loom.tieup
+    assert kept.draft.warp_thickness == original.draft.warp_thickness
+    np.testing.assert_array_equal(kept.draft.warp_colors, original.draft.warp_colors)
+    np.testing.assert_array_equal(now.fabric.warp_colors, before.warp_colors)
+    assert np.array_equal(now.fabric.cloth.warp_diameter, before.cloth.warp_diameter)
+    assert format_wif(kept) == now.draft.read_bytes()
+
+
+def test_a_large_draft_is_painted_as_fast_as_a_small_one(qapp: Any) -> None:
+    def cost(yarns: int | None) -> float:
+        source = library.folder() / "32-shaft_twill.wif"
+        shown = shown_of(WeaveSource(draft=source, ends=yarns, picks=yarns))
+        picture = QImage(800, 800, QImage.Format.Format_RGB32)
+        painting = Painting(shown, Layout(shown, 8, (800, 800)), Inks.of(False), True)
+        costs = []
+        for _ in range(5):
+            begun = time.process_time()
+            painter = QPainter(picture)
+            painting.paint(painter, 1.0)
+            painter.end()
+            costs.append(time.process_time() - begun)
+        return min(costs)
+
+    # Only what is in sight is painted: a thousand times a thousand crossings cost no more.
+    small, large = cost(None), cost(1000)
+    assert large < 3 * small
+    assert small < 0.1

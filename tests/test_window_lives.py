@@ -1,0 +1,79 @@
+"""Whole lives of the window in processes of their own: a hundred, and one on a dense screen."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from window import require_display
+
+require_display()
+
+#: Opened and closed so often; the first ones fill caches.
+ROUNDS, WARM = 100, 50
+
+
+def run(script: str, *arguments: str, **variables: str) -> dict[str, Any]:
+    """Run a script of this folder, and return what it tells."""
+    here = Path(__file__).parent
+    # A screen of its own where there is Xvfb: twice the pixels need twice the room.
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 2560x1440x24"] if shutil.which("xvfb-run") else []
+    done = subprocess.run(
+        [*screen, sys.executable, "-W", "error", str(here / script), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=900,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(here.parent), *sys.path])} | variables,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "rror" not in done.stderr, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_hundred_rounds_leave_nothing_behind() -> None:
+    told = run("window_rounds.py", str(ROUNDS))
+    assert len(told["memory"]) == ROUNDS
+    assert (told["windows"], told["widgets"]) == (0, 0)
+    assert told["threads"][-1] == told["threads"][WARM]
+    assert told["files"] < 60
+    # Python's objects: matplotlib's caches of fonts fill, nothing else does.
+    late = told["objects"][ROUNDS // 2 :]
+    assert max(late) - min(late) < 100, told["grown"]
+    # A window takes some 20 MB, of which nothing may stay.
+    assert told["memory"][-1] - told["memory"][WARM] < 10, told["memory"]
+
+
+def test_on_a_dense_screen_all_is_the_same_and_finer(tmp_path: Path) -> None:
+    once, twice = (
+        run("window_dense.py", str(tmp_path / f"{scale}.png"), QT_SCALE_FACTOR=str(scale))
+        for scale in (1, 2)
+    )
+    assert (once["ratio"], twice["ratio"]) == (1, 2)
+    # VTK draws every pixel there is.
+    assert once["drawn"] == once["view"]
+    assert twice["drawn"] == [2 * side for side in twice["view"]]
+    assert np.abs(np.subtract(twice["view"], once["view"])).max() <= 6
+    # A click hits the cell it is aimed at, and a pick the yarn.
+    assert once["threading"] == twice["threading"]
+    assert once["threading"][2] == [2]
+    assert sum(found is not None for found in once["picked"]) > 3
+    yarns = [[found and found[0] for found in told["picked"]] for told in (once, twice)]
+    assert sum(a != b for a, b in zip(*yarns, strict=True)) <= 2
+    small = Image.open(tmp_path / "1.png").convert("RGB")
+    large = Image.open(tmp_path / "2.png").convert("RGB")
+    assert np.abs(np.subtract(large.size, np.multiply(small.size, 2))).max() <= 4
+    # The same picture, but for the sharpness of its letters.
+    again = np.asarray(large.resize(small.size, Image.Resampling.BOX), dtype=float)
+    difference = np.abs(again - np.asarray(small, dtype=float))
+    assert difference.mean() < 12
+    # It is finer: what is gone after halving and doubling was there.
+    coarse = np.asarray(large.resize(small.size, Image.Resampling.BOX).resize(large.size), float)
+    assert np.abs(coarse - np.asarray(large, dtype=float)).mean() > 1

@@ -1,0 +1,194 @@
+"""A person at the keyboard: shortcuts, haste, closing at the wrong moment."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import numpy as np
+import pytest
+from window import drag, require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtWidgets import QStyle, QStyleOptionSlider  # noqa: E402
+
+from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+
+LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
+
+
+def active(open_window: Any, qtbot: Any) -> Any:
+    """Open a window that has the keyboard."""
+    window = open_window()
+    with qtbot.waitActive(window):
+        window.activateWindow()
+    window.setFocus()
+    return window
+
+
+def press(qtbot: Any, window: Any, key: Any, *keys: Any) -> None:
+    qtbot.keyClick(window, key, *keys)
+
+
+def test_keys_play_step_look_and_undo(open_window: Any, qtbot: Any) -> None:
+    window = active(open_window, qtbot)
+    press(qtbot, window, Qt.Key.Key_Space)
+    assert window.times.playing
+    press(qtbot, window, Qt.Key.Key_Space)
+    assert not window.times.playing
+    press(qtbot, window, Qt.Key.Key_Home)
+    assert window.times.time == 0.0
+    press(qtbot, window, ".")
+    step = window.times.time
+    assert step > 0.0
+    press(qtbot, window, Qt.Key.Key_End)
+    assert window.times.time == 0.2
+    press(qtbot, window, ",")
+    assert window.times.time == pytest.approx(0.2 - step)
+    wait_until(lambda: settled(window))
+    image = window.view.image().astype(int)
+    press(qtbot, window, "2")
+    front = window.view.image().astype(int)
+    assert np.abs(front - image).max() > 60
+    press(qtbot, window, "C")
+    assert np.abs(window.view.image().astype(int) - front).max() > 30
+    window.document.set("weave", "ends", 5)
+    press(qtbot, window, "Z", CONTROL)
+    assert window.document.scene.weave.ends == 7
+    press(qtbot, window, "Z", CONTROL | Qt.KeyboardModifier.ShiftModifier)
+    assert window.document.scene.weave.ends == 5
+
+
+def test_letters_in_a_field_are_letters(open_window: Any, qtbot: Any) -> None:
+    window = active(open_window, qtbot)
+    window.stages.choose("weave")
+    line = window.properties.rows["pattern"].editor
+    line = getattr(line, "line", line)
+    cage = window.view.look.cage
+    type_into(line, "twill 2/2")
+    assert window.document.scene.weave.pattern == "twill 2/2"
+    assert window.view.look.cage == cage
+    assert not window.times.playing
+
+
+@pytest.mark.parametrize("moment", ["playing", "stroke", "curves", "swing", "loading"])
+def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) -> None:
+    window = open_window(wait=moment != "loading")
+    if moment == "playing":
+        qtbot.mouseClick(window.times.play, LEFT)
+        qtbot.wait(100)
+    elif moment == "stroke":
+        window.tabs.setCurrentWidget(window.draft)
+        grid = window.draft.grid
+        across, down = grid.layout_now().panels["threading"]
+        at = QPoint(across.pixel(3) + 3, down.pixel(2) + 3)
+        qtbot.mousePress(grid.viewport(), LEFT, pos=at)
+        assert grid.stroking
+    elif moment == "curves":
+        window.tabs.setCurrentWidget(window.plots)
+        wait_until(lambda: window.engine._beside is not None)
+    elif moment == "swing":
+        window.modes.table.cellClicked.emit(1, 0)
+        qtbot.wait(50)
+    window.discard()
+    assert not window.engine.isRunning()
+    assert not window.isVisible()
+
+
+def test_a_failure_elsewhere_leaves_a_drag_alone(open_window: Any, qtbot: Any) -> None:
+    window = open_window()
+    window.stages.choose("response")
+    qtbot.wait(50)
+    slider = window.properties.rows["alpha"].editor.slider
+    option = QStyleOptionSlider()
+    slider.initStyleOption(option)
+    handle = slider.style().subControlRect(
+        QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, slider
+    )
+    qtbot.mousePress(slider, LEFT, pos=handle.center())
+    window.document.set("weave", "warp_diameter", "1.9 mm")  # a jammed cloth
+    wait_until(lambda: window.errors.text)
+    assert window.properties.section == "response"
+    qtbot.mouseRelease(slider, LEFT, pos=handle.center())
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+    # With the hands free, the field that is wrong is shown.
+    window.document.set("weave", "warp_diameter", "1.9 mm")
+    wait_until(lambda: window.errors.text)
+    assert window.properties.section == "weave"
+
+
+def test_haste_breaks_nothing(open_window: Any, qtbot: Any) -> None:
+    """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
+    window, dice = open_window(), random.Random(6)
+
+    def slide() -> None:
+        window.stages.choose(dice.choice(["weave", "modal", "response", "surface"]))
+        rows = list(window.properties.rows.values())
+        sliders = [s for r in rows if (s := getattr(r.editor, "slider", None))]
+        sliders = [s for s in sliders if s.isVisible() and s.isEnabled()]
+        if sliders:
+            drag(dice.choice(sliders), dice.choice([-6, -2, 2, 6]))
+
+    def write() -> None:
+        section = dice.choice(list(SECTIONS))
+        window.stages.choose(section)
+        rows = list(window.properties.rows.values())
+        lines = [x for r in rows if (x := getattr(r.editor, "line", None)) and x.isVisible()]
+        if lines:
+            type_into(
+                dice.choice(lines), dice.choice(["", "3", "-1", "abc", "0.2 mm", "1e-3", "~"])
+            )
+
+    def draw() -> None:
+        window.tabs.setCurrentWidget(window.draft)
+        grid = window.draft.grid
+        if grid.isVisible():
+            view = grid.viewport()
+            spots = [
+                QPoint(dice.randrange(view.width()), dice.randrange(view.height())) for _ in "ab"
+            ]
+            button = dice.choice([LEFT, Qt.MouseButton.RightButton])
+            qtbot.mousePress(view, button, pos=spots[0])
+            qtbot.mouseMove(view, spots[1])
+            qtbot.mouseRelease(view, button, pos=spots[1])
+
+    def plot() -> None:
+        window.tabs.setCurrentWidget(window.plots)
+        canvas = window.plots.canvas
+        at = QPoint(dice.randrange(canvas.width()), dice.randrange(canvas.height()))
+        qtbot.mouseClick(canvas, LEFT, pos=at)
+
+    def swing() -> None:
+        window.tabs.setCurrentWidget(window.modes)
+        if window.modes.table.rowCount():
+            window.modes.table.cellClicked.emit(dice.randrange(window.modes.table.rowCount()), 0)
+
+    def look() -> None:
+        view = window.view.plotter
+        at = QPoint(dice.randrange(view.width()), dice.randrange(view.height()))
+        qtbot.mouseClick(view, LEFT, pos=at)
+        dice.choice(list(window.tools.cameras.values())).trigger()
+
+    def step() -> None:
+        dice.choice([window.times.play, window.times.last, window.times.back]).click()
+
+    def back() -> None:
+        dice.choice([window.document.undo.undo, window.document.undo.redo])()
+
+    for _ in range(150):
+        dice.choice([slide, write, draw, plot, swing, look, step, back, back])()
+        qtbot.wait(dice.choice([0, 5, 30]))
+        # What is asked for stays small enough for a test.
+        weave = window.document.scene.weave
+        if max(weave.ends or 0, weave.picks or 0) > 30:
+            window.document.open("plain_weave")
+    window.document.open("plain_weave")
+    window.modes.stop()
+    window.times.pause()
+    wait_until(lambda: settled(window), 60)
+    assert window.errors.text == ""
+    assert window.stages.states["surface"] == "fresh"
+    assert window.view.image().std() > 20

@@ -1,0 +1,233 @@
+"""The plots: curves that are right, a cursor that costs nothing, files that can be read again."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtWidgets import QFileDialog  # noqa: E402
+
+from spacemap_vtk.filters.arrays import points_of  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+LEFT = Qt.MouseButton.LeftButton
+
+
+def plotted(window: Any) -> bool:
+    plots = window.plots
+    return plots.curves is not None and plots.curves.key == plots._wish().key
+
+
+@pytest.fixture
+def plots_of(open_window: Any) -> Any:
+    """Open a scene with its plots in sight."""
+
+    def open_(scene: str = "plain_weave") -> Any:
+        window = open_window(scene)
+        window.tabs.setCurrentWidget(window.plots)
+        wait_until(lambda: plotted(window))
+        return window
+
+    return open_
+
+
+def pick(qtbot: Any, window: Any) -> None:
+    count = len(window.plots.points)
+    middle = QPoint(window.view.plotter.width() // 2, window.view.plotter.height() // 2)
+    for x in range(-40, 60, 20):
+        qtbot.mouseClick(window.view.plotter, LEFT, pos=middle + QPoint(x, 100 * count))
+        if len(window.plots.points) > count:
+            break
+    wait_until(lambda: plotted(window))
+    assert len(window.plots.curves.points) == count + 1
+
+
+def test_a_picked_point_moves_as_its_curve_says(plots_of: Any, qtbot: Any) -> None:
+    window = plots_of()
+    window.tools.cameras["front"].trigger()
+    pick(qtbot, window)
+    pick(qtbot, window)
+    curves, points = window.plots.curves, window.plots.points
+    assert curves.motion.shape == (3, 2, len(curves.times), 3)
+    assert (curves.times[0], curves.times[-1]) == (0.0, 0.2)
+    # Where it was picked, at the time of the picture.
+    for number, point in enumerate(points):
+        at = [
+            np.interp(window.view.frame.time, curves.times, c) for c in curves.motion[0, number].T
+        ]
+        size = np.linalg.norm(point.displacement)
+        np.testing.assert_allclose(at, point.displacement, atol=1e-3 * size)
+    # Velocity is the displacement's derivative, as differences have it.
+    slope = np.gradient(curves.motion[0, 0], curves.times, axis=0)
+    error = np.abs(slope - curves.motion[1, 0])[2:-2].max()
+    assert error < 0.05 * np.abs(curves.motion[1, 0]).max()
+    qtbot.mouseClick(window.plots.clear, LEFT)
+    wait_until(lambda: plotted(window))
+    assert len(window.plots.curves.points) == 1
+
+
+def test_energies_and_response_are_those_of_the_pipeline(plots_of: Any) -> None:
+    window = plots_of()
+    curves = window.plots.curves
+    scene = Scene.read("plain_weave")
+    at = 700
+    scene.update_stage(scene.response, float(curves.times[at]))
+    field = scene.response.GetOutputDataObject(0).GetFieldData()
+    names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+    expected = [field.GetArray(name).GetTuple1(0) for name in names]
+    np.testing.assert_allclose(curves.energies[at], expected, rtol=1e-9)
+    total = curves.energies[:, :3].sum(axis=1)
+    np.testing.assert_allclose(total, curves.energies[:, 3], rtol=1e-9, atol=1e-20)
+    # The response peaks at the first mode of those that are loaded.
+    peak = curves.frequencies[np.argmax(curves.response[0, :, 2])]
+    assert abs(peak / curves.modes[0] - 1) < 0.01
+
+
+def test_playing_moves_the_cursor_and_draws_no_plot(
+    plots_of: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = plots_of()
+    canvas = window.plots.canvas
+    drawn: list[int] = []
+    monkeypatch.setattr(canvas, "draw", lambda: drawn.append(1))
+    curves = window.plots.curves
+    columns = set()
+    window.director.drawn.connect(lambda _: columns.add(tuple(canvas._columns())))
+    qtbot.mouseClick(window.times.play, LEFT)
+    wait_until(lambda: len(columns) > 8)
+    qtbot.mouseClick(window.times.play, LEFT)
+    wait_until(lambda: settled(window))
+    assert not drawn
+    assert window.plots.curves is curves
+    # The line stands at the time, in both plots over time, and is painted there.
+    share = window.times.time / 0.2
+    box = canvas.axes[0].get_position()
+    column = (box.x0 + share * box.width) * canvas.width()
+    assert all(abs(c - column) <= 1 for c in canvas._columns())
+    picture = canvas.grab().toImage()
+    middle = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
+    dark = [
+        picture.pixelColor(x, middle + y).lightness() < 90
+        for x in range(canvas._columns()[0] - 1, canvas._columns()[0] + 2)
+        for y in (0, 3, 7)
+    ]
+    assert sum(dark) >= 3
+
+
+def test_a_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
+    window = plots_of()
+    canvas = window.plots.canvas
+    for axes, share in ((canvas.axes[0], 0.25), (canvas.axes[1], 0.75)):
+        box = axes.get_position()
+        x = round((box.x0 + share * box.width) * canvas.width())
+        y = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
+        qtbot.mouseClick(canvas, LEFT, pos=QPoint(x, y))
+        assert abs(window.times.time - 0.2 * share) < 0.002
+        wait_until(lambda: settled(window) and window.view.frame.time == window.times.time)
+    before = window.times.time
+    box = canvas.axes[2].get_position()
+    y = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
+    qtbot.mouseClick(canvas, LEFT, pos=QPoint(canvas.width() // 2, y))
+    assert window.times.time == before  # there is no time along frequencies
+
+
+def test_curves_follow_a_change_and_only_what_can_be_seen(plots_of: Any, qtbot: Any) -> None:
+    window = plots_of()
+    first = window.plots.curves
+    window.document.set("modal", "youngs_modulus", "4 kPa")
+    wait_until(lambda: settled(window) and plotted(window))
+    second = window.plots.curves
+    ratio = second.modes[0] / first.modes[0]
+    assert ratio == pytest.approx(np.sqrt(4e3 / Scene.read("plain_weave").modal.youngs_modulus))
+    # What does not move it computes nothing anew; nor does what nobody sees.
+    window.document.set("view", "cage_color", "#ff0000")
+    wait_until(lambda: settled(window))
+    qtbot.wait(400)
+    assert window.plots.curves is second
+    window.tabs.setCurrentWidget(window.modes)
+    window.document.set("response", "alpha", 9.0)
+    wait_until(lambda: settled(window))
+    qtbot.wait(400)
+    assert window.plots.curves is second
+    window.tabs.setCurrentWidget(window.plots)
+    wait_until(lambda: plotted(window))
+    assert window.plots.curves is not second
+
+
+def test_every_quantity_and_component_is_another_picture(plots_of: Any, qtbot: Any) -> None:
+    window = plots_of()
+    pictures = []
+    for box in (window.plots.quantity, window.plots.component):
+        for _ in range(box.count()):
+            pictures.append(window.plots.canvas.grab().toImage())
+            box.setFocus()
+            down = box.currentIndex() < box.count() - 1
+            qtbot.keyClick(box, Qt.Key.Key_Down if down else Qt.Key.Key_Up)
+    distinct = sum(a != b for k, a in enumerate(pictures) for b in pictures[:k])
+    assert distinct >= len(pictures) * (len(pictures) - 1) // 2 - 6
+
+
+def test_curves_and_pictures_are_saved(
+    plots_of: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = plots_of()
+    chosen = [""]
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (chosen[0], ""))
+    curves = window.plots.curves
+    for name, head, rows in (
+        ("times", "time [s]", len(curves.times)),
+        ("frequencies", "frequency [Hz]", len(curves.frequencies)),
+    ):
+        chosen[0] = str(tmp_path / name)
+        window.plots.saves[name].trigger()
+        with open(tmp_path / f"{name}.csv", newline="", encoding="utf-8") as stream:
+            table = list(csv.reader(stream))
+        assert table[0][0] == head
+        assert len(table) == rows + 1
+    with open(tmp_path / "times.csv", newline="", encoding="utf-8") as stream:
+        last = list(csv.DictReader(stream))[-1]
+    assert float(last["displacement z of point 1 [m]"]) == curves.motion[0, 0, -1, 2]
+    assert float(last["total energy [J]"]) == curves.energies[-1, 3]
+    chosen[0] = str(tmp_path / "plots.png")
+    window.plots.saves["picture"].trigger()
+    assert np.asarray(Image.open(chosen[0]).convert("L")).std() > 5
+    chosen[0] = str(tmp_path / "plots.xyz")
+    window.plots.saves["picture"].trigger()
+    assert ".png" in window.errors.text
+    assert not (tmp_path / "plots.xyz").exists()
+
+
+def test_a_motion_out_of_a_file_is_followed_step_by_step(plots_of: Any) -> None:
+    window = plots_of("calculix_fabric")
+    curves = window.plots.curves
+    assert curves.energies is None
+    assert not window.plots.saves["frequencies"].isEnabled()
+    scene = Scene.read("calculix_fabric")
+    time = float(curves.times[len(curves.times) // 2])
+    scene.update_stage(scene.motion, time)
+    cage = scene.motion.GetOutputDataObject(0)
+    vertex = int(np.argmin(np.linalg.norm(points_of(cage) - curves.points[0], axis=1)))
+    expected = cage.GetPointData().GetArray("displacement").GetTuple3(vertex)
+    np.testing.assert_allclose(curves.motion[0, 0, len(curves.times) // 2], expected, rtol=1e-6)
+
+
+def test_a_scene_that_stands_still_has_no_plots(plots_of: Any, tmp_path: Path) -> None:
+    window = plots_of()
+    still = tmp_path / "still.toml"
+    still.write_text("[weave]\nends = 3\npicks = 3\n")
+    window.document.open(still)
+    wait_until(lambda: settled(window) and "not move" in window.plots.hint.text())
+    assert not window.plots.canvas.isVisible()
+    assert not window.plots.save.isEnabled()
+    window.document.open("plain_weave")
+    wait_until(lambda: plotted(window))
+    assert window.plots.canvas.isVisible()

@@ -1,0 +1,59 @@
+"""Open the window, click into view and draft, and save what the screen shows; run by a test."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+
+from PySide6.QtCore import QPoint, QSettings, Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
+from window import settled, wait_until
+
+import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
+from spacemap_vtk.app.draft.layout import Place
+from spacemap_vtk.app.main_window import MainWindow
+
+
+def main(picture: str) -> None:
+    os.environ["SPACEMAP_CACHE"] = "off"
+    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
+    folder = tempfile.mkdtemp()
+    QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, folder)
+    app = QApplication([])
+    app.setApplicationName("spacemap")
+    window = MainWindow()
+    window.resize(1150, 640)
+    window.start("plain_weave")
+    window.show()
+    window.tabs.setCurrentWidget(window.draft)
+    window.splitter.setSizes([260, 500, 390])
+    window.tools.cameras["front"].trigger()
+    wait_until(lambda: settled(window))
+    window.move(0, 0)
+    grid, view = window.draft.grid, window.view.plotter
+    at = QPoint(*grid.layout_now().center(Place("threading", 3, 2)))
+    QTest.mouseClick(grid.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    wait_until(lambda: settled(window))
+    picked = []
+    for x in range(-20, 24, 4):
+        found = window.view.pick(view.width() / 2 + x, view.height() / 2)
+        picked.append(None if found is None else (found.yarn, found.rest))
+    told = {
+        "ratio": window.devicePixelRatioF(),
+        "view": [view.width(), view.height()],
+        "drawn": list(view.render_window.GetSize()),
+        "threading": grid.shown.loom.threading,
+        "picked": picked,
+    }
+    app.processEvents()
+    app.primaryScreen().grabWindow(window.winId()).save(picture)
+    window.discard()
+    app.processEvents()
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,96 @@
+"""Open and close the window many times, and print what is left behind; run by a test.
+
+In each round the window opens, draws a scene, shows every tab, and closes; in every tenth it is
+edited and plots are computed too.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import psutil
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QSettings
+from PySide6.QtWidgets import QApplication
+from window import settled, wait_until
+
+import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
+from spacemap_vtk.app.main_window import MainWindow
+
+SCENE = """[weave]
+ends = 3
+picks = 3
+[cage]
+divisions = [2, 2, 1]
+[modal]
+[response]
+[animation]
+stop = 0.1
+"""
+
+
+def one_round(app: QApplication, scene: Path, whole: bool) -> None:
+    window = MainWindow()
+    window.resize(900, 600)
+    window.start(str(scene))
+    window.show()
+    wait_until(lambda: settled(window))
+    for number in range(window.tabs.count()):
+        window.tabs.setCurrentIndex(number)
+        app.processEvents()
+    if whole:
+        window.document.set("weave", "warp_diameter", "0.2 mm")
+        wait_until(lambda: settled(window))
+        window.tabs.setCurrentWidget(window.plots)
+        wait_until(lambda: window.plots.curves is not None)
+        window.plots.canvas.repaint()
+    window.discard()
+
+
+def kinds() -> Counter[str]:
+    return Counter(type(thing).__name__ for thing in gc.get_objects())
+
+
+def main(rounds: int) -> None:
+    os.environ["SPACEMAP_CACHE"] = tempfile.mkdtemp()
+    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
+    folder = tempfile.mkdtemp()
+    QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, folder)
+    app = QApplication([])
+    app.setApplicationName("spacemap")
+    scene = Path(folder) / "small.toml"
+    scene.write_text(SCENE)
+    process = psutil.Process()
+    memory, objects, threads = [], [], []
+    early: Counter[str] = Counter()
+    for number in range(rounds):
+        one_round(app, scene, whole=number % 10 == 0)
+        app.processEvents()
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+        gc.collect()
+        if number == rounds // 2:
+            early = kinds()
+        memory.append(process.memory_info().rss / 2**20)
+        objects.append(len(gc.get_objects()))
+        threads.append(process.num_threads())
+    grown = {name: count - early[name] for name, count in kinds().items() if count > early[name]}
+    left = [thing for thing in gc.get_objects() if isinstance(thing, QObject)]
+    told = {
+        "memory": memory,
+        "objects": objects,
+        "threads": threads,
+        "grown": grown,
+        "windows": sum(isinstance(thing, MainWindow) for thing in left),
+        "widgets": len(QApplication.allWidgets()),
+        "files": process.num_fds(),
+    }
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
