@@ -16,7 +16,7 @@ weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()
 swing = pv.wrap(surface.GetOutputDataObject(0)).spacemap.modal(
-    divisions=(5, 5, 2), modes=60, fixed="+y", gravity=(0, -1, 1), initial="equilibrium"
+    divisions=(5, 5, 2), modes=60, fixed="+y", gravity=(0, -4, 4), initial="equilibrium"
 )
 modal = next(stage for stage in swing.upstream() if isinstance(stage, ModalSolver))
 
@@ -39,4 +39,5 @@ if len(sys.argv) > 1:
         plotter.add_text(f"{modulus:g} Pa", position="upper_edge", font_size=14)
         plotter.view_vector((2.5, 0.6, 1.0), (0, 1, 0))
     plotter.link_views()
+    plotter.camera.zoom(1.6)
     plotter.screenshot(sys.argv[1])

@@ -208,11 +208,11 @@ def test_check_reports_the_versions() -> None:
     assert report.endswith("SceneReader work")
 
 
-def check_with(path: Path) -> tuple[int, str, str]:
-    """Run ``spacemap paraview --check`` where the PATH has this folder alone."""
+def check_with(path: str) -> tuple[int, str, str]:
+    """Run ``spacemap paraview --check`` with this PATH."""
     done = subprocess.run(
         [sys.executable, "-m", "spacemap_vtk", "paraview", "--check"],
-        env={**os.environ, "PATH": str(path)},
+        env={**os.environ, "PATH": path},
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -222,7 +222,7 @@ def check_with(path: Path) -> tuple[int, str, str]:
 
 
 def test_check_says_that_there_is_no_paraview(tmp_path: Path) -> None:
-    code, out, error = check_with(tmp_path)
+    code, out, error = check_with(str(tmp_path))
     assert (code, out) == (1, "")
     assert error.startswith("spacemap: pvpython is not on the PATH. ")
     assert "apt-get install paraview python3-paraview" in error
@@ -247,7 +247,7 @@ def test_check_says_why_a_paraview_cannot_use_the_plugin(
     program = tmp_path / "pvpython"
     program.write_text(f"#!/bin/sh\nREAL={shutil.which('pvpython')}\n{does}\n")
     program.chmod(0o755)
-    code, out, error = check_with(tmp_path)
+    code, out, error = check_with(f"{tmp_path}:{os.environ['PATH']}")
     assert (code, out) == (1, "")
     assert error.startswith(f"spacemap: {program} cannot use {environment.PLUGIN}: ")
     assert says in error

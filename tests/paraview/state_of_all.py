@@ -18,7 +18,8 @@ from spacemap_vtk.paraview.properties import title
 
 scenes, folder = (Path(argument) for argument in sys.argv[1:3])
 DRAFT, SHEET = scenes / "32-shaft_twill.wif", scenes / "calculix" / "sheet.pvd"
-TUBES, WEAVE = scenes / "objects" / "tubes.vtp", scenes / "plain_weave.toml"
+TUBES, WEAVE = scenes / "objects" / "tubes.vtp", folder / "scene.toml"
+WEAVE.write_text((scenes / "plain_weave.toml").read_text().replace("[5, 5, 1]", "[3, 3, 2]"))
 TIME = 0.013
 #: One of these is no default for each parameter there is; a third has no short decimal.
 VALUES: tuple[Any, ...] = (
@@ -87,21 +88,24 @@ draft = simple.WIFReader(
     **{"Ends": 9, "Picks": 8, "WarpDiameter": "0.2 mm", "WeftDiameter": "0.2 mm"},
     **{"WarpSpacing": "0.5 mm", "WeftSpacing": "0.5 mm"},
 )
-scene = simple.SceneReader(registrationName="scene", FileName=str(WEAVE), Show="cage")
+scene = simple.SceneReader(registrationName="moving cage", FileName=str(WEAVE), Show="cage")
 motion = simple.MotionReader(registrationName="motion", File=str(SHEET), Array="U", Scale=1.5)
 tubes = simple.ObjectSource(
-    registrationName="object", File=str(TUBES), Scale=0.004, Rotate=[0, 0, 30], Place=[1e-3, 0, 0]
+    registrationName="object", File=str(TUBES), Scale=0.001, Rotate=[0, 0, 30], Place=[1e-4, 0, 0]
 )
 simple.BarycentricWarp(registrationName="cloth on motion", Input=draft, Cage=motion, Smooth=1)
 moved = simple.FindSource("cloth on motion")
 surface = simple.PatchTessellator(registrationName="surface", Input=moved, Subdivisions=2)
 simple.BarycentricWarp(registrationName="object on scene", Input=tubes, Cage=scene)
 made = {}
-for name in ("draft", "scene", "motion", "object", "cloth on motion", "surface", "object on scene"):
+for name in (
+    *("draft", "moving cage", "motion", "object"),
+    *("cloth on motion", "surface", "object on scene"),
+):
     proxy = simple.FindSource(name)
     written[name], made[name] = settings(proxy), data(proxy)
     assert len(made[name]["points"]) > 0, name
-for name in ("scene", "motion", "surface", "object on scene"):
+for name in ("moving cage", "motion", "surface", "object on scene"):
     assert np.abs(made[name]["Point displacement"]).max() > 1e-5, name
 
 simple.Show(surface, simple.CreateRenderView())
