@@ -523,3 +523,15 @@ def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
         u = chain.at(time).ravel()
         assert parts[1] == pytest.approx(0.5 * u @ (model.stiffness @ u), rel=1e-8)
     assert len(chain.at(0.2, "von_mises")) == len(model.cells)
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf])
+def test_a_time_that_is_no_number_is_refused(time):
+    chain = Chain()
+    with pytest.raises(InputError, match="time = .*a finite number of seconds"):
+        chain.at(time)
+    chain.at(0.01)
+    with pytest.raises(InputError, match="a finite number of seconds"):
+        chain.response.history(np.full(len(chain.model.points), 0.0), np.array([0.0, time]))
+    with pytest.raises(InputError, match="a finite number of seconds"):
+        chain.response.energies(np.array([time]))
