@@ -282,5 +282,5 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
 def test_a_time_is_a_finite_number(time):
     motion = Motion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
-    with pytest.raises(InputError, match="time = .*a finite number of seconds"):
+    with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         motion.at(time)

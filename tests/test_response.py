@@ -531,7 +531,7 @@ def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
 @pytest.mark.parametrize("time", [math.nan, math.inf])
 def test_a_time_that_is_no_number_is_refused(time):
     chain = Chain()
-    with pytest.raises(InputError, match="time = .*a finite number of seconds"):
+    with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         chain.at(time)
     chain.at(0.01)
     with pytest.raises(InputError, match="a finite number of seconds"):

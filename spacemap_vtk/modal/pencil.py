@@ -75,6 +75,23 @@ class Piece:
             )
         return lanczos.shift(self.stiffness, self.mass)
 
+    def lower_shift(self) -> bool:
+        """Bring σ nearer to zero, for modes that do not converge.
+
+        A free, very thin sheet bends so far below σ that its modes look alike from there.
+
+        Returns
+        -------
+        bool
+            Whether there was anything left to lower.
+        """
+        least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).max())
+        lower = max(1e-6 * self.shift, least)
+        if lower >= 0.5 * self.shift:
+            return False
+        self.shift, self._factors = lower, None
+        return True
+
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic factorisation of the pattern of K and M, made once."""
@@ -217,13 +234,13 @@ class Pencil:
         if self.points is None:
             raise InputError("rigid motions need the vertices", key="points")
         free = self.where[piece.rows]
-        near = np.unique(self._whole[free].indices // 3)
+        points, near = self.points, np.unique(self._whole[free].indices // 3)
         held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), self.where)
-        middle = self.points[near].mean(axis=0)
-        size = max(float(np.abs(self.points[near] - middle).max()), np.finfo(float).tiny)
+        middle = points[near].mean(axis=0)
+        size = max(float(np.abs(points[near] - middle).max()), np.finfo(float).tiny)
 
         def six(rows: NDArray[np.int64]) -> FloatArray:
-            away, component = (self.points[rows // 3] - middle) / size, rows % 3
+            away, component = (points[rows // 3] - middle) / size, rows % 3
             result = np.zeros((len(rows), 6))
             for axis in range(3):
                 result[component == axis, axis] = 1.0
