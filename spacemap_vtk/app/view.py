@@ -22,7 +22,13 @@ from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import SHOWN
 from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
-from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
+from spacemap_vtk.scenes.surface_actor import (
+    Span,
+    SurfaceActor,
+    fit_scale,
+    natural_span,
+    scale_share,
+)
 
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
@@ -112,6 +118,8 @@ class View3D(QWidget):
         )
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
+        room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
+        self.plotter.camera.SetWindowCenter(room, 0.0)
         self._ghost.SetVisibility(look.ghost)
         if look.ghost:
             self._ghost.show(frame.surface)
@@ -324,8 +332,11 @@ class View3D(QWidget):
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
-        height = 720 if self.plotter.height() < 720 else self.plotter.height()
-        scale_text(self._fabric.bar, height * 3 // 4, view.background)
+        fit_scale(self._fabric.bar, self._size, view.background)
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
 
     def _span_of(self, frame: Frame) -> Span | None:
         """Return the ends of the scale; while only time passes, they never come nearer."""
