@@ -1,196 +1,35 @@
-"""Parameters, declared once.
+"""The kinds of parameters: numbers, words, paths, colours and lists of them.
 
-A parameter is a descriptor on the class it belongs to. Its declaration (name, type, default, unit,
-range, choices, help) is all that the program knows of it: the Python keyword and property, the
-scene-file key, the command line's ``--set``, the reference text and, later, the Qt widget and the
-ParaView property are made from it::
-
-    class TetraCage(Stage):
-        divisions = IntegerVector((5, 5, 1), "Number of hexahedra along x, y and z.", minimum=1)
-
-Invariants that other code relies on:
-
-- A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
-- Assigning an equal value changes nothing and calls no hook.
-- A name that is not declared is refused, with the list of those that are: VTK objects would take
-  any misspelt attribute silently.
+What a declaration is made for stands in `spacemap_vtk.parameterised`, whose names are here, too.
 """
 
 from __future__ import annotations
 
-import difflib
-import inspect
 import math
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar, overload
+from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameterised import Parameter, Parameterised, suggestion
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
-T = TypeVar("T")
-
-
-class Parameter(Generic[T]):
-    """One declared parameter: descriptor, check and description in one.
-
-    Parameters
-    ----------
-    default : object
-        Value before any is set; None makes the parameter optional.
-    help : str
-        One sentence for every surface that shows the parameter.
-    unit : str, optional
-        SI unit, a key of `spacemap_vtk.units.UNITS`.
-    label : str, optional
-        Name shown to people; made from the attribute's name where it is not given.
-    automatic : str, optional
-        What ``None`` stands for, e.g. ``"the middle of the feasible interval"``.
-    group : str, optional
-        Heading under which a window shows it.
-    """
-
-    kind = "value"
-    annotation = "object"
-
-    def __init__(
-        self,
-        default: Any,
-        help: str,
-        *,
-        unit: str = "",
-        label: str = "",
-        automatic: str = "",
-        group: str = "",
-    ) -> None:
-        self.group = group
-        self.help = help
-        self.unit = unit
-        self.label = label
-        self.automatic = automatic
-        self.name = ""
-        self._default = default
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-        self.label = self.label or name.replace("_", " ").capitalize()
-        self.default: T = self.check(self._default)
-        self.__doc__ = self.describe()
-
-    @overload
-    def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
-    @overload
-    def __get__(self, instance: Parameterised, owner: type) -> T: ...
-    def __get__(self, instance: Parameterised | None, owner: type) -> Parameter[T] | T:
-        return self if instance is None else instance._values.get(self.name, self.default)
-
-    def __set__(self, instance: Parameterised, value: Any) -> None:
-        checked = self.check(value)
-        if checked != self.__get__(instance, type(instance)):
-            instance._values[self.name] = checked
-            instance._parameter_changed()
-
-    def check(self, value: Any) -> T:
-        """Return `value` in canonical form.
-
-        Parameters
-        ----------
-        value : object
-            Whatever a user gave.
-
-        Returns
-        -------
-        T
-            The value to store.
-
-        Raises
-        ------
-        InputError
-            If it is of the wrong type or out of range; the message says what is allowed.
-        """
-        if value is None and self.optional:
-            return None  # type: ignore[return-value]
-        try:
-            return self.convert(value)
-        except InputError as error:
-            raise InputError(
-                error.message, key=self.name, value=value, allowed=self.allowed, cure=error.cure
-            ) from None
-
-    def convert(self, value: Any) -> T:
-        """Return a given value in canonical form.
-
-        Parameters
-        ----------
-        value : object
-            Whatever a user gave, but None.
-
-        Returns
-        -------
-        T
-            The value to store.
-
-        Raises
-        ------
-        InputError
-            If that cannot be done; `check` adds name, value and what is allowed.
-        """
-        raise NotImplementedError
-
-    def within(self, value: Any, folder: Path) -> Any:
-        """Return a given value whose relative paths count from a folder.
-
-        Parameters
-        ----------
-        value : object
-            Whatever a user gave.
-        folder : Path
-            Of the file that it stands in.
-
-        Returns
-        -------
-        object
-            The value itself where it is no path.
-        """
-        return value
-
-    @property
-    def optional(self) -> bool:
-        """Whether ``None`` is a value."""
-        return self._default is None
-
-    @property
-    def allowed(self) -> str:
-        """What is accepted, in words."""
-        return self.annotation
-
-    def show(self, value: T) -> str:
-        """Return a value as a user would write it.
-
-        Parameters
-        ----------
-        value : T
-            A stored value.
-
-        Returns
-        -------
-        str
-            With a handy unit; what None stands for, in words.
-        """
-        return self.automatic if value is None else str(value)
-
-    def describe(self) -> str:
-        """Return help, range and default.
-
-        Returns
-        -------
-        str
-            One paragraph.
-        """
-        return f"{self.help} Allowed: {self.allowed}. Default: {self.show(self.default)}."
+__all__ = [
+    "Choice",
+    "Color",
+    "FilePath",
+    "Flag",
+    "Integer",
+    "Parameter",
+    "Parameterised",
+    "Real",
+    "Text",
+    "Vector",
+    "suggestion",
+]
 
 
 class Real(Parameter[Any]):
@@ -466,128 +305,3 @@ class Color(Parameter[Any]):
     def show(self, value: Any) -> str:
         """Return ``#rrggbb``."""
         return self.automatic if value is None else "#{:02x}{:02x}{:02x}".format(*value)
-
-
-class Parameterised:
-    """A class with declared parameters: keyword-only constructor, checked properties, no others."""
-
-    #: Name of the section of a scene file that configures this class.
-    section: ClassVar[str] = ""
-    #: The declared parameters by name, in the order of declaration.
-    parameters: ClassVar[dict[str, Parameter[Any]]] = {}
-
-    _values: dict[str, Any]
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        own = {name: p for name, p in vars(cls).items() if isinstance(p, Parameter)}
-        cls.parameters = {**cls.parameters, **own}
-        cls.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-            [
-                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=p.default)
-                for name, p in cls.parameters.items()
-            ]
-        )
-        if "__doc__" in vars(cls) and cls.__doc__ and cls.parameters:
-            cls.__doc__ = _with_parameters(cls.__doc__, cls.parameters)
-
-    def __init__(self, **values: Any) -> None:
-        self._values = {}
-        self.configure(**values)
-
-    def configure(self, **values: Any) -> None:
-        """Set several parameters at once; if one of them is refused, none is set.
-
-        Parameters
-        ----------
-        **values : object
-            New values by parameter name.
-
-        Raises
-        ------
-        UnknownNameError
-            If a name is not a parameter.
-        InputError
-            If a value is refused.
-        """
-        for name, value in values.items():
-            self.parameter(name).check(value)
-        for name, value in values.items():
-            setattr(self, name, value)
-
-    @classmethod
-    def parameter(cls, name: str) -> Parameter[Any]:
-        """Return the declaration of a parameter.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-
-        Returns
-        -------
-        Parameter
-            The declaration.
-
-        Raises
-        ------
-        UnknownNameError
-            If there is none of that name; the message lists those that are.
-        """
-        if name not in cls.parameters:
-            raise UnknownNameError(
-                f"{cls.__name__} has no parameter of that name",
-                key=name,
-                allowed=", ".join(cls.parameters),
-                cure=suggestion(name, cls.parameters),
-            )
-        return cls.parameters[name]
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The value of every parameter, by name."""
-        return {name: getattr(self, name) for name in self.parameters}
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        # Private names are the class's own; public ones must exist, or a misspelt parameter
-        # would become a new attribute and be ignored.
-        if not name.startswith("_") and not hasattr(type(self), name):
-            self.parameter(name)
-        super().__setattr__(name, value)
-
-    def _parameter_changed(self) -> None:
-        """Do what a changed parameter asks for; nothing by default."""
-
-
-def suggestion(name: str, names: Iterable[str]) -> str | None:
-    """Return "Did you mean …?" for a misspelt name.
-
-    Parameters
-    ----------
-    name : str
-        The name that is not known.
-    names : iterable of str
-        The known ones.
-
-    Returns
-    -------
-    str or None
-        The sentence; None where no known name is near.
-    """
-    near = difflib.get_close_matches(name, list(names), n=1)
-    return f'Did you mean "{near[0]}"?' if near else None
-
-
-def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
-    """Insert a numpydoc Parameters section before the docstring's first section."""
-    doc = inspect.cleandoc(doc)
-    lines = ["Parameters", "----------"]
-    for name, parameter in parameters.items():
-        lines.append(
-            f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}"
-        )
-        lines += [f"    {parameter.help}", f"    Allowed: {parameter.allowed}."]
-    first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
-    at = first.start() if first else len(doc)
-    section = "\n".join(lines)
-    return f"{doc[:at].rstrip()}\n\n{section}\n\n{doc[at:]}".rstrip() + "\n"

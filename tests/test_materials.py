@@ -16,7 +16,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.eigen import solve_modes
 from spacemap_vtk.modal.elasticity import stiffness_and_mass
 from spacemap_vtk.modal.fabrics import FABRICS
-from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic, volume_ratio
 
 MODULI, SHEARS, RATIOS = [2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05]
 
@@ -259,3 +259,44 @@ def test_a_cage_that_bends_unlike_the_fabric_says_so():
     bending = fabric.solid(fabric.plate).youngs_moduli[0] * fabric.plate**3 / 12
     euler = 1.875104**2 / (2 * math.pi * length**2) * math.sqrt(bending / fabric.areal_mass)
     assert 0.9 < found / euler < 1.05
+
+
+def test_volume_ratio_is_poissons_where_all_axes_are_alike():
+    for ratio in (-0.5, 0.0, 0.3, 0.499):
+        assert volume_ratio(isotropic(3e6, ratio)) == pytest.approx(ratio, abs=1e-12)
+    # without contraction the axes do not matter
+    assert volume_ratio(orthotropic(MODULI, SHEARS, [0.0] * 3)) == pytest.approx(0.0, abs=1e-12)
+    # volume is kept where the compliances sum to nothing: ν12 = 1/2, and what is left for ν13
+    near = orthotropic([4e6, 1e6, 1e6], SHEARS, [0.495, 0.495, 0.87])
+    pressure = np.linalg.solve(near[:3, :3], np.ones(3))
+    assert volume_ratio(near) > 0.45
+    assert pressure.sum() < 0.1 / 1e6
+
+
+def test_an_orthotropic_cage_that_keeps_its_volume_warns():
+    weave, cage = WeaveSource(), TetraCage(divisions=(5, 5, 3))
+    cage.SetInputConnection(weave.GetOutputPort())
+    made = ModalSolver(
+        material="orthotropic",
+        youngs_moduli=[1e6] * 3,
+        shear_moduli=[1e6 / 2.98] * 3,
+        poissons_ratios=[0.49] * 3,
+    )
+    made.SetInputConnection(cage.GetOutputPort())
+    made.update()
+    (text,) = made.warnings
+    assert "keeps its volume as one with a Poisson's ratio of 0.49" in text
+    assert "lower poissons_ratios" in text
+    made.poissons_ratios = [0.3] * 3
+    made.update()
+    assert made.warnings == ()
+
+
+@pytest.mark.parametrize("density", [1e-300, 1e300])
+def test_what_floats_cannot_hold_is_refused(density):
+    with pytest.raises(InputError, match=r"modal\.density = .*1e-30 to 1e\+30 kg/m³"):
+        solver(density=density).update()
+    with pytest.raises(InputError, match=r"modal\.youngs_modulus = .*1e-30 to 1e\+30 Pa"):
+        solver(youngs_modulus=density).update()
+    with pytest.raises(InputError, match=r"modal\.thickness = .*1e-09 to 1e\+09 m"):
+        solver(material="denim", thickness=density).update()

@@ -10,7 +10,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.modal.eigen import lowest
 from spacemap_vtk.modal.materials import isotropic
 from spacemap_vtk.modal.model import Model
 
@@ -128,3 +130,103 @@ def test_arguments_are_checked():
         model(held=lambda p: np.zeros(len(p), bool))
     with pytest.raises(InputError, match="forces"):
         model().solve(np.zeros(5))
+
+
+def thin(length, divisions=(5, 5, 1), held=None):
+    """Return a sheet of quadratic tetrahedra, half a millimetre thick, that hangs by +y."""
+    points, cells = lattice((0, length, 0, length, 0, 5e-4), divisions)
+    points, cells = with_midpoints(points, cells)
+    if held is None:
+        held = np.repeat((points[:, 1] > length * (1 - 1e-9))[:, None], 3, axis=1)
+    return Model(points, cells, isotropic(1e6, 0.3), 300.0, held)
+
+
+def in_long_double(matrix, right):
+    """Solve with a dense Cholesky factorisation of 64 bits of mantissa."""
+    lower = matrix.astype(np.longdouble)
+    for k in range(len(lower)):
+        lower[k, k] = np.sqrt(lower[k, k])
+        lower[k + 1 :, k] /= lower[k, k]
+        lower[k + 1 :, k + 1 :] -= lower[k + 1 :, k, None] * lower[k + 1 :, k]
+    x = right.astype(np.longdouble)
+    for k in range(len(x)):
+        x[k] /= lower[k, k]
+        x[k + 1 :] -= lower[k + 1 :, k] * x[k]
+    for k in reversed(range(len(x))):
+        x[k] = (x[k] - lower[k + 1 :, k] @ x[k + 1 :]) / lower[k, k]
+    return x
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no longer float than float64")
+@pytest.mark.parametrize(("length", "most"), [(0.125, (1e-9, 1e-5)), (0.5, (1e-6, 1e-3))])
+def test_very_thin_sheets_are_solved_as_well_as_they_can_be(length, most):
+    made = thin(length, (4, 3, 1))
+    free = made.free
+    stiffness = made.structure.stiffness[free][:, free].toarray()
+    for axis, allowed in zip((0, 2), most, strict=True):
+        force = np.zeros(len(free))
+        force[axis::3] = made.nodal_mass * 9.81
+        solved, rounding = made.statics(force)
+        exact = in_long_double(stiffness, force[free]) / made.modulus
+        gap = solved[free] - exact
+        long = stiffness.astype(np.longdouble)
+        error = np.sqrt(float((gap @ (long @ gap)) / (exact @ (long @ exact))))
+        # an estimate: within a few times of what is lost
+        assert error <= 20 * rounding[0]
+        assert rounding[0] <= allowed
+
+
+def test_a_very_thin_sheet_bends_as_a_plate():
+    made = thin(0.5, (2, 12, 1))
+    points, density = made.points, 300.0
+    force = np.zeros(len(made.free))
+    force[2::3] = made.nodal_mass * 9.81
+    solved = made.solve(force)[2::3]
+    edge = abs(solved[points[:, 1] == 0]).mean()
+    # a clamped strip: between a beam, and a plate that cannot curve across
+    beam = 12 * density * 9.81 * 0.5**4 / (8 * 1e6 * 5e-4**2)
+    assert 0.91 * 0.97 * beam < edge < beam
+
+
+def test_thin_sheets_are_held_by_their_edges():
+    assert thin(1.0).rigid.shape[1] == 0
+    points, cells = lattice((0, 1, 0, 1, 0, 1e-6), (10, 10, 1))
+    edge = (points[:, 1] == 1)[:, None] & np.ones(3, bool)
+    made = Model(points, cells, STEEL, 300.0, edge)
+    assert made.rigid.shape[1] == 0
+    line = edge & (points[:, 2] == 0)[:, None]
+    assert Model(points, cells, STEEL, 300.0, line).rigid.shape[1] == 1
+    assert Model(points, cells, STEEL, 300.0, np.zeros_like(edge)).rigid.shape[1] == 6
+
+
+def test_what_is_nothing_but_rounding_is_refused():
+    points, cells = lattice((0, 1, 0, 1, 0, 1e-6), (5, 5, 1))
+    points, cells = with_midpoints(points, cells)
+    held = np.repeat((points[:, 1] == 1)[:, None], 3, axis=1)
+    made = Model(points, cells, isotropic(1e6, 0.3), 300.0, held)
+    force = np.zeros(len(made.free))
+    force[2::3] = made.nodal_mass
+    with pytest.raises(SolverError, match="no digit of a static solution"):
+        made.solve(force)
+
+
+def test_rounding_is_small_where_the_sheet_is_thick():
+    made = model((8, 8, 2))
+    assert made.statics(np.ones(len(made.free)))[1][0] <= 1e-12
+
+
+def test_a_free_very_thin_sheet_has_all_its_modes():
+    made = thin(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
+    piece = made.structure.pencil.pieces[0]
+    before = piece.shift
+    values, shapes = lowest(made.structure.pencil, 20)
+    assert piece.shift < before  # they did not converge there
+    assert not values[:6].any()
+    assert values[6] > 0
+    modes = shapes.reshape(20, -1)
+    np.testing.assert_allclose(modes @ (made.structure.mass @ modes.T), np.eye(20), atol=1e-9)
+    # The first bends as w = x y, a field that quadratic tetrahedra hold: its Rayleigh quotient,
+    # which is above the plate's own λ (Leissa, NASA SP-160, 1969: 13.489).
+    plate = 1e6 * 5e-4**2 / (12 * 0.91 * 300.0) / 0.5**4
+    first = values[6] * made.modulus / made.density
+    assert 13.489**2 * plate < first < 1.0001 * 2 * 0.7 * 144 * plate

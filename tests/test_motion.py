@@ -277,3 +277,10 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
     # The most that each can come to: X = ∫ S e^{pt}, its rate ∫ Ṡ e^{pt}.
     assert abs(got.value[0] - x) <= bound * max(min(time * short, time * time / 2), abs(x))
     assert abs(got.rate[0] - v) <= bound * max(time, abs(v))
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
+def test_a_time_is_a_finite_number(time):
+    motion = Motion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
+    with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
+        motion.at(time)

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import VTK_QUADRATIC_TETRA, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of
 from spacemap_vtk.modal import timefunctions
@@ -523,3 +526,51 @@ def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
         u = chain.at(time).ravel()
         assert parts[1] == pytest.approx(0.5 * u @ (model.stiffness @ u), rel=1e-8)
     assert len(chain.at(0.2, "von_mises")) == len(model.cells)
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf])
+def test_a_time_that_is_no_number_is_refused(time):
+    chain = Chain()
+    with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
+        chain.at(time)
+    chain.at(0.01)
+    with pytest.raises(InputError, match="a finite number of seconds"):
+        chain.response.history(np.full(len(chain.model.points), 0.0), np.array([0.0, time]))
+    with pytest.raises(InputError, match="a finite number of seconds"):
+        chain.response.energies(np.array([time]))
+
+
+def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:
+    """Return a producer of a square of quadratic tetrahedra, half a millimetre thick."""
+    points, cells = with_midpoints(*lattice((0, length, 0, length, 0, 5e-4), divisions))
+    grid = vtkUnstructuredGrid()
+    grid.SetPoints(to_points(points))
+    grid.SetCells(VTK_QUADRATIC_TETRA, to_cells(cells))
+    producer = vtkTrivialProducer()
+    producer.SetOutput(grid)
+    return producer
+
+
+@pytest.mark.parametrize(("length", "few"), [(0.125, False), (0.5, True)])
+def test_a_very_thin_cage_says_how_many_digits_hold(length: float, few: bool) -> None:
+    producer = sheet(length, (5, 5, 1))
+    for _ in range(2):  # solved, and read from the cache
+        modal = ModalSolver(modes=10)
+        modal.SetInputConnection(producer.GetOutputPort())
+        response = ModalResponse(gravity=(0.0, 0.0, -9.81), initial="equilibrium")
+        response.SetInputConnection(modal.GetOutputPort())
+        response.update(0.0)
+        digits = [text for text in response.warnings if "of the shape at rest hold" in text]
+        assert len(digits) == few
+        points = response.GetOutputDataObject(0).GetPointData()
+        sag = -vtk_to_numpy(points.GetArray("displacement"))[:, 2].min()
+        beam = 12 * 300.0 * 9.81 * length**4 / (8 * 1e6 * 5e-4**2)
+        assert 0.85 * beam < sag < beam
+        del modal, response
+    # its own plane is another matter
+    modal = ModalSolver(modes=10)
+    modal.SetInputConnection(producer.GetOutputPort())
+    response = ModalResponse(gravity=(0.0, -9.81, 0.0))
+    response.SetInputConnection(modal.GetOutputPort())
+    response.update(0.0)
+    assert not any("at rest hold" in text for text in response.warnings)

@@ -15,6 +15,7 @@ Invariants:
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
@@ -145,8 +146,12 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         Exception
             Whatever a stage raised, first of those above.
         InputError
-            If an input is not connected.
+            If an input is not connected, or the time is not a finite number.
         """
+        if time is not None and not math.isfinite(time):
+            raise InputError(
+                "not a time", key="time", value=time, allowed="a finite number of seconds"
+            )
         for stage in self.upstream():
             _check_connected(stage)
         self._vtk_messages.clear()

@@ -84,6 +84,7 @@ class CageModes:
         self._grid = data
         self._forces: dict[str, FloatArray] = {}
         self._statics: dict[str, FloatArray] = {}
+        self._rounding: dict[str, float] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
 
     def away(self, place: ArrayLike) -> float:
@@ -244,12 +245,13 @@ class CageModes:
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
                 if processes is None:
-                    found = static_displacements(self.model, load)
+                    found, rounding = static_displacements(self.model, load)
                 else:
-                    (found,) = processes.from_first(
-                        lambda: [static_displacements(self.model, load)]
+                    found, rounding = processes.from_first(
+                        lambda: list(static_displacements(self.model, load))
                     )
                 self._statics.update(zip(new, found.T, strict=True))
+                self._rounding.update(zip(new, rounding.tolist(), strict=True))
             values, shapes = residual_modes(
                 self.shapes,
                 self.eigenvalues,
@@ -266,6 +268,22 @@ class CageModes:
                 )
             }
         return self._bases[names]
+
+    def rounding(self, patterns: Sequence[Pattern]) -> float:
+        """Return how far rounding disturbs the static response to some loads.
+
+        Parameters
+        ----------
+        patterns : sequence of Pattern
+            The loads, after `basis` was asked for theirs.
+
+        Returns
+        -------
+        float
+            The largest share of a static solution that is rounding; 0 if none was needed.
+        """
+        names = {name for pattern in patterns for name, _ in pattern.parts}
+        return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
     def weights(self, place: FloatArray) -> FloatArray:
         """Return how much each vertex counts in the motion of a point.

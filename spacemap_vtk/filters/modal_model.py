@@ -68,7 +68,9 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
     )
 
 
-def static_displacements(model: Model, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+def static_displacements(
+    model: Model, forces: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return static displacements, from the user's cache folder where they were solved before.
 
     Parameters
@@ -80,21 +82,34 @@ def static_displacements(model: Model, forces: NDArray[np.float64]) -> NDArray[n
 
     Returns
     -------
-    ndarray of float64, shape (3V, m)
-        What `Model.solve` returns.
+    displacements : ndarray of float64, shape (3V, m)
+        As from `Model.statics`.
+    rounding : ndarray of float64, shape (m,)
+        As from `Model.statics`.
     """
     # For the unit modulus: another one changes neither the entry nor, but for its size, the answer.
     keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]
-    result = np.empty(forces.shape)
+    result, rounding = np.empty(forces.shape), np.empty(len(keys))
     missing = []
     for column, key in enumerate(keys):
-        kept = (cache.load(key) or {}).get("displacement")
-        if kept is None or kept.shape != (len(forces),) or kept.dtype != np.float64:
+        entry = cache.load(key) or {}
+        kept, share = entry.get("displacement"), entry.get("rounding")
+        if (
+            kept is None
+            or share is None
+            or kept.shape != (len(forces),)
+            or share.shape != (1,)
+            or not kept.dtype == share.dtype == np.float64
+        ):
             missing.append(column)
         else:
-            result[:, column] = kept / model.modulus
+            result[:, column], rounding[column] = kept / model.modulus, share[0]
     if missing:
-        result[:, missing] = model.solve(forces[:, missing])
+        result[:, missing], rounding[missing] = model.statics(forces[:, missing])
         for column in missing:
-            cache.store(keys[column], displacement=result[:, column] * model.modulus)
-    return result
+            cache.store(
+                keys[column],
+                displacement=result[:, column] * model.modulus,
+                rounding=rounding[column : column + 1],
+            )
+    return result, rounding

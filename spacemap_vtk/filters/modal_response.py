@@ -26,6 +26,9 @@ from spacemap_vtk.parameters import Choice, Flag, Real, Text, Vector
 
 FloatArray = NDArray[np.float64]
 
+#: A static shape is warned of where rounding is more than this share of it.
+ROUNDING = 1e-4
+
 #: Share of the movable mass that the kept modes should hold along an axis with a load.
 ENOUGH = 0.9
 
@@ -311,6 +314,13 @@ class ModalResponse(Stage):
             for p in patterns
         ]
         warnings = self._truncation(modes, patterns)
+        if (share := modes.rounding(patterns)) > ROUNDING:
+            digits = int(-np.log10(share))
+            warnings.append(
+                f"about {digits} digit{'s' * (digits != 1)} of the shape at rest hold: the cage "
+                "resists bending by so much less than stretching that the rest is rounding; take "
+                "fewer divisions, linear tetrahedra or a thicker cage to trust more"
+            )
         free = modes.model.free
         warnings += [
             "a load falls on fixed vertices only, and moves nothing"

@@ -19,7 +19,7 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.modal.bending import bending_stiffness, layers_through_thickness
 from spacemap_vtk.modal.eigen import estimate_bytes, lowest
 from spacemap_vtk.modal.fabrics import FABRICS
-from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic, volume_ratio
 from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.supports import held_components
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
@@ -34,7 +34,8 @@ DENSITY = 300.0
 #: A measured fabric is warned of where its cage bends more often than this too stiffly or softly.
 BENDS_ALIKE = 2.0
 
-#: Above this ratio linear tetrahedra lock in volume too.
+#: Above this ratio (see `spacemap_vtk.modal.materials.volume_ratio`) linear tetrahedra lock in
+#: volume too.
 NEARLY_INCOMPRESSIBLE = 0.45
 
 FloatArray = NDArray[np.float64]
@@ -280,11 +281,16 @@ class ModalSolver(Stage):
                 f"one layer of linear tetrahedra through the thickness {off}; set [cage] order = 2 "
                 "(quadratic tetrahedra), or raise the cage's divisions there"
             )
-        if self.material == "isotropic" and self.poissons_ratio > NEARLY_INCOMPRESSIBLE:
+        ratio = volume_ratio(elasticity)
+        if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
+            alike = self.material == "isotropic"
             self.warn(
-                f"linear tetrahedra lock in volume at a Poisson's ratio of {self.poissons_ratio:g}"
+                "linear tetrahedra lock in volume "
+                + ("at" if alike else "where a material keeps its volume as one with")
+                + f" a Poisson's ratio of {ratio:.4g}"
                 + (f": this cage {off}, and more" if times > 1 else ", and are too stiff")
-                + "; set [cage] order = 2 (quadratic tetrahedra), or lower it to 0.45"
+                + "; set [cage] order = 2 (quadratic tetrahedra), or lower "
+                + ("it to 0.45" if alike else "poissons_ratios")
             )
 
 

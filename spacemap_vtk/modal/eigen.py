@@ -222,14 +222,23 @@ def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, Fl
     that is wanted, and so a few more are solved for.
     """
     for attempt, share in enumerate(_SHARES):
-        values, vectors = lowest_modes(
-            piece.factorised(lambda part: report(0.3 * part)).solve,
-            piece.stiffness,
-            piece.mass,
-            min(count + SPARE, len(piece.rows)),
-            lambda part: report(0.3 + 0.3 * part),
-            seed=attempt,
-        )
+
+        def solve(seed: int = attempt) -> tuple[FloatArray, FloatArray]:
+            return lowest_modes(
+                piece.factorised(lambda part: report(0.3 * part)).solve,
+                piece.stiffness,
+                piece.mass,
+                min(count + SPARE, len(piece.rows)),
+                lambda part: report(0.3 + 0.3 * part),
+                seed=seed,
+            )
+
+        try:
+            values, vectors = solve()
+        except SolverError:
+            if not piece.lower_shift():
+                raise
+            values, vectors = solve()
         tail = values[count - 1 :]
         # Against λ + σ, or rounding would tell rigid modes apart.
         below = count + int(np.argmax(np.diff(tail) / (tail[1:] + piece.shift)))

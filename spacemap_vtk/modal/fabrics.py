@@ -41,6 +41,10 @@ ASSUMED = (
 )
 
 
+#: Of what a fabric's constants can be spread over [m].
+THINNEST, THICKEST = 1e-9, 1e9
+
+
 class Solid(NamedTuple):
     """Constants of an orthotropic solid along the axes of a fabric.
 
@@ -112,14 +116,14 @@ class Fabric(NamedTuple):
         Raises
         ------
         InputError
-            If there is no thickness.
+            If there is no thickness, or none that a cage could have.
         """
-        if not (math.isfinite(thickness) and thickness > 0):
+        if not THINNEST <= thickness <= THICKEST:
             raise InputError(
                 "a fabric's constants are spread over a thickness",
                 key="thickness",
                 value=thickness,
-                allowed="above 0 m",
+                allowed=f"{THINNEST:g} to {THICKEST:g} m",
             )
         c11, c12, c22, c33 = self.stiffness
         c12 = max(c12, 0.0)

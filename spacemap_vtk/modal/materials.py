@@ -11,6 +11,10 @@ from spacemap_vtk.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
+#: Moduli [Pa] and densities [kg/m³] that can be calculated with: their ratios and squares are
+#: numbers, too, and neither infinite nor zero.
+SIZES = (1e-30, 1e30)
+
 
 def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:
     """Return the elasticity matrix of an isotropic solid (Hooke's law).
@@ -41,6 +45,7 @@ def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:
             value=youngs_modulus,
             allowed="above 0 Pa",
         )
+    check_sizes("youngs_modulus", youngs_modulus, "Pa")
     if not -1 < poissons_ratio < 0.5:
         raise InputError(
             "no stable, compressible solid has this ratio",
@@ -108,6 +113,7 @@ def orthotropic(
                 value=values.tolist(),
                 allowed="three moduli above 0 Pa",
             )
+        check_sizes(key, values.tolist(), "Pa")
     pairs = ((0, 1), (0, 2), (1, 2))
     for (i, j), nu in zip(pairs, ratio, strict=True):
         bound = float(np.sqrt(stretch[i] / stretch[j]))
@@ -157,6 +163,51 @@ def along_fabric(matrix: FloatArray) -> FloatArray:
     """
     order = [1, 0, 2, 4, 3, 5]
     return matrix[order][:, order]
+
+
+def volume_ratio(matrix: FloatArray) -> float:
+    """Return Poisson's ratio of the isotropic solid that is as nearly incompressible.
+
+    Parameters
+    ----------
+    matrix : ndarray of float64, shape (6, 6)
+        Elasticity matrix, in the order of `isotropic`.
+
+    Returns
+    -------
+    float
+        (1 - c/s) / 2 of the change in volume c under a unit pressure, the sum of the nine
+        compliances of the normal strains, and the sum s of the three on the diagonal: what each
+        axis would give alone. It is ν of an isotropic solid, and 0.5 where volume cannot change.
+    """
+    compliance = np.linalg.inv(matrix[:3, :3])
+    return float(1.0 - compliance.sum() / np.trace(compliance)) / 2
+
+
+def check_sizes(key: str, values: float | list[float], unit: str) -> None:
+    """Refuse constants so large or small that float64 cannot hold what follows from them.
+
+    Parameters
+    ----------
+    key : str
+        Name of the parameter.
+    values : float or list of float
+        Positive.
+    unit : str
+        Of the values.
+
+    Raises
+    ------
+    InputError
+        If one of them lies outside `SIZES`.
+    """
+    if not (np.min(values) >= SIZES[0] and np.max(values) <= SIZES[1]):
+        raise InputError(
+            "too large or too small to calculate with",
+            key=key,
+            value=values,
+            allowed=f"{SIZES[0]:g} to {SIZES[1]:g} {unit}",
+        )
 
 
 def _three(key: str, values: Sequence[float], allowed: str) -> FloatArray:

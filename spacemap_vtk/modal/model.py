@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.modal.materials import check_sizes
 from spacemap_vtk.modal.pencil import Pencil
 from spacemap_vtk.modal.tetrahedra import checked_mesh
 
@@ -82,6 +83,7 @@ class Model:
             raise InputError(
                 "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
             )
+        check_sizes("density", self.density, "kg/m³")
         _check_elasticity(self.elasticity)
         self.structure = _structure(
             self.points,
@@ -147,7 +149,35 @@ class Model:
         SizeError
             If the factors do not fit into memory.
         SolverError
-            If the factors are not good enough.
+            If no digit of the answer holds.
+        """
+        return self.statics(forces)[0]
+
+    def statics(self, forces: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return static displacements as `solve` does, and how far rounding disturbs them.
+
+        Parameters
+        ----------
+        forces : array_like of float, shape (3V,) or (3V, m)
+            Forces on the vertices [N].
+
+        Returns
+        -------
+        displacements : ndarray of float64, shape of `forces`
+            u [m].
+        rounding : ndarray of float64, shape (m,)
+            An estimate of the share of u, in energy's norm, that is rounding in K and in the
+            solution: 1e-10 means that ten digits hold. A thin sheet resists bending by so much
+            less than stretching that float64 cannot tell both in one matrix.
+
+        Raises
+        ------
+        InputError
+            If the shape is wrong.
+        SizeError
+            If the factors do not fit into memory.
+        SolverError
+            If no digit of the answer holds.
         """
         given = np.asarray(forces, dtype=np.float64)
         free = self.structure.free
@@ -157,8 +187,9 @@ class Model:
             )
         table = given.reshape(len(free), -1)
         result = np.zeros_like(table)
-        result[free] = self.structure.pencil.solve(table[free]) / self.modulus
-        return result.reshape(given.shape)
+        found, rounding = self.structure.pencil.solve(table[free])
+        result[free] = found / self.modulus
+        return result.reshape(given.shape), rounding
 
 
 class _Structure:

@@ -11,6 +11,7 @@ derivative leave behind.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -126,7 +127,16 @@ class Motion:
         -------
         State
             q, q̇ and q̈.
+
+        Raises
+        ------
+        InputError
+            If the time is not a finite number.
         """
+        if not math.isfinite(time):
+            raise InputError(
+                "not a time", key="time", value=time, allowed="a finite number of seconds"
+            )
         time = max(time, 0.0)
         q, rate = self.state(time)
         acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q

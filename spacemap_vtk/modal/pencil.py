@@ -13,20 +13,30 @@ from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal import lanczos, threads
-from spacemap_vtk.modal.factors import Factors, factorise
+from spacemap_vtk.modal.factors import Factors, Solve, factorise
 from spacemap_vtk.modal.multifrontal import Analysis
 
 FloatArray = NDArray[np.float64]
 
-#: Share of |φ|ᵀ |K| |φ| below which a rigid motion's energy is rounding. The least that a support
-#: can hold is one vertex of a million.
-_NO_ENERGY = 1e-12
+#: Share of a cage's size that a rigid motion moves what is held, at most, by rounding. A clamped
+#: sheet that turns about its edge moves the edge by its thickness over its length.
+_HELD = 1e-11
 
 #: A static solution is done when a correction would change it by this share, in energy's norm.
 _CORRECTION = 1e-14
 
-#: Steps that are tried. Few eigenvalues lie below σ, and each costs about one.
-_STEPS = 200
+#: Steps that are tried. Few eigenvalues lie below σ, and each costs about one; so many cost about
+#: as much as to factorise K again.
+_STEPS = 40
+
+#: Shifts nearer to zero, as shares of the largest ratio of stiffness and mass.
+_SHIFTS = (1e-14, 1e-13, 1e-12)
+
+#: Share of a static solution, in energy's norm, of which it can no longer be told from rounding.
+_NO_DIGIT = 0.1
+
+#: Relative error of float64.
+_ROUNDING = 2.0**-53
 
 
 class Piece:
@@ -64,6 +74,23 @@ class Piece:
                 cure="Check the material and the supports of the cage",
             )
         return lanczos.shift(self.stiffness, self.mass)
+
+    def lower_shift(self) -> bool:
+        """Bring σ nearer to zero, for modes that do not converge.
+
+        A free, very thin sheet bends so far below σ that its modes look alike from there.
+
+        Returns
+        -------
+        bool
+            Whether there was anything left to lower.
+        """
+        least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).max())
+        lower = max(1e-6 * self.shift, least)
+        if lower >= 0.5 * self.shift:
+            return False
+        self.shift, self._factors = lower, None
+        return True
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -130,6 +157,7 @@ class Pencil:
     ) -> None:
         self.where = _checked(stiffness, mass, free)
         self.size = stiffness.shape[0]
+        self._whole = stiffness
         self.points = points
         self.stiffness = stiffness[self.where][:, self.where]
         self.mass = mass[self.where][:, self.where]
@@ -167,8 +195,8 @@ class Pencil:
             blocks.append(whole)
         return np.concatenate(blocks, axis=1)
 
-    def solve(self, forces: FloatArray) -> FloatArray:
-        """Return static displacements, as `spacemap_vtk.modal.model.Model.solve` does.
+    def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return static displacements, as `spacemap_vtk.modal.model.Model.statics` does.
 
         Parameters
         ----------
@@ -177,54 +205,118 @@ class Pencil:
 
         Returns
         -------
-        ndarray of float64, shape (N, m)
+        displacements : ndarray of float64, shape (N, m)
             Solutions of K u = f.
+        rounding : ndarray of float64, shape (m,)
+            The share of each that is rounding, in energy's norm.
 
         Raises
         ------
         SolverError
-            If they do not settle.
+            If one of them is nothing but rounding.
         """
-        result = np.empty_like(forces)
+        result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
         with threads.for_size(len(forces)):
             rigid = self.rigid
             for piece in self.pieces:
                 mine = rigid[piece.rows]
                 mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
-                result[piece.rows] = _solved(piece, forces[piece.rows], mine)
-        return result
+                result[piece.rows], share = _solved(piece, forces[piece.rows], mine)
+                rounding = np.maximum(rounding, share)
+        return result, rounding
 
     def _motions(self, piece: Piece) -> FloatArray:
-        """Return what of the six rigid motions costs a piece no energy."""
+        """Return what of the six rigid motions moves nothing that is held.
+
+        That is seen from the vertices alone. The energy of such a motion would not tell: that of a
+        thin clamped sheet that turns about its edge is rounding in K.
+        """
         if self.points is None:
             raise InputError("rigid motions need the vertices", key="points")
-        away = self.points[piece.vertices]
-        away = away - away.mean(axis=0)
-        away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
-        component = self.where[piece.rows] % 3
-        six = np.zeros((len(away), 6))
-        for axis in range(3):
-            six[component == axis, axis] = 1.0
-            turn = np.cross(np.eye(3)[axis], away)
-            six[:, 3 + axis] = turn[np.arange(len(turn)), component]
-        basis = la.orth(six)
-        noise = np.abs(basis).T @ (abs(piece.stiffness) @ np.abs(basis))
-        energy, turn = la.eigh(basis.T @ (piece.stiffness @ basis))
-        motions = basis @ turn[:, energy <= _NO_ENERGY * np.linalg.norm(noise)]
+        free = self.where[piece.rows]
+        points, near = self.points, np.unique(self._whole[free].indices // 3)
+        held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), self.where)
+        middle = points[near].mean(axis=0)
+        size = max(float(np.abs(points[near] - middle).max()), np.finfo(float).tiny)
+
+        def six(rows: NDArray[np.int64]) -> FloatArray:
+            away, component = (points[rows // 3] - middle) / size, rows % 3
+            result = np.zeros((len(rows), 6))
+            for axis in range(3):
+                result[component == axis, axis] = 1.0
+                turn = np.cross(np.eye(3)[axis], away)
+                result[:, 3 + axis] = turn[np.arange(len(turn)), component]
+            return result
+
+        motions = six(free)
+        if len(held):
+            # of the triangle, as there may be many rows
+            triangle = la.qr(np.concatenate([six(held), np.zeros((6, 6))]), mode="r")[0][:6]
+            _, moved, turn = la.svd(triangle)
+            motions = motions @ turn[moved <= _HELD * np.sqrt(len(held))].T
+        if motions.shape[1]:
+            motions = la.orth(motions)
         if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
             return motions
         factor = np.linalg.cholesky(motions.T @ (piece.mass @ motions))
         return la.solve_triangular(factor, motions.T, lower=True).T
 
 
-def _solved(piece: Piece, forces: FloatArray, rigid: FloatArray) -> FloatArray:
-    """Conjugate gradients on K, with (K + σM)⁻¹ as preconditioner.
+def _solved(piece: Piece, forces: FloatArray, rigid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return static displacements of a piece, (n, m), and the share of each that is rounding, (m,).
+
+    The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with the
+    bending of a thin sheet, for which K is factorised again, closer to zero.
+    """
+    solve = piece.factors.solve
+    u, settled = _conjugate_gradients(piece, solve, forces, rigid)
+    if not settled:
+        solve = _near_zero(piece).solve
+        u, _ = _conjugate_gradients(piece, solve, forces, rigid)
+    # What is missing still, and what it takes that each entry of K is a rounded one: of random
+    # sign, as an honest bound would be a hundred times too pessimistic.
+    stiffness = piece.stiffness
+    residual = forces - piece.mass @ (rigid @ (rigid.T @ forces)) - stiffness @ u
+    rounding = _ROUNDING * np.sqrt(stiffness.multiply(stiffness).tocsr() @ u**2)
+    rounding *= np.random.default_rng(0).choice([-1.0, 1.0], (len(u), 1))
+    lost = np.zeros(u.shape[1])
+    for force in (residual, rounding):
+        moved = solve(force)
+        moved -= rigid @ ((piece.mass @ rigid).T @ moved)
+        lost += np.abs(np.einsum("nm,nm->m", force, moved))
+    energy = np.abs(np.einsum("nm,nm->m", u, forces))
+    share = np.sqrt(np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0))
+    if rigid.size:  # a force that only accelerates the body leaves nothing but rounding
+        share[energy <= _CORRECTION * np.einsum("nm,nm->m", forces, solve(forces))] = 0.0
+    if (share > _NO_DIGIT).any():
+        raise SolverError(
+            "no digit of a static solution is left by rounding",
+            cure="Take fewer divisions, or a thicker cage; look for badly shaped tetrahedra, and "
+            "for parts of the cage that hang by one vertex",
+        )
+    return u, share
+
+
+def _near_zero(piece: Piece) -> Factors:
+    """Return factors of K + σM for the least σ that keeps it positive definite in float64."""
+    ratio = float((piece.stiffness.diagonal() / piece.mass.diagonal()).max())
+    for share in _SHIFTS:
+        try:
+            return factorise(piece.stiffness + share * ratio * piece.mass, lambda: piece.analysis)
+        except SolverError:
+            continue
+    return piece.factors
+
+
+def _conjugate_gradients(
+    piece: Piece, solve: Solve, forces: FloatArray, rigid: FloatArray
+) -> tuple[FloatArray, bool]:
+    """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled.
 
     With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful of
-    steps do, and no factors are needed beside those that the modes come from. Columns are worked
-    on side by side.
+    steps do. Columns are worked on side by side.
     """
-    stiffness, solve = piece.stiffness, piece.factors.solve
+    stiffness = piece.stiffness
     pushed = piece.mass @ rigid
     residual = forces - pushed @ (rigid.T @ forces)
     # What rounding leaves of a force that only accelerates the body is no load.
@@ -238,7 +330,7 @@ def _solved(piece: Piece, forces: FloatArray, rigid: FloatArray) -> FloatArray:
         enough = np.maximum(np.abs(np.einsum("nm,nm->m", u, forces)), floor)
         open_ = missing > _CORRECTION**2 * enough
         if not open_.any():
-            return u
+            return u, True
         share = np.divide(missing, before, out=np.zeros_like(before), where=open_)
         direction = better if direction is None else better + share * direction
         before = missing
@@ -247,10 +339,7 @@ def _solved(piece: Piece, forces: FloatArray, rigid: FloatArray) -> FloatArray:
         step = np.divide(missing, energy, out=np.zeros_like(before), where=open_ & (energy > 0))
         u += step * direction
         residual -= step * work
-    raise SolverError(
-        "a static solution does not settle",
-        cure="Look for badly shaped tetrahedra, or parts of the cage that hang by one vertex",
-    )
+    return u, False
 
 
 def _checked(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> NDArray[np.int64]:
