@@ -91,9 +91,12 @@ class Properties(QScrollArea):
         known_state = self.section, written, part.settings
         if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
             return
-        self._shown = known_state
+        before, self._shown = self._shown, known_state
         for name, row in self.rows.items():
-            row.show_value(getattr(part, name), name not in written)
+            value, default = getattr(part, name), name not in written
+            known = before and (before[2][name], name not in before[1])
+            if known != (value, default) or row.property("bad"):
+                row.show_value(value, default)
         if time.perf_counter() - self._limited > _LIMIT_SECONDS:
             self._show_limits()
         elif not self._later.isActive():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import (
@@ -40,6 +41,7 @@ class TimeBar(QWidget):
         self.waiting = False
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
+        self._adopted: dict[str, Any] | None = None
         self.play = _button("▶", "Play (Space)", checkable=True)
         self.first = _button("|◀", "To the start (Home)")
         self.back = _button("◁", "A frame back (,)")
@@ -98,6 +100,9 @@ class TimeBar(QWidget):
             if self.speed.findText(speed) < 0:
                 self.speed.addItem(speed)
             self.speed.setCurrentText(speed)
+        elif self._adopted == animation.settings:
+            return
+        self._adopted = animation.settings
         self._step = animation.speed / animation.frames_per_second
         self.end.setText(f"of {format_quantity(float(f'{self._stop:.6g}'), 's')}")
         self._show(self.time if at is None else at)

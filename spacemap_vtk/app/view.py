@@ -24,6 +24,8 @@ from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
 
+#: Most picked points; the oldest goes.
+MOST_PICKS = 6
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
 
@@ -64,6 +66,7 @@ class View3D(QWidget):
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
         self._plain: tuple[int, ...] = (185, 196, 207)
+        self._colored: tuple[dict[str, Any], int] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
 
@@ -212,7 +215,7 @@ class View3D(QWidget):
         alone : bool, optional
             Whether it takes the place of those picked before.
         """
-        self.picks = [pick] if alone else [*self.picks, pick]
+        self.picks = [pick] if alone else [*self.picks, pick][-MOST_PICKS:]
         self._mark()
         self.render()
         self.picks_changed.emit(list(self.picks))
@@ -222,12 +225,14 @@ class View3D(QWidget):
         if self.picks:
             self.picks = []
             self._mark()
+            self.render()
             self.picks_changed.emit([])
 
     def _mark(self) -> None:
         """Show picked points where they are now."""
         if not self.picks or self.frame is None:
-            self.plotter.remove_actor("picked points", render=False)
+            if "picked points" in self.plotter.actors:
+                self.plotter.remove_actor("picked points", render=False)
             return
         surface = self.frame.surface
         rest = points_of(surface)
@@ -320,11 +325,14 @@ class View3D(QWidget):
         return False
 
     def _color(self, view: View) -> None:
+        height = max(720, self.plotter.height())
+        if self._colored == (view.settings, height):
+            return
+        self._colored = view.settings, height
         self.plotter.set_background(view.background, top=view.background_top)
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
-        height = 720 if self.plotter.height() < 720 else self.plotter.height()
         scale_text(self._fabric.bar, height * 3 // 4, view.background)
 
     def _span_of(self, frame: Frame) -> Span | None:
