@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
@@ -23,6 +24,8 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 _STEPS = 2000
 #: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
 _TICK = 15
+#: Pixels below which some buttons are left out, and the fewest that the others need.
+_WIDE, _NARROW = 440, 380
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -51,8 +54,9 @@ class TimeBar(QWidget):
         self.loop.setChecked(True)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setRange(0, _STEPS)
+        self.slider.setMinimumWidth(30)
         self.line = QLineEdit()
-        self.line.setFixedWidth(92)
+        self.line.setFixedWidth(80)
         self.line.setToolTip("Go to a time, as in 0.4 or 40 ms")
         self.end = QLabel()
         self.speed = QComboBox()
@@ -60,12 +64,14 @@ class TimeBar(QWidget):
         self.speed.setToolTip("Seconds of motion in a second")
         layout = QHBoxLayout(self)
         layout.setContentsMargins(8, 4, 8, 4)
+        layout.setSpacing(3)
         for widget in (self.first, self.back, self.play, self.forward, self.last, self.loop):
             layout.addWidget(widget)
         layout.addWidget(self.slider, 1)
         layout.addWidget(self.line)
         layout.addWidget(self.end)
         layout.addWidget(self.speed)
+        self.setMinimumWidth(_NARROW)
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
@@ -77,6 +83,12 @@ class TimeBar(QWidget):
         self.slider.valueChanged.connect(self._scrubbed)
         self.slider.sliderReleased.connect(self._settle)
         self.line.editingFinished.connect(self._typed)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave out in a narrow window what keys do too."""
+        super().resizeEvent(event)
+        for button in (self.first, self.last):
+            button.setVisible(self.width() >= _WIDE)
 
     @property
     def playing(self) -> bool:

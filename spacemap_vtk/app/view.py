@@ -349,7 +349,9 @@ class View3D(QWidget):
     def _extent(self) -> NDArray[np.float64] | None:
         if self.frame is None:
             return None
-        clouds = [points_of(self.frame.surface)[::7].astype(np.float64)]
+        points = points_of(self.frame.surface)
+        # Of many, some thousand are enough.
+        clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
         if self.frame.cage is not None:
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]

@@ -89,13 +89,18 @@ class PlotsTab(QWidget):
         self.hint.setObjectName("about")
         self.hint.setWordWrap(True)
         first = QHBoxLayout()
-        for widget in (self.quantity, self.component):
-            first.addWidget(widget, 1)
-        for widget in (self.clear, self.save):
-            first.addWidget(widget)
+        for box in (self.quantity, self.component):
+            # In a narrow window words are cut rather than the view.
+            box.setMinimumContentsLength(4)
+            box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            first.addWidget(box, 1)
+        second = QHBoxLayout()
+        for button in (self.clear, self.save):
+            second.addWidget(button, 1)
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(6, 6, 6, 6)
         self._layout.addLayout(first)
+        self._layout.addLayout(second)
         self._layout.addStretch(1)
         self._layout.addWidget(self.hint)
         self._rest = QTimer(self)
@@ -170,9 +175,9 @@ class PlotsTab(QWidget):
 
             self.canvas = PlotCanvas()
             self.canvas.asked.connect(self.asked)
-            item = self._layout.takeAt(1)
+            item = self._layout.takeAt(2)
             del item
-            self._layout.insertWidget(1, self.canvas, 1)
+            self._layout.insertWidget(2, self.canvas, 1)
             self.canvas.setVisible(self.curves is not None)
         self._later()
 
