@@ -112,6 +112,7 @@ def main() -> None:
     window = MainWindow()
     window.resize(1100, 700)
     window.start("plain_weave")
+    window.splitter.setSizes([310, 470, 320])
     window.show()
     wait_until(lambda: window.view.frame is not None and not window.engine.busy)
     size = window.view.plotter.render_window.GetSize()

@@ -165,7 +165,9 @@ class MainWindow(QMainWindow):
         self.splitter.addWidget(left)
         self.splitter.addWidget(middle)
         self.splitter.addWidget(self.tabs)
-        self.splitter.setStretchFactor(1, 1)
+        # Of another width the view takes most, but not all.
+        for column, share in enumerate((1, 3, 1)):
+            self.splitter.setStretchFactor(column, share)
         self.splitter.setSizes([310, 770, 360])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
