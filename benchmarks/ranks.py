@@ -135,6 +135,7 @@ def run(size: int, ranks: int) -> dict[str, Any]:
         command += ["--allow-run-as-root", "--oversubscribe", "-np", str(ranks)]
         command += ["pvbatch", "--symmetric", __file__, "worker", str(size), name]
         variables = {"SPACEMAP_CACHE": "off", "LIBGL_ALWAYS_SOFTWARE": "1"}
+        variables["OMPI_MCA_plm"] = "isolated"  # one machine: no ssh is looked for
         subprocess.run(
             command, env={**os.environ, **environment.variables(), **variables}, check=True
         )

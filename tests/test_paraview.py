@@ -63,6 +63,11 @@ def test_state_files(tmp_path: Path) -> None:
     assert "both state files load\n" in run(SCRIPTS / "state.py", tmp_path)
 
 
+def test_state_files_of_every_proxy(tmp_path: Path) -> None:
+    out = run(SCRIPTS / "state_of_all.py", ROOT / "scenes", tmp_path)
+    assert "10 proxies come back from both state files\n" in out
+
+
 def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
     assert run(SCRIPTS / "colours.py", tmp_path) == "yarns in their own colours\n"
     pictures = [
@@ -76,10 +81,10 @@ def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
         assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
 
 
-@pytest.fixture(params=["plugin in its environment", "plugin loaded by the client"])
-def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, bool]]:
-    """Start pvserver in a shell with the printed lines; its port, and whether it has the plugin."""
-    has_plugin = request.param.endswith("environment")
+@pytest.fixture(params=["server's environment", "both environments", "loaded by the client"])
+def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, str]]:
+    """Start pvserver in a shell with the printed lines; its port, and where the plugin is."""
+    has_plugin = "environment" in request.param
     with socket.socket() as free:
         free.bind(("localhost", 0))
         port = free.getsockname()[1]
@@ -103,7 +108,7 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
             assert process.poll() is None, log.read_text()
             assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.1)
-        yield port, has_plugin
+        yield port, request.param
         process.wait(timeout=30)  # the server ends with its only client
     finally:
         with contextlib.suppress(ProcessLookupError):
@@ -111,16 +116,18 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
         process.wait()
 
 
-def test_client_and_server(server: tuple[int, bool], tmp_path: Path) -> None:
-    port, has_plugin = server
+def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
+    port, plugin = server
     picture = tmp_path / "remote.png"
     arguments = [port, ROOT / "scenes" / "32-shaft_twill.wif", picture]
-    if not has_plugin:
+    if plugin == "loaded by the client":
         arguments.append(environment.PLUGIN)
-    bare = {**os.environ, "LIBGL_ALWAYS_SOFTWARE": "1"}
+    both = plugin == "both environments"
+    client = environment.process_environment() if both else dict(os.environ)
+    client["LIBGL_ALWAYS_SOFTWARE"] = "1"
     done = subprocess.run(
         [*XVFB, "pvpython", str(SCRIPTS / "remote.py"), *map(str, arguments)],
-        env=bare,
+        env=client,
         capture_output=True,
         text=True,
         timeout=120,
@@ -134,7 +141,8 @@ def test_client_and_server(server: tuple[int, bool], tmp_path: Path) -> None:
     assert "Make warp_diameter smaller" in messages[1]
     assert "over the wire" in done.stdout
     red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
-    assert np.mean(abs(red - blue) > 40) > 0.05
+    assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+    assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
 
 
 def test_scenes_drafts_and_other_readers(tmp_path: Path) -> None:
@@ -198,6 +206,53 @@ def test_check_reports_the_versions() -> None:
     report = environment.check()
     assert report.startswith("ParaView ")
     assert report.endswith("SceneReader work")
+
+
+def check_with(path: str) -> tuple[int, str, str]:
+    """Run ``spacemap paraview --check`` with this PATH."""
+    done = subprocess.run(
+        [sys.executable, "-m", "spacemap_vtk", "paraview", "--check"],
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_check_says_that_there_is_no_paraview(tmp_path: Path) -> None:
+    code, out, error = check_with(str(tmp_path))
+    assert (code, out) == (1, "")
+    assert error.startswith("spacemap: pvpython is not on the PATH. ")
+    assert "apt-get install paraview python3-paraview" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("does", "says"),
+    [
+        # As a ParaView whose Python does not start, one that only prints its trouble, one that
+        # is built without what the plugin needs and says nothing of it, one that dies.
+        ("echo no module named site >&2; exit 3", "no module named site"),
+        ("echo all work; echo vtkPlugin: not loaded >&2", "vtkPlugin: not loaded"),
+        ("echo there is no Python here; exit 1", "there is no Python here"),
+        ("kill -SEGV $$", "it ended with"),
+        ('unset PV_PLUGIN_CONFIG_FILE; exec "$REAL" "$@"', "ParaView has not loaded the plugin"),
+    ],
+)
+def test_check_says_why_a_paraview_cannot_use_the_plugin(
+    does: str, says: str, tmp_path: Path
+) -> None:
+    program = tmp_path / "pvpython"
+    program.write_text(f"#!/bin/sh\nREAL={shutil.which('pvpython')}\n{does}\n")
+    program.chmod(0o755)
+    code, out, error = check_with(f"{tmp_path}:{os.environ['PATH']}")
+    assert (code, out) == (1, "")
+    assert error.startswith(f"spacemap: {program} cannot use {environment.PLUGIN}: ")
+    assert says in error
+    assert "Traceback" not in error
+    assert error.count("\n") == 1
 
 
 def test_the_printed_lines_start_paraview_with_the_plugin() -> None:

@@ -22,7 +22,13 @@ from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import SHOWN
 from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
-from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
+from spacemap_vtk.scenes.surface_actor import (
+    Span,
+    SurfaceActor,
+    fit_scale,
+    natural_span,
+    scale_share,
+)
 
 #: Most picked points; the oldest goes.
 MOST_PICKS = 6
@@ -66,7 +72,7 @@ class View3D(QWidget):
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
         self._plain: tuple[int, ...] = (185, 196, 207)
-        self._colored: tuple[dict[str, Any], int] | None = None
+        self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
 
@@ -115,6 +121,8 @@ class View3D(QWidget):
         )
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
+        room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
+        self.plotter.camera.SetWindowCenter(room, 0.0)
         self._ghost.SetVisibility(look.ghost)
         if look.ghost:
             self._ghost.show(frame.surface)
@@ -325,15 +333,18 @@ class View3D(QWidget):
         return False
 
     def _color(self, view: View) -> None:
-        height = max(720, self.plotter.height())
-        if self._colored == (view.settings, height):
+        if self._colored == (view.settings, self._size):
             return
-        self._colored = view.settings, height
+        self._colored = view.settings, self._size
         self.plotter.set_background(view.background, top=view.background_top)
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
-        scale_text(self._fabric.bar, height * 3 // 4, view.background)
+        fit_scale(self._fabric.bar, self._size, view.background)
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
 
     def _span_of(self, frame: Frame) -> Span | None:
         """Return the ends of the scale; while only time passes, they never come nearer."""

@@ -20,7 +20,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
 
-_BLOCK = 2**16  # points a block: its product is still in the cache when it is put into the result
+_BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
 _BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
 

@@ -24,7 +24,9 @@ from numpy.typing import DTypeLike, NDArray
 Floats = NDArray[np.floating[Any]]
 
 _BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
-_CHUNK_BYTES = 7 * 2**19  # scratch of a chunk of float32; more leaves the cache, less is overhead
+# Scratch of a chunk of float32. More leaves the cache; with less, calls are so short that threads
+# wait for the interpreter's lock: half of this takes a quarter longer in two threads.
+_CHUNK_BYTES = 2**23
 
 # |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
 # error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.

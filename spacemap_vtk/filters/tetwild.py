@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import importlib.util
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk import cache
+from spacemap_vtk.child import run_child
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
@@ -112,14 +112,7 @@ def _run(**surface: Any) -> dict[str, NDArray[Any]]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder = Path(name)
         np.savez(folder / "surface.npz", **surface)
-        done = subprocess.run(
-            [sys.executable, "-c", _PROGRAM],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
+        done = run_child([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():
             said = done.stderr.strip().splitlines()
             reason = said[-1][:200] if said else f"its process ended with {done.returncode}"

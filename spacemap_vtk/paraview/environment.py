@@ -69,5 +69,6 @@ def check() -> str:
         check=False,
     )
     if done.returncode != 0 or done.stderr:
-        raise SpacemapError(f"{pvpython} cannot use {PLUGIN}: {done.stderr or done.stdout}")
+        said = done.stderr or done.stdout or f"it ended with exit code {done.returncode}"
+        raise SpacemapError(f"{pvpython} cannot use {PLUGIN}: {said}")
     return done.stdout.strip()

@@ -20,7 +20,13 @@ from spacemap_vtk.scenes.coloring import add_measure, measure
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shading import averaged, contact_shade
-from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor, natural_span, scale_text
+from spacemap_vtk.scenes.surface_actor import (
+    Span,
+    SurfaceActor,
+    fit_scale,
+    natural_span,
+    scale_share,
+)
 
 Image = NDArray[np.uint8]
 
@@ -145,7 +151,10 @@ class Picture:
         view = scene.view
         plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         plotter.set_background(view.background, top=view.background_top)
-        aim(plotter.camera, extent, size[0] / size[1], view.camera, view.zoom)
+        solid = _solid() if panel in ("fabric", "both") else None
+        # Panels side by side are of one scale, so all leave the room that one needs for numbers.
+        room = 0.0 if self._span is None else scale_share(size)
+        aim(plotter.camera, extent, (1 - room) * size[0] / size[1], view.camera, view.zoom)
         if self._place is not None:
             plotter.camera.position, plotter.camera.focal_point = self._place[:2]
             plotter.camera.up = self._place.up
@@ -153,9 +162,9 @@ class Picture:
                 plotter.camera.parallel_scale = self._place.parallel_scale
                 plotter.camera.SetParallelProjection(True)
         add_lights(plotter)
-        if panel in ("fabric", "both"):
-            solid = _solid()
-            scale_text(solid.bar, size[1], view.background)
+        if solid is not None:
+            fit_scale(solid.bar, size, view.background)
+            plotter.camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
             plotter.add_actor(solid, reset_camera=False)
             plotter.renderer.AddViewProp(solid.bar)

@@ -195,31 +195,47 @@ def scale_bar() -> vtkScalarBarActor:
         text.SetItalic(False)
         text.SetBold(False)
         text.SetShadow(False)
-    bar.SetMaximumWidthInPixels(90)
-    bar.SetPosition(0.86, 0.25)
-    bar.SetWidth(0.12)
     bar.SetHeight(0.5)
     bar.SetVisibility(False)
     return bar
 
 
-def scale_text(bar: vtkScalarBarActor, height: int, background: Sequence[int]) -> None:
-    """Fit a scale's texts to a picture.
+def scale_share(size: tuple[int, int]) -> float:
+    """Return the share of a picture's width that a scale takes at the right.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Of the picture, in pixels.
+
+    Returns
+    -------
+    float
+        At most 0.3.
+    """
+    return min(0.3, max(90, size[1] // 6) / max(1, size[0]))
+
+
+def fit_scale(bar: vtkScalarBarActor, size: tuple[int, int], background: Sequence[int]) -> None:
+    """Fit a scale to a picture.
 
     Parameters
     ----------
     bar : vtkScalarBarActor
         The scale.
-    height : int
+    size : tuple of 2 int
         Of the picture, in pixels.
     background : sequence of int
         Its colour; red, green, blue to 255.
     """
+    (width, height), share = size, scale_share(size)
+    bar.SetPosition(1.0 - share, 0.25)
+    bar.SetWidth(share)
     ink = (0.92, 0.94, 0.97) if sum(background) < 384 else (0.16, 0.18, 0.21)
-    for text, share in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
-        text.SetFontSize(max(12, height // share))
+    for text, lines in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
+        text.SetFontSize(max(12, height // lines))
         text.SetColor(*ink)
-    bar.SetMaximumWidthInPixels(max(90, height // 6))
+    bar.SetMaximumWidthInPixels(round(share * width))
     bar.SetVerticalTitleSeparation(max(6, height // 90))
     bar.SetTextPad(max(3, height // 200))
 

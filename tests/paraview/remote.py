@@ -1,4 +1,4 @@
-"""The client of a pvserver on which the pipeline runs; the client was started without the plugin.
+"""The client of a pvserver on which the pipeline runs; the client need not have the plugin.
 
 Run with the server's port, a draft, a picture to write, and the plugin if the server has yet to
 load it.
@@ -10,7 +10,7 @@ import sys
 from paraview import servermanager, simple
 
 port, draft, picture, *plugin = sys.argv[1:]
-assert not hasattr(simple, "WeaveSource")
+here = hasattr(simple, "WeaveSource")  # the client has the plugin as well
 simple.Connect("localhost", int(port))
 assert hasattr(simple, "WeaveSource") == (not plugin)
 for path in plugin:
@@ -62,6 +62,15 @@ surface.Subdivisions = 2
 surface.UpdatePipeline(half_a_period)
 assert surface.GetDataInformation().GetNumberOfCells() < fetched.GetNumberOfCells()
 
+# Texts are texts: only the plugin on the client's side makes them of numbers.
+try:
+    weave.WarpDiameter = 0.25e-3
+except TypeError:
+    assert not here
+else:
+    assert here
+    weave.WarpDiameter = ""
+
 # Files are the server's.
 reader = simple.OpenDataFile(draft)
 reader.WarpDiameter = reader.WeftDiameter = "0.4 mm"
@@ -70,7 +79,10 @@ assert reader.GetDataInformation().GetNumberOfCells() > 1000
 
 # A picture.
 view = simple.CreateRenderView(ViewSize=[300, 200])
-simple.Show(surface, view)
+display = simple.Show(surface, view)
+# The yarns' own colours: by themselves where the plugin is, by a click elsewhere.
+assert display.MapScalars == (0 if here else 1)
+display.MapScalars = 0
 simple.Render(view)
 simple.SaveScreenshot(picture, view)
 simple.Disconnect()

@@ -1,0 +1,137 @@
+"""State files of both kinds bring back every proxy: all its values, and what it makes of them.
+
+Run with the folder of the scenes and one to write to.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from paraview import simple, smstate
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.paraview.hosted import PROXIES
+from spacemap_vtk.paraview.properties import title
+
+scenes, folder = (Path(argument) for argument in sys.argv[1:3])
+DRAFT, SHEET = scenes / "32-shaft_twill.wif", scenes / "calculix" / "sheet.pvd"
+TUBES, WEAVE = scenes / "objects" / "tubes.vtp", folder / "scene.toml"
+WEAVE.write_text((scenes / "plain_weave.toml").read_text().replace("[5, 5, 1]", "[3, 3, 2]"))
+TIME = 0.013
+#: One of these is no default for each parameter there is; a third has no short decimal.
+VALUES: tuple[Any, ...] = (
+    *(False, True, 1 / 3, 2, (1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
+    [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
+    [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
+)
+
+
+def another(stage: str, parameter: Parameter) -> Any:
+    """Return a value that is not the default."""
+    files = {"MotionReader": SHEET, "SceneReader": WEAVE, "WIFReader": DRAFT, "ObjectSource": TUBES}
+    values = [str(files.get(stage, DRAFT))] if parameter.kind == "file" else VALUES
+    for value in (*getattr(parameter, "choices", ()), *values):
+        try:
+            if parameter.check(value) != parameter.default:
+                return value
+        except InputError:
+            continue
+    raise AssertionError(f"{stage}.{parameter.name} is always {parameter.default}")
+
+
+def property_name(proxy: Any, parameter: Parameter) -> str:
+    """Return a parameter's name in ParaView's Python."""
+    name = title(parameter).replace(" ", "")
+    return name if name in proxy.ListProperties() else "FileName"
+
+
+def settings(proxy: Any) -> dict[str, Any]:
+    """Return the values that have reached the stage."""
+    proxy.UpdateVTKObjects()
+    return proxy.GetClientSideObject().settings
+
+
+def data(proxy: Any) -> dict[str, np.ndarray]:
+    """Return points and arrays of what a stage makes."""
+    proxy.UpdatePipeline(TIME)
+    output = proxy.GetClientSideObject().GetOutputDataObject(0)
+    found = {"points": vtk_to_numpy(output.GetPoints().GetData())}
+    for kind in ("Point", "Cell", "Field"):
+        arrays = getattr(output, f"Get{kind}Data")()
+        for index in range(arrays.GetNumberOfArrays()):
+            array = arrays.GetArray(index)
+            if array is not None:
+                found[f"{kind} {array.GetName()}"] = vtk_to_numpy(array)
+    return {name: values.copy() for name, values in found.items()}
+
+
+# Each value of each proxy: together they make no sense, and nothing of it is run.
+base = simple.WeaveSource(registrationName="base", Ends=2, Picks=2)
+written = {}
+for name, stage in PROXIES.items():
+    inputs = dict.fromkeys(stage.input_names[: len(stage.inputs)], base)
+    proxy = getattr(simple, name)(registrationName=f"all of {name}", **inputs)
+    for parameter in stage.parameters.values():
+        setattr(proxy, property_name(proxy, parameter), another(name, parameter))
+    written[f"all of {name}"] = settings(proxy)
+    for parameter in stage.parameters.values():
+        assert settings(proxy)[parameter.name] != parameter.default, (name, parameter.name)
+assert len(written) == 10, list(written)
+
+# What is read from files, and moved by it.
+draft = simple.WIFReader(
+    registrationName="draft",
+    FileName=str(DRAFT),
+    **{"Ends": 9, "Picks": 8, "WarpDiameter": "0.2 mm", "WeftDiameter": "0.2 mm"},
+    **{"WarpSpacing": "0.5 mm", "WeftSpacing": "0.5 mm"},
+)
+scene = simple.SceneReader(registrationName="moving cage", FileName=str(WEAVE), Show="cage")
+motion = simple.MotionReader(registrationName="motion", File=str(SHEET), Array="U", Scale=1.5)
+tubes = simple.ObjectSource(
+    registrationName="object", File=str(TUBES), Scale=0.001, Rotate=[0, 0, 30], Place=[1e-4, 0, 0]
+)
+simple.BarycentricWarp(registrationName="cloth on motion", Input=draft, Cage=motion, Smooth=1)
+moved = simple.FindSource("cloth on motion")
+surface = simple.PatchTessellator(registrationName="surface", Input=moved, Subdivisions=2)
+simple.BarycentricWarp(registrationName="object on scene", Input=tubes, Cage=scene)
+made = {}
+for name in (
+    *("draft", "moving cage", "motion", "object"),
+    *("cloth on motion", "surface", "object on scene"),
+):
+    proxy = simple.FindSource(name)
+    written[name], made[name] = settings(proxy), data(proxy)
+    assert len(made[name]["points"]) > 0, name
+for name in ("moving cage", "motion", "surface", "object on scene"):
+    assert np.abs(made[name]["Point displacement"]).max() > 1e-5, name
+
+simple.Show(surface, simple.CreateRenderView())
+simple.SaveState(str(folder / "all.pvsm"))
+(folder / "all.py").write_text(smstate.get_state())  # as the window's File > Save State does
+
+
+def check() -> None:
+    """Find every proxy again, with all values; what can run makes the same."""
+    for name, old in written.items():
+        new = settings(simple.FindSource(name))
+        assert new == old, (
+            name,
+            {key: (old[key], new[key]) for key in old if new[key] != old[key]},
+        )
+    for name, old in made.items():
+        new = data(simple.FindSource(name))
+        assert list(new) == list(old), (name, list(old), list(new))
+        for array, values in old.items():
+            np.testing.assert_array_equal(new[array], values, err_msg=f"{name}: {array}")
+
+
+simple.ResetSession()
+simple.LoadState(str(folder / "all.pvsm"))
+check()
+simple.ResetSession()
+exec((folder / "all.py").read_text(), {"__name__": "state"})
+check()
+print(f"{len(PROXIES)} proxies come back from both state files")
