@@ -42,6 +42,36 @@ def test_a_mesh_opens(open_window: Any) -> None:
     assert window.view.image().std() > 15
 
 
+def test_a_painted_object_shows_its_picture(open_window: Any, tmp_path: Path) -> None:
+    squares = np.zeros((64, 64, 3), np.uint8)
+    squares[:, :32] = 230, 20, 20
+    squares[:, 32:] = 20, 20, 230
+    Image.fromarray(squares).save(tmp_path / "two.png")
+    (tmp_path / "plane.mtl").write_text("newmtl painted\nmap_Kd two.png\n")
+    (tmp_path / "plane.obj").write_text(
+        "mtllib plane.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+        "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl painted\nf 1/1 2/2 3/3 4/4\n"
+    )
+    window = open_window(str(tmp_path / "plane.obj"))
+    assert window.errors.text == ""
+    window.tools.cameras["front"].trigger()
+    image = window.view.image().astype(int)
+    height, width, _ = image.shape
+    red, _, blue = image[height // 2, width // 2 - height // 8]
+    assert red > blue + 80
+    red, _, blue = image[height // 2, width // 2 + height // 8]
+    assert blue > red + 80
+    # A picture of one's own takes its place, and undoing gives it back.
+    Image.fromarray(np.full((8, 8, 3), (20, 200, 20), np.uint8)).save(tmp_path / "green.png")
+    window.document.set("object", "texture", str(tmp_path / "green.png"))
+    wait_until(lambda: settled(window))
+    red, green, blue = window.view.image().astype(int)[height // 2, width // 2]
+    assert green > max(red, blue) + 80
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+    assert np.abs(window.view.image().astype(int) - image).max() < 30
+
+
 def test_a_draft_opens(open_window: Any) -> None:
     window = open_window(str(library.folder() / "32-shaft_twill.wif"))
     assert window.errors.text == ""
@@ -100,6 +130,43 @@ def test_paths_lead_to_the_same_file_from_another_folder(tmp_path: Path) -> None
     document.save(second / "scene.toml")
     scene = Scene.read(second / "scene.toml")
     assert scene.weave.draft.resolve() == first / "twill.wif"
+
+
+LOADS = """[weave]
+ends = 3
+picks = 3
+
+[[response.loads]]  # a puff
+pressure = "1 Pa"
+on = "-z"
+time = "table"
+file = "puff.csv"
+
+[[response.loads]]
+gravity = [0.0, "-1 g", 0.0]  # downwards
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [LOADS, '[response]\nloads = [{gravity = [0, 0, 1], time = "table", file = "puff.csv"}]\n'],
+)
+def test_files_of_loads_are_found_from_another_folder(tmp_path: Path, text: str) -> None:
+    first, second = tmp_path / "a", tmp_path / "b" / "c"
+    first.mkdir()
+    second.mkdir(parents=True)
+    (first / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
+    (first / "scene.toml").write_text(text)
+    document = Document()
+    document.open(first / "scene.toml")
+    document.save(second / "scene.toml")
+    assert Scene.read(second / "scene.toml").response.loads == document.scene.response.loads
+    assert document.scene.response.loads[0].function.value(0.05) == 0.5
+    if text is LOADS:  # with its comments
+        saved = (second / "scene.toml").read_text()
+        assert saved == text.replace("puff.csv", "../../a/puff.csv")
+        document.save(first / "copy.toml")
+        assert (first / "copy.toml").read_text() == text
 
 
 def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,8 +43,11 @@ def plots_of(open_window: Any) -> Any:
 def pick(qtbot: Any, window: Any) -> None:
     count = len(window.plots.points)
     middle = QPoint(window.view.plotter.width() // 2, window.view.plotter.height() // 2)
+    keys = Qt.KeyboardModifier
     for x in range(-40, 60, 20):
-        qtbot.mouseClick(window.view.plotter, LEFT, pos=middle + QPoint(x, 100 * count))
+        at = middle + QPoint(x, 100 * count)
+        adding = keys.ShiftModifier if count else keys.NoModifier
+        qtbot.mouseClick(window.view.plotter, LEFT, adding, at)
         if len(window.plots.points) > count:
             break
     wait_until(lambda: plotted(window))
@@ -70,9 +73,32 @@ def test_a_picked_point_moves_as_its_curve_says(plots_of: Any, qtbot: Any) -> No
     slope = np.gradient(curves.motion[0, 0], curves.times, axis=0)
     error = np.abs(slope - curves.motion[1, 0])[2:-2].max()
     assert error < 0.05 * np.abs(curves.motion[1, 0]).max()
-    qtbot.mouseClick(window.plots.clear, LEFT)
+
+
+def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
+    window = plots_of()
+    window.tools.cameras["front"].trigger()
+    pick(qtbot, window)
+    pick(qtbot, window)
+    first, second = window.view.picks
+    assert window.plots.points == [first, second]
+    # A click alone begins anew.
+    widget = window.view.plotter
+    middle = QPoint(widget.width() // 2, widget.height() // 2)
+    for x in range(-40, 60, 20):
+        qtbot.mouseClick(widget, LEFT, pos=middle + QPoint(x, -100))
+        if window.view.picks != [first, second]:
+            break
+    (alone,) = window.view.picks
+    assert window.plots.points == [alone]
+    assert alone not in (first, second)
     wait_until(lambda: plotted(window))
-    assert len(window.plots.curves.points) == 1
+    np.testing.assert_allclose(window.plots.curves.points, [alone.rest])
+    qtbot.mouseClick(window.plots.clear, LEFT)
+    assert window.view.picks == []
+    assert "picked points" not in window.view.plotter.actors
+    wait_until(lambda: plotted(window))
+    assert len(window.plots.curves.points) == 1  # the tip
 
 
 def test_energies_and_response_are_those_of_the_pipeline(plots_of: Any) -> None:

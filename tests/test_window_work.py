@@ -172,3 +172,20 @@ def test_every_key_in_the_help_is_one_actions_alone(open_window: Any) -> None:
     assert len(keys) == len(set(keys))
     for name in ("Export picture…", "Export film…", "Export data…", "Save", "Undo", "New"):
         assert window.menus.actions[name].shortcut().toString() in keys
+
+
+def test_the_window_can_be_narrow(open_window: Any) -> None:
+    window = open_window()
+    window.resize(920, 640)
+    for tab in (window.gallery, window.modes, window.plots, window.draft):
+        window.tabs.setCurrentWidget(tab)
+        wait_until(lambda: settled(window))
+        assert window.width() <= 920
+        # Nothing is pushed out of sight.
+        for widget in (window.view, window.times, window.times.speed, tab):
+            corner = widget.mapTo(window, widget.rect().bottomRight())
+            assert corner.x() < window.width()
+            assert corner.y() < window.height()
+    assert not window.times.first.isVisible()
+    window.resize(1400, 800)
+    wait_until(lambda: window.times.first.isVisible())

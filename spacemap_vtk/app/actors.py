@@ -55,8 +55,8 @@ class CageActor(vtkActor):
         self.SetMapper(self._mapper)
         line = self.GetProperty()
         line.SetLighting(False)
+        # Opaque: one thing that light passes through costs a quarter of a frame in software.
         line.SetLineWidth(1.4)
-        line.SetOpacity(0.75)
         self.SetPickable(False)
         self._kept: tuple[Any, vtkCellArray] | None = None
 
@@ -89,6 +89,7 @@ class SupportActor(vtkActor):
         look.SetPointSize(9.0)
         look.SetRenderPointsAsSpheres(True)
         self.SetPickable(False)
+        self._shown: tuple[Any, Any] = None, None
 
     def show(self, cage: vtkUnstructuredGrid | None) -> None:
         """Draw a cage's supports.
@@ -98,8 +99,12 @@ class SupportActor(vtkActor):
         cage : vtkUnstructuredGrid or None
             With ``fixed``.
         """
-        dots = vtkPolyData()
         fixed = None if cage is None else cage.GetPointData().GetArray("fixed")
+        rest = None if cage is None else cage.GetPoints()
+        if (rest, fixed) == self._shown and fixed is not None:
+            return
+        self._shown = rest, fixed
+        dots = vtkPolyData()
         if cage is not None and fixed is not None:
             held = points_of(cage)[vtk_to_numpy(fixed) != 0]
             if len(held):

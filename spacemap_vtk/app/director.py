@@ -10,6 +10,7 @@ from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.scenes.scene import SECTIONS
 
 #: Milliseconds after the last coarse frame until a smooth one is asked for.
 _REST = 220
@@ -78,11 +79,13 @@ class Director(QObject):
         coarse : bool, optional
             Whether more will follow at once, so that speed counts.
         """
-        document = self._document
+        document, scene = self._document, self._document.scene
         self._engine.ask(
             Job(
                 values=document.values,
                 base=document.base,
+                settings={name: getattr(scene, name).settings for name in SECTIONS},
+                stages=tuple(stage.section for stage in scene.stages),
                 generation=self.generation,
                 time=self._times.time,
                 coarse=coarse,

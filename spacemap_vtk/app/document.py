@@ -73,6 +73,9 @@ class Document(QObject):
         self.drafts = KeptDrafts()
         self._saved_draft: Path | None = None
         self._folder = Path.cwd()
+        # Made when they are asked for, once for each change.
+        self._text: str | None = None
+        self._values: dict[str, Any] | None = None
         self._load("")
 
     def open(self, name: str | Path) -> None:
@@ -136,12 +139,16 @@ class Document(QObject):
     @property
     def text(self) -> str:
         """The scene as TOML."""
-        return tomlkit.dumps(self._toml)
+        if self._text is None:
+            self._text = tomlkit.dumps(self._toml)
+        return self._text
 
     @property
     def values(self) -> dict[str, Any]:
-        """The scene as plain dictionaries."""
-        return self._toml.unwrap()
+        """The scene as plain dictionaries; others after each change, and not to be changed."""
+        if self._values is None:
+            self._values = self._toml.unwrap()
+        return self._values
 
     @property
     def base(self) -> Path:
@@ -210,13 +217,14 @@ class Document(QObject):
         """
         if all(self.written(section, k) == v and v is not None for k, v in written.items()):
             return
-        before = self.text
+        before, former = self.text, self.values
         for key, value in written.items():
             self._put(section, key, value)
         try:
             self.scene = Scene(self.values, self.base)
         except InputError:
             self._toml = tomlkit.parse(before)
+            self._text, self._values = before, former
             raise
         if self.text != before:
             names = name or ", ".join(f"{section}.{key}" for key in written)
@@ -243,9 +251,11 @@ class Document(QObject):
 
     def _load(self, text: str) -> None:
         self._toml = tomlkit.parse(text)
+        self._text = self._values = None
         self.scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
+        self._text = self._values = None
         there = self._toml.get(section, {})
         if written is None:
             if key in there:
@@ -286,12 +296,23 @@ class Document(QObject):
         """Let relative paths lead to the same files from another folder."""
         for section, table in self.values.items():
             for key, value in table.items() if isinstance(table, dict) else ():
-                parameter = SECTIONS[section].parameters.get(key)
-                if isinstance(parameter, FilePath) and isinstance(value, str):
-                    target = (self._folder / value).resolve()
-                    self._put(section, key, os.path.relpath(target, folder))
+                moved = _moved(value, SECTIONS[section].parameters.get(key), self._folder, folder)
+                if moved != value:
+                    self._put(section, key, moved)
         self._folder = folder
         self.scene = Scene(self.values, folder / "scene.toml")
+
+
+def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
+    """Return a value whose paths, also those in its records, count from another folder."""
+    if isinstance(parameter, FilePath) and isinstance(value, str):
+        return os.path.relpath((old / value).resolve(), new)
+    if isinstance(value, list) and hasattr(parameter, "record"):
+        return [_moved(item, parameter, old, new) for item in value]
+    if isinstance(value, dict) and hasattr(parameter, "record"):
+        keys = parameter.record.parameters
+        return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
+    return value
 
 
 def _same(here: Any, wanted: Any, key: str, name: str) -> bool:

@@ -36,6 +36,10 @@ class Job:
         The scene, as a file has it.
     base : Path
         Relative paths count from its folder.
+    settings : dict
+        The values of every section's parameters, checked and in SI, as `values` have them.
+    stages : tuple of str
+        Sections of the stages that are connected, likewise.
     generation : int
         Another number for another scene.
     time : float
@@ -48,6 +52,8 @@ class Job:
 
     values: dict[str, Any]
     base: Path
+    settings: dict[str, dict[str, Any]]
+    stages: tuple[str, ...]
     generation: int
     time: float
     coarse: bool = False

@@ -165,7 +165,9 @@ class MainWindow(QMainWindow):
         self.splitter.addWidget(left)
         self.splitter.addWidget(middle)
         self.splitter.addWidget(self.tabs)
-        self.splitter.setStretchFactor(1, 1)
+        # Of another width the view takes most, but not all.
+        for column, share in enumerate((1, 3, 1)):
+            self.splitter.setStretchFactor(column, share)
         self.splitter.setSizes([310, 770, 360])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
@@ -196,7 +198,8 @@ class MainWindow(QMainWindow):
         self.view.picked.connect(self._picked)
         self.plots.asked.connect(self._asked)
         self.plots.failed.connect(self.errors.say)
-        self.view.picked.connect(self.plots.add)
+        self.view.picks_changed.connect(self.plots.show_points)
+        self.plots.cleared.connect(self.view.forget_picks)
         self.director.drawn.connect(self.plots.follow)
         self.draft.failed.connect(self.report)
         self.draft.accepted.connect(self.errors.clear)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -21,7 +22,7 @@ from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.scenes.coloring import add_measure
 from spacemap_vtk.scenes.load_arrows import load_arrows
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
 COARSE_QUADS = 8_000
@@ -49,6 +50,9 @@ class Pipeline:
         self._started, self._ran, self._progressed = started, ran, progressed
         self._generation = -1
         self._scene: Scene | None = None
+        self._settings: dict[str, dict[str, Any]] = {}
+        # Whether what does not depend on time is yet to be brought up to date.
+        self._changed = True
         self._coarse = PatchTessellator()
         self._swing = vtkTrivialProducer()
         self._swing_warp = BarycentricWarp()
@@ -86,10 +90,14 @@ class Pipeline:
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
         swing = job.swing if scene.modal in stages else None
-        skipped = (scene.response, scene.warp) if swing else ()
+        skipped = [scene.response, scene.warp] if swing else []
+        if not self._changed:
+            # Only time has passed: each update asks all the stages above, which takes its time.
+            skipped += stages[: stages.index(scene.mover)] if scene.moves else stages
         for stage in stages:
             if stage not in skipped:
                 self._update(scene, stage, job.time)
+        self._changed = False
         source: Stage = stages[-1]
         cage = None
         if scene.moves:
@@ -136,18 +144,21 @@ class Pipeline:
         Scene
             Not yet run.
         """
-        asked = Scene(job.values, job.base)
         here = self._scene
         if (
             here is None
             or job.generation != self._generation
-            or [type(s) for s in here.stages] != [type(s) for s in asked.stages]
+            or tuple(stage.section for stage in here.stages) != job.stages
         ):
-            self._scene, self._generation = asked, job.generation
-            return asked
-        for section in SECTIONS:
-            # An equal value changes nothing, so only what lies downstream of a change will run.
-            getattr(here, section).configure(**getattr(asked, section).settings)
+            here, self._changed = Scene(job.values, job.base), True
+            self._scene, self._generation = here, job.generation
+        else:
+            for section, settings in job.settings.items():
+                if settings != self._settings[section]:
+                    # An equal value changes nothing: only what lies downstream of a change runs.
+                    self._changed = True
+                    getattr(here, section).configure(**settings)
+        self._settings = job.settings
         return here
 
     def stop(self) -> None:

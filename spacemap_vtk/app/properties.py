@@ -14,8 +14,9 @@ from spacemap_vtk.app.fields.row import ParameterRow
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
 
-#: Feasible intervals are found no more often: finding them costs as much as a few frames.
-_LIMIT_SECONDS = 0.25
+#: Feasible intervals are found no more often, and in no more than this share of the time: during
+#: a drag, finding them costs as much as a few frames.
+_LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
 
 
 class Properties(QScrollArea):
@@ -43,7 +44,6 @@ class Properties(QScrollArea):
         self._limited = 0.0
         self._later = QTimer(self)
         self._later.setSingleShot(True)
-        self._later.setInterval(round(_LIMIT_SECONDS * 1e3))
         self._later.timeout.connect(self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
@@ -91,21 +91,27 @@ class Properties(QScrollArea):
         known_state = self.section, written, part.settings
         if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
             return
-        self._shown = known_state
+        before, self._shown = self._shown, known_state
         for name, row in self.rows.items():
-            row.show_value(getattr(part, name), name not in written)
-        if time.perf_counter() - self._limited > _LIMIT_SECONDS:
+            value, default = getattr(part, name), name not in written
+            known = before and (before[2][name], name not in before[1])
+            if known != (value, default) or row.property("bad"):
+                row.show_value(value, default)
+        rest = self._limited - time.perf_counter()
+        if rest <= 0.0:
             self._show_limits()
         elif not self._later.isActive():
-            self._later.start()
+            self._later.start(round(rest * 1e3) + 1)
 
     def _show_limits(self) -> None:
+        begun = time.perf_counter()
         part = getattr(self._document.scene, self.section)
         feasible, known = intervals(part), settled(part)
         for name, row in self.rows.items():
             row.settled = known.get(name)
             row.show_feasible(feasible.get(name))
-        self._limited = time.perf_counter()
+        now = time.perf_counter()
+        self._limited = now + max(_LIMIT_SECONDS, (now - begun) / _LIMIT_SHARE)
 
     def mark(self, error: SpacemapError) -> None:
         """Mark the field that an error names, if it is here.

@@ -43,6 +43,7 @@ class StageList(QTreeWidget):
         self.states: dict[str, str] = {}
         # Each new text lays the list out again: at every frame that would cost more than the frame.
         self._runs: dict[str, tuple[float, int]] = {}
+        self._dots: dict[str, QIcon] = {}
         self._flush = QTimer(self)
         self._flush.setSingleShot(True)
         self._flush.setInterval(250)
@@ -94,7 +95,9 @@ class StageList(QTreeWidget):
         self.states[section] = state
         color, words = STATES[state]
         item = self.items[section]
-        item.setIcon(0, _dot(color, hollow=state == "off"))
+        if state not in self._dots:
+            self._dots[state] = _dot(color, hollow=state == "off")
+        item.setIcon(0, self._dots[state])
         item.setToolTip(1, words)
         item.setToolTip(2, words)
         faint = state in ("off",)

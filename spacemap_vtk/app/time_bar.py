@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
@@ -22,6 +24,8 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 _STEPS = 2000
 #: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
 _TICK = 15
+#: Pixels below which some buttons are left out, and the fewest that the others need.
+_WIDE, _NARROW = 440, 380
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -40,6 +44,7 @@ class TimeBar(QWidget):
         self.waiting = False
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
+        self._adopted: dict[str, Any] | None = None
         self.play = _button("▶", "Play (Space)", checkable=True)
         self.first = _button("|◀", "To the start (Home)")
         self.back = _button("◁", "A frame back (,)")
@@ -49,8 +54,9 @@ class TimeBar(QWidget):
         self.loop.setChecked(True)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setRange(0, _STEPS)
+        self.slider.setMinimumWidth(30)
         self.line = QLineEdit()
-        self.line.setFixedWidth(92)
+        self.line.setFixedWidth(80)
         self.line.setToolTip("Go to a time, as in 0.4 or 40 ms")
         self.end = QLabel()
         self.speed = QComboBox()
@@ -58,12 +64,14 @@ class TimeBar(QWidget):
         self.speed.setToolTip("Seconds of motion in a second")
         layout = QHBoxLayout(self)
         layout.setContentsMargins(8, 4, 8, 4)
+        layout.setSpacing(3)
         for widget in (self.first, self.back, self.play, self.forward, self.last, self.loop):
             layout.addWidget(widget)
         layout.addWidget(self.slider, 1)
         layout.addWidget(self.line)
         layout.addWidget(self.end)
         layout.addWidget(self.speed)
+        self.setMinimumWidth(_NARROW)
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
@@ -75,6 +83,12 @@ class TimeBar(QWidget):
         self.slider.valueChanged.connect(self._scrubbed)
         self.slider.sliderReleased.connect(self._settle)
         self.line.editingFinished.connect(self._typed)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave out in a narrow window what keys do too."""
+        super().resizeEvent(event)
+        for button in (self.first, self.last):
+            button.setVisible(self.width() >= _WIDE)
 
     @property
     def playing(self) -> bool:
@@ -98,6 +112,9 @@ class TimeBar(QWidget):
             if self.speed.findText(speed) < 0:
                 self.speed.addItem(speed)
             self.speed.setCurrentText(speed)
+        elif self._adopted == animation.settings:
+            return
+        self._adopted = animation.settings
         self._step = animation.speed / animation.frames_per_second
         self.end.setText(f"of {format_quantity(float(f'{self._stop:.6g}'), 's')}")
         self._show(self.time if at is None else at)

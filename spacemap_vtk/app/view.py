@@ -30,6 +30,8 @@ from spacemap_vtk.scenes.surface_actor import (
     scale_share,
 )
 
+#: Most picked points; the oldest goes.
+MOST_PICKS = 6
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
 
@@ -70,6 +72,7 @@ class View3D(QWidget):
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
         self._plain: tuple[int, ...] = (185, 196, 207)
+        self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
 
@@ -220,7 +223,7 @@ class View3D(QWidget):
         alone : bool, optional
             Whether it takes the place of those picked before.
         """
-        self.picks = [pick] if alone else [*self.picks, pick]
+        self.picks = [pick] if alone else [*self.picks, pick][-MOST_PICKS:]
         self._mark()
         self.render()
         self.picks_changed.emit(list(self.picks))
@@ -230,12 +233,14 @@ class View3D(QWidget):
         if self.picks:
             self.picks = []
             self._mark()
+            self.render()
             self.picks_changed.emit([])
 
     def _mark(self) -> None:
         """Show picked points where they are now."""
         if not self.picks or self.frame is None:
-            self.plotter.remove_actor("picked points", render=False)
+            if "picked points" in self.plotter.actors:
+                self.plotter.remove_actor("picked points", render=False)
             return
         surface = self.frame.surface
         rest = points_of(surface)
@@ -328,6 +333,9 @@ class View3D(QWidget):
         return False
 
     def _color(self, view: View) -> None:
+        if self._colored == (view.settings, self._size):
+            return
+        self._colored = view.settings, self._size
         self.plotter.set_background(view.background, top=view.background_top)
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
@@ -352,7 +360,9 @@ class View3D(QWidget):
     def _extent(self) -> NDArray[np.float64] | None:
         if self.frame is None:
             return None
-        clouds = [points_of(self.frame.surface)[::7].astype(np.float64)]
+        points = points_of(self.frame.surface)
+        # Of many, some thousand are enough.
+        clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
         if self.frame.cage is not None:
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]

@@ -49,6 +49,7 @@ class ViewBar(QToolBar):
         self.setIconSize(QSize(16, 16))
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
         self._view = view
+        self._possible: list[str] = []
         self.shown: dict[str, QAction] = {}
         for name, words, key in _SHOWN:
             action = QAction(words, self)
@@ -109,11 +110,12 @@ class ViewBar(QToolBar):
             The document's.
         """
         possible = scene.colorings
+        if possible != self._possible:
+            self._possible = possible
+            for index, name in enumerate(COLORINGS):
+                self.coloring.model().item(index).setEnabled(name in possible)
         self.coloring.blockSignals(True)
-        for index, name in enumerate(COLORINGS):
-            self.coloring.model().item(index).setEnabled(name in possible)
-            if name == scene.view.color:
-                self.coloring.setCurrentIndex(index)
+        self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
 
     @property

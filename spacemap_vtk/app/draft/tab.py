@@ -173,7 +173,7 @@ class DraftTab(QWidget):
         for button in (self.opened, self.saved):
             first.addWidget(button)
         first.addStretch(1)
-        for button in (self.smaller, self.larger, self.fit, self.colors, self.cloth):
+        for button in (self.smaller, self.larger, self.fit):
             first.addWidget(button)
         layout.addLayout(first)
         self.counts: dict[str, QSpinBox] = {}
@@ -204,8 +204,10 @@ class DraftTab(QWidget):
         self.rising = QCheckBox("Rising shed")
         self.rising.setToolTip("Marked shafts rise (jack loom); else they sink (counterbalance)")
         self.rising.clicked.connect(self._rising_chosen)
-        grid.addWidget(self.kind, 0, 4)
-        grid.addWidget(self.rising, 1, 4)
+        grid.addWidget(self.kind, 2, 0, 1, 2)
+        grid.addWidget(self.rising, 2, 2, 1, 2)
+        grid.addWidget(self.colors, 3, 0, 1, 2)
+        grid.addWidget(self.cloth, 3, 2, 1, 2)
         layout.addWidget(self.tools)
         grid.setContentsMargins(0, 0, 0, 0)
         self.tools.setLayout(grid)

@@ -35,12 +35,10 @@ if TYPE_CHECKING:
 
 #: Milliseconds without another change until curves are computed.
 _REST = 250
-#: Most points; the oldest goes.
-MOST = 6
 #: Sections of a scene that say how it moves.
 _MOVING = ("weave", "object", "cage", "modal", "response", "motion")
-_HINT = "Click the fabric to plot a point, a plot to go to that time."
-_TIP = "Plotted is where the fabric moves most; click it to plot another point."
+_HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
+_TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
 _PICTURES = {".png": "picture", ".svg": "drawing", ".pdf": "drawing"}
 
 
@@ -57,6 +55,8 @@ class PlotsTab(QWidget):
 
     #: A time to go to, and whether more will follow at once.
     asked = Signal(float, bool)
+    #: No point shall be plotted any more.
+    cleared = Signal()
     #: What went wrong.
     failed = Signal(object)
 
@@ -89,13 +89,18 @@ class PlotsTab(QWidget):
         self.hint.setObjectName("about")
         self.hint.setWordWrap(True)
         first = QHBoxLayout()
-        for widget in (self.quantity, self.component):
-            first.addWidget(widget, 1)
-        for widget in (self.clear, self.save):
-            first.addWidget(widget)
+        for box in (self.quantity, self.component):
+            # In a narrow window words are cut rather than the view.
+            box.setMinimumContentsLength(4)
+            box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            first.addWidget(box, 1)
+        second = QHBoxLayout()
+        for button in (self.clear, self.save):
+            second.addWidget(button, 1)
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(6, 6, 6, 6)
         self._layout.addLayout(first)
+        self._layout.addLayout(second)
         self._layout.addStretch(1)
         self._layout.addWidget(self.hint)
         self._rest = QTimer(self)
@@ -104,25 +109,20 @@ class PlotsTab(QWidget):
         self._rest.timeout.connect(self._ask)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
-        self.clear.clicked.connect(self.clear_points)
+        self.clear.clicked.connect(self.cleared)
         document.replaced.connect(self._replaced)
         engine.beside_ready.connect(self._ready)
         self._enable()
 
-    def add(self, pick: Pick) -> None:
-        """Plot a point too.
+    def show_points(self, points: list[Pick]) -> None:
+        """Plot other points.
 
         Parameters
         ----------
-        pick : Pick
-            A point of the fabric.
+        points : list of Pick
+            Points of the fabric; without one the fabric's tip is plotted.
         """
-        self.points = [*self.points, pick][-MOST:]
-        self._later()
-
-    def clear_points(self) -> None:
-        """Plot none of the picked points; without one the fabric's tip is plotted."""
-        self.points = []
+        self.points = points
         self._later()
 
     def follow(self, frame: Frame) -> None:
@@ -175,9 +175,9 @@ class PlotsTab(QWidget):
 
             self.canvas = PlotCanvas()
             self.canvas.asked.connect(self.asked)
-            item = self._layout.takeAt(1)
+            item = self._layout.takeAt(2)
             del item
-            self._layout.insertWidget(1, self.canvas, 1)
+            self._layout.insertWidget(2, self.canvas, 1)
             self.canvas.setVisible(self.curves is not None)
         self._later()
 
