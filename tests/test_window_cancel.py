@@ -131,7 +131,7 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
 
 def test_closing_ends_a_run_too(open_window: Any) -> None:
     window = open_window(str(library.folder() / "animal_in_carved_cage.toml"))
-    window.document.set("cage", "divisions", [200, 150, 100])
+    window.document.set("cage", "divisions", [130, 100, 65])
     wait_until(lambda: window.stages.states["cage"] == "running")
     QTest.qWait(200)
     begun = time.monotonic()
