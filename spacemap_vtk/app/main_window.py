@@ -158,7 +158,6 @@ class MainWindow(QMainWindow):
 
     def _lay_out(self) -> None:
         left = _column(self.stages, self.properties)
-        left.setMinimumWidth(260)
         self.tools = ViewBar(self.view)
         middle = _column(self.tools, self.errors, self.view, self.times)
         self.splitter = QSplitter(Qt.Orientation.Horizontal)
