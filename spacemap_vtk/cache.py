@@ -2,8 +2,8 @@
 
 An entry is one file of arrays under a digest of all that they depend on, so that it is never out of
 date. It is written whole or not at all; one that cannot be read, or is not what was stored, counts
-as missing and is replaced. The folder holds at most `LARGEST` bytes: the entries longest unused go
-first. A cache that fails, on a full or read-only disk, is no reason for the program to.
+as missing and is replaced. The folder holds `LARGEST` bytes and little more: the entries longest
+unused go first. A cache that fails, on a full or read-only disk, is no reason for the program to.
 
 The environment variable SPACEMAP_CACHE names another folder, or ``off``.
 """
@@ -26,6 +26,11 @@ VARIABLE = "SPACEMAP_CACHE"
 
 #: Bytes that all entries together may take.
 LARGEST = 2**30
+
+#: The folder is looked through when this share of `LARGEST` has been stored since: a drag in the
+#: window stores dozens of entries a second, and would look through thousands for each.
+_LOOK = 1 / 64
+_stored = {"bytes": float("inf")}
 
 #: Part of the names of entries: another one, when what is stored changes its meaning.
 _FORMAT = "1"
@@ -111,7 +116,10 @@ def store(key: str, **arrays: NDArray[Any]) -> None:
         with os.fdopen(handle, "wb") as file:
             np.savez(file, **arrays)  # type: ignore[arg-type]
         os.replace(temporary, _path(place, key))
-        _shrink(place)
+        _stored["bytes"] += size
+        if _stored["bytes"] > _LOOK * LARGEST:
+            _shrink(place)
+            _stored["bytes"] = 0
     except OSError:
         if temporary is not None:
             with contextlib.suppress(OSError):
