@@ -158,6 +158,9 @@ class MainWindow(QMainWindow):
 
     def _lay_out(self) -> None:
         left = _column(self.stages, self.properties)
+        # The widest page of fields and its scroll bar. Not found anew for each page or value: the
+        # view would change its size under a drag.
+        left.setMinimumWidth(288)
         self.tools = ViewBar(self.view)
         middle = _column(self.tools, self.errors, self.view, self.times)
         self.splitter = QSplitter(Qt.Orientation.Horizontal)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from PySide6.QtCore import QEvent, QObject, QSize, Qt, QTimer, Signal
+from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from spacemap_vtk.app.document import Document
@@ -50,20 +50,6 @@ class Properties(QScrollArea):
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
         document.replaced.connect(self.refresh)
-
-    def minimumSizeHint(self) -> QSize:
-        """Leave every field its width, with the scroll bar beside it."""
-        hint, page = super().minimumSizeHint(), self.widget()
-        if page is not None:
-            bar = self.verticalScrollBar().sizeHint().width()
-            hint.setWidth(page.minimumSizeHint().width() + bar)
-        return hint
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Take more room when a field needs it."""
-        if event.type() == QEvent.Type.LayoutRequest:
-            self.updateGeometry()
-        return super().eventFilter(watched, event)
 
     def choose(self, section: str) -> None:
         """Show another section.
