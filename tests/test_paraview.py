@@ -163,11 +163,12 @@ def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
     assert run(script, tmp_path / "cloth.png", program=program)
     pictures = sorted(tmp_path.glob("cloth*.png"))
     assert len(pictures) == (12 if script.stem == "film" else 1)
+    least = 0.05 if script.stem == "plain_weave" else 0.03  # of the pixels; others draw it smaller
     for picture in {pictures[0], pictures[-1]}:
         # In the yarns' own colours, with nothing said of colours.
         red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
-        assert np.mean(red - blue > 40) > 0.03  # the weft's sand
-        assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
+        assert np.mean(red - blue > 40) > least  # the weft's sand
+        assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
 
 
 def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
