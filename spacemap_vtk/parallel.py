@@ -13,6 +13,10 @@ from typing import TypeVar
 
 Job = TypeVar("Job")
 
+#: Multiplications that OpenBLAS does in the calling thread. From about there on it starts threads
+#: of its own, which fight with ours: seconds, not ms.
+BLAS_SERIAL = 2**18
+
 # The work is bound by memory: more threads than this only wait for each other.
 _MOST_THREADS = 8
 

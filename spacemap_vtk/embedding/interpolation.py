@@ -17,12 +17,11 @@ from scipy.sparse import csr_matrix
 from spacemap_vtk.embedding.locate import Location
 from spacemap_vtk.embedding.quadratic import quadratic_weights
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parallel import for_each
+from spacemap_vtk.parallel import BLAS_SERIAL, for_each
 from spacemap_vtk.recycler import Recycler
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
-_BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
 
 
 class Interpolation:
@@ -197,7 +196,7 @@ def _product(
     begins = np.flatnonzero(np.diff(ordered, prepend=-1))
     if len(begins) * _MANY > len(ordered):
         return _Sparse(weights, corners[tetrahedron], vertex_count)
-    longest = _BLAS_SERIAL // (3 * corners.shape[1])
+    longest = BLAS_SERIAL // (3 * corners.shape[1])
     begins = np.union1d(begins, np.arange(0, len(ordered), longest))
     return _Sorted(weights[order], order, begins, corners[ordered[begins]])
 

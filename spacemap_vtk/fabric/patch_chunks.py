@@ -9,8 +9,7 @@ positions, one for the slopes, cross product, normalisation. What the speed hang
 - For the normals x, y and z lie apart, so that every ufunc runs over contiguous memory; only the
   last operation on each writes into the interleaved result.
 - The products are done in blocks of columns, so narrow that OpenBLAS does each in the calling
-  thread. From about 2**18 multiplications on it would start its own threads, which fight with
-  ours: seconds, not ms.
+  thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
 """
 
 from __future__ import annotations
@@ -21,9 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from spacemap_vtk.parallel import BLAS_SERIAL
+
 Floats = NDArray[np.floating[Any]]
 
-_BLAS_SERIAL = 2**18  # multiplications that OpenBLAS does without threads of its own
 # Scratch of a chunk of float32. More leaves the cache; with less, calls are so short that threads
 # wait for the interpreter's lock: half of this takes a quarter longer in two threads.
 _CHUNK_BYTES = 2**23
@@ -120,7 +120,7 @@ def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:
     (..., rows, n) float
         The same.
     """
-    width = max(8, _BLAS_SERIAL // matrix.size // 16 * 16)
+    width = max(8, BLAS_SERIAL // matrix.size // 16 * 16)
     whole = columns.shape[-1] // width * width
     if whole:
         blocks, results = (
