@@ -96,7 +96,7 @@ def test_what_is_marked_is_plotted(plots_of: Any, qtbot: Any) -> None:
     np.testing.assert_allclose(window.plots.curves.points, [alone.rest])
     qtbot.mouseClick(window.plots.clear, LEFT)
     assert window.view.picks == []
-    assert "picked points" not in window.view.plotter.actors
+    assert not window.view.marks.GetVisibility()
     wait_until(lambda: plotted(window))
     assert len(window.plots.curves.points) == 1  # the tip
 

@@ -170,12 +170,10 @@ def test_picked_points_are_kept_offered_and_ride_along(open_window: Any) -> None
     assert [len(picks) for picks in told] == list(range(1, len(told) + 1))
     assert len(told) >= 2
     assert window.view.picks == told[-1]
-    actor = widget.renderer.actors["picked points"]
-    still = np.array(actor.GetMapper().GetInput().GetBounds())
+    still = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
     type_into(window.times.line, "20 ms")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
-    actor = widget.renderer.actors["picked points"]
-    moved = np.array(actor.GetMapper().GetInput().GetBounds())
+    moved = np.array(window.view.marks.GetMapper().GetInput().GetBounds())
     assert np.abs(moved - still).max() > 1e-4
     # A click alone begins anew, and another scene forgets them.
     QTest.mouseClick(widget, left, Qt.KeyboardModifier.NoModifier, middle)

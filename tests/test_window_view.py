@@ -15,7 +15,7 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
-from spacemap_vtk.scenes.picture import CAMERAS  # noqa: E402
+from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
 
 
 def image(window: Any) -> np.ndarray:
@@ -92,7 +92,7 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
     window = open_window()
     picks: list[Any] = []
     window.view.picked.connect(picks.append)
-    before = np.array(window.view.plotter.camera.position)
+    before = np.array(window.view.plotter.camera.GetPosition())
     widget, at = window.view.plotter, QPoint(300, 300)
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
     for _ in range(10):
@@ -100,5 +100,5 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
         QTest.mouseMove(widget, at)
         QTest.qWait(10)
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
-    assert np.linalg.norm(window.view.plotter.camera.position - before) > 1e-4
+    assert np.linalg.norm(window.view.plotter.camera.GetPosition() - before) > 1e-4
     assert not picks

@@ -104,13 +104,10 @@ class SupportActor(vtkActor):
         if (rest, fixed) == self._shown and fixed is not None:
             return
         self._shown = rest, fixed
-        dots = vtkPolyData()
+        held = np.zeros((0, 3))
         if cage is not None and fixed is not None:
             held = points_of(cage)[vtk_to_numpy(fixed) != 0]
-            if len(held):
-                dots.SetPoints(to_points(held))
-                dots.SetVerts(to_cells(np.arange(len(held)).reshape(-1, 1)))
-        self._mapper.SetInputData(dots)
+        self._mapper.SetInputData(_dots(held))
 
 
 class LoadActor(vtkActor):
@@ -153,6 +150,32 @@ class LoadActor(vtkActor):
         self._mapper.SetInputData(places)
 
 
+class PickActor(vtkActor):
+    """Dots where the user has picked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mapper = vtkPolyDataMapper()
+        self.SetMapper(self._mapper)
+        look = self.GetProperty()
+        look.SetColor(*rgb("#d9642c"))
+        look.SetPointSize(14.0)
+        look.SetRenderPointsAsSpheres(True)
+        self.SetPickable(False)
+        self.show(np.zeros((0, 3)))
+
+    def show(self, points: NDArray[np.float64]) -> None:
+        """Draw dots.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3)
+            Where.
+        """
+        self._mapper.SetInputData(_dots(points))
+        self.SetVisibility(len(points) > 0)
+
+
 def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
     """Return a cage's vertices where they are now.
 
@@ -167,6 +190,14 @@ def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
         A new array.
     """
     return points_of(cage) + displacement_of(cage)
+
+
+def _dots(points: NDArray[np.float64]) -> vtkPolyData:
+    dots = vtkPolyData()
+    if len(points):
+        dots.SetPoints(to_points(points))
+        dots.SetVerts(to_cells(np.arange(len(points)).reshape(-1, 1)))
+    return dots
 
 
 def _edges(tetrahedra: NDArray[np.int64]) -> NDArray[np.int64]:

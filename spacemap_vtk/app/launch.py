@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Callable
-
-# pyvistaqt would take any Qt binding that it finds; this program is written for one.
-os.environ["QT_API"] = "pyside6"
 
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication

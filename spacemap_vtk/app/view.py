@@ -8,19 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from pyvistaqt import QtInteractor
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkRenderingCore import vtkCellPicker
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, GhostActor, LoadActor, SupportActor, moved_points
+from spacemap_vtk.app.actors import (
+    CageActor,
+    GhostActor,
+    LoadActor,
+    PickActor,
+    SupportActor,
+    moved_points,
+)
+from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
+from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
-from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
     Span,
@@ -54,20 +61,20 @@ class View3D(QWidget):
         super().__init__()
         self.look = look
         self.frame: Frame | None = None
-        # Nothing is drawn but on demand: pyvistaqt's timer would draw on for nothing.
-        self.plotter = QtInteractor(self, auto_update=False, lighting="none", multi_samples=0)
+        self.plotter = Canvas(self)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
-        add_lights(self.plotter)
         self._fabric, self._ghost = SurfaceActor(), GhostActor()
         self._cage, self._supports, self._loads = CageActor(), SupportActor(), LoadActor()
-        for actor in self._actors:
+        #: Where the user has picked.
+        self.marks = PickActor()
+        for actor in (*self._actors, self.marks):
             self.plotter.renderer.AddActor(actor)
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors)
+        self.clip = ClipPlane(self.plotter.interactor, self._actors)
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
@@ -158,8 +165,7 @@ class View3D(QWidget):
         camera = self.plotter.camera
         aim(camera, points, width / height, name, 1.0)
         # The scale of a parallel projection that shows as much as the perspective does.
-        opening = np.radians(camera.view_angle / 2)
-        camera.parallel_scale = camera.distance * float(np.tan(opening))
+        camera.SetParallelScale(_half_height(camera))
         self.render()
 
     def set_orthographic(self, on: bool) -> None:
@@ -171,9 +177,8 @@ class View3D(QWidget):
             Parallel.
         """
         camera = self.plotter.camera
-        opening = np.radians(camera.view_angle / 2)
         if on:
-            camera.parallel_scale = camera.distance * float(np.tan(opening))
+            camera.SetParallelScale(_half_height(camera))
         camera.SetParallelProjection(on)
         self.render()
 
@@ -182,10 +187,10 @@ class View3D(QWidget):
         """Where the camera stands, as `spacemap_vtk.scenes.picture.Place` has it."""
         camera = self.plotter.camera
         return {
-            "position": tuple(camera.position),
-            "focus": tuple(camera.focal_point),
-            "up": tuple(camera.up),
-            "parallel_scale": camera.parallel_scale if camera.GetParallelProjection() else 0.0,
+            "position": camera.GetPosition(),
+            "focus": camera.GetFocalPoint(),
+            "up": camera.GetViewUp(),
+            "parallel_scale": camera.GetParallelScale() if camera.GetParallelProjection() else 0.0,
         }
 
     def set_clip(self, on: bool) -> None:
@@ -239,8 +244,7 @@ class View3D(QWidget):
     def _mark(self) -> None:
         """Show picked points where they are now."""
         if not self.picks or self.frame is None:
-            if "picked points" in self.plotter.actors:
-                self.plotter.remove_actor("picked points", render=False)
+            self.marks.show(np.zeros((0, 3)))
             return
         surface = self.frame.surface
         rest = points_of(surface)
@@ -248,16 +252,7 @@ class View3D(QWidget):
         if moved is not None:
             rest = rest - vtk_to_numpy(moved)
         nearest = [int(((rest - p.rest) ** 2).sum(axis=1).argmin()) for p in self.picks]
-        self.plotter.add_points(
-            points_of(surface)[nearest].astype(np.float64),
-            color="#d9642c",
-            point_size=14,
-            render_points_as_spheres=True,
-            name="picked points",
-            reset_camera=False,
-            render=False,
-            pickable=False,
-        )
+        self.marks.show(points_of(surface)[nearest].astype(np.float64))
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Return what lies under a point of the widget.
@@ -304,8 +299,7 @@ class View3D(QWidget):
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue.
         """
-        self.plotter.render()
-        return self.plotter.screenshot(None, return_img=True)
+        return self.plotter.image()
 
     def shut(self) -> None:
         """Free the window of OpenGL; nothing can be drawn afterwards."""
@@ -336,7 +330,11 @@ class View3D(QWidget):
         if self._colored == (view.settings, self._size):
             return
         self._colored = view.settings, self._size
-        self.plotter.set_background(view.background, top=view.background_top)
+        renderer, top = self.plotter.renderer, view.background_top
+        renderer.SetBackground(*(c / 255 for c in view.background))
+        renderer.SetGradientBackground(top is not None)
+        if top is not None:
+            renderer.SetBackground2(*(c / 255 for c in top))
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
@@ -367,6 +365,11 @@ class View3D(QWidget):
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
         return np.concatenate(clouds)
+
+
+def _half_height(camera: vtkCamera) -> float:
+    """Return half the height of what a camera shows in perspective, at its focus."""
+    return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
 def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:

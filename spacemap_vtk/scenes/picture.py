@@ -16,6 +16,7 @@ from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
+from spacemap_vtk.scenes.camera import VIEW_ANGLE, add_lights, aim
 from spacemap_vtk.scenes.coloring import add_measure, measure
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.scene import Scene
@@ -30,15 +31,6 @@ from spacemap_vtk.scenes.surface_actor import (
 
 Image = NDArray[np.uint8]
 
-#: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
-CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
-    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
-}
-#: Full opening of the lens, in degrees, and the share of the picture left free at each edge.
-_VIEW_ANGLE, _MARGIN = 24.0, 0.06
 #: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
 _OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
@@ -138,7 +130,7 @@ class Picture:
         light = plotter.screenshot(None, return_img=True).astype(np.float32)
         if shaded:
             camera = plotter.camera
-            half = camera.distance * np.tan(np.radians(_VIEW_ANGLE / 2))
+            half = camera.distance * np.tan(np.radians(VIEW_ANGLE / 2))
             if camera.GetParallelProjection():
                 half = camera.parallel_scale
             pixel = 2 * half / light.shape[0]
@@ -155,13 +147,15 @@ class Picture:
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)
         aim(plotter.camera, extent, (1 - room) * size[0] / size[1], view.camera, view.zoom)
+        # pyvista would put it elsewhere with the first picture.
+        plotter.camera_set = True
         if self._place is not None:
             plotter.camera.position, plotter.camera.focal_point = self._place[:2]
             plotter.camera.up = self._place.up
             if self._place.parallel_scale:
                 plotter.camera.parallel_scale = self._place.parallel_scale
                 plotter.camera.SetParallelProjection(True)
-        add_lights(plotter)
+        add_lights(plotter.renderer)
         if solid is not None:
             fit_scale(solid.bar, size, view.background)
             plotter.camera.SetWindowCenter(room, 0.0)
@@ -308,69 +302,3 @@ def _supports(scene: Scene, color: Sequence[int]) -> pv.Actor:
         color=[c / 255 for c in color], point_size=9.0 * _SAMPLES, render_points_as_spheres=True
     )
     return pv.Actor(mapper=mapper, prop=look)
-
-
-def add_lights(plotter: pv.Plotter) -> None:
-    """Light a scene.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        Without lights of its own.
-    """
-    # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
-    # right opens the shadows. Both are fixed to the camera.
-    for position, intensity, color in (
-        ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
-        ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
-        ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
-    ):
-        light = pv.Light(
-            position=position, intensity=intensity, color=color, light_type="camera light"
-        )
-        plotter.add_light(light)
-
-
-def aim(
-    camera: pv.Camera, points: NDArray[np.float64], aspect: float, name: str, zoom: float
-) -> None:
-    """Place the camera so that the points just fill the picture.
-
-    Parameters
-    ----------
-    camera : pyvista.Camera
-        To be placed.
-    points : ndarray, shape (n, 3)
-        What is to be seen.
-    aspect : float
-        The picture's width over its height.
-    name : str
-        A key of `CAMERAS`.
-    zoom : float
-        Above 1: nearer.
-    """
-    direction, up = (np.array(v) / np.linalg.norm(v) for v in CAMERAS[name])
-    right = np.cross(up, direction)
-    right /= np.linalg.norm(right)
-    up = np.cross(direction, right)
-    axes = np.stack([right, up, direction])
-    seen = points @ axes.T
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    slope = np.tan(np.radians(_VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
-    # What is near looks larger, so the middle of the picture is not that of the scene: a few
-    # rounds of placing the camera and centring what it sees.
-    for _ in range(4):
-        across, above, toward = (seen - middle).T
-        # A point is in the picture if |across| <= slope * (distance - toward), above likewise.
-        distance = max(
-            float((np.abs(across) / (slope * aspect) + toward).max()),
-            float((np.abs(above) / slope + toward).max()),
-        )
-        for axis, offset in enumerate((across, above)):
-            ratio = offset / (distance - toward)
-            middle[axis] += (ratio.min() + ratio.max()) / 2 * distance
-    focus = middle @ axes
-    camera.focal_point = focus
-    camera.position = focus + direction * distance / zoom
-    camera.up = up
-    camera.view_angle = _VIEW_ANGLE

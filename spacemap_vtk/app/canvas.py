@@ -1,0 +1,92 @@
+"""The widget that VTK draws the view into."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module, util
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QWidget
+from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
+from vtkmodules.vtkRenderingCore import (
+    vtkCamera,
+    vtkRenderer,
+    vtkRenderWindow,
+    vtkRenderWindowInteractor,
+)
+
+from spacemap_vtk.scenes.camera import add_lights
+
+# pyvistaqt would take any Qt binding that it finds; this program is written for one.
+os.environ["QT_API"] = "pyside6"
+
+
+def _pyvistaqt_widget() -> Any:
+    """Return pyvistaqt's widget, without the rest of pyvistaqt.
+
+    The package's ``__init__`` brings pyvista's plotter, and that brings matplotlib: more time than
+    all else that the window needs. The widget's own module is free of both. Its packages stand in
+    ``sys.modules`` without having been run while it is imported, and nothing of them stays there:
+    whoever imports pyvista or pyvistaqt later gets all of it.
+    """
+    name = "pyvistaqt.rwi"
+    packages = [p for p in ("pyvista", "pyvistaqt") if p not in sys.modules]
+    before = set(sys.modules)
+    try:
+        for package in packages:
+            spec = util.find_spec(package)
+            if spec is not None:
+                sys.modules[package] = util.module_from_spec(spec)
+        widget = import_module(name).QVTKRenderWindowInteractor
+    except (ImportError, AttributeError):
+        # Another pyvistaqt, whose widget needs more: below, as a whole.
+        widget = None
+    finally:
+        for module in set(sys.modules) - before:
+            if module.split(".")[0] in packages:
+                del sys.modules[module]
+    return widget or import_module(name).QVTKRenderWindowInteractor
+
+
+class Canvas(_pyvistaqt_widget()):
+    """Shows one renderer, lit, that the mouse turns as in every VTK program.
+
+    Parameters
+    ----------
+    parent : QWidget
+        Qt's owner.
+    """
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.renderer = vtkRenderer()
+        self.renderer.AutomaticLightCreationOff()
+        add_lights(self.renderer)
+        self.render_window: vtkRenderWindow = self.GetRenderWindow()
+        self.render_window.SetMultiSamples(0)
+        self.render_window.AddRenderer(self.renderer)
+        self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
+        self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
+        self.interactor.Initialize()
+
+    @property
+    def camera(self) -> vtkCamera:
+        """What the view is seen through."""
+        return self.renderer.GetActiveCamera()
+
+    def image(self) -> NDArray[np.uint8]:
+        """Draw, and return what is seen.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+            Red, green and blue.
+        """
+        drawn = self.grabFramebuffer().convertToFormat(QImage.Format.Format_RGB888)
+        rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), -1)
+        # Each row begins at a multiple of four bytes.
+        return rows[:, : 3 * drawn.width()].reshape(drawn.height(), drawn.width(), 3).copy()
