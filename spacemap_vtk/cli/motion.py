@@ -137,7 +137,7 @@ def plot(
 def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
     from PIL import Image
 
-    from spacemap_vtk.scenes.plots import mode_sheet
+    from spacemap_vtk.scenes.mode_sheet import mode_sheet
 
     with progress(scene, "Drawing shapes", count, quiet) as tell:
         image = mode_sheet(scene, tell)
