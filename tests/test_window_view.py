@@ -14,8 +14,8 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
 from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
+from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
 
 
 def image(window: Any) -> np.ndarray:

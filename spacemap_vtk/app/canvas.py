@@ -30,17 +30,21 @@ def _pyvistaqt_widget() -> Any:
 
     The package's ``__init__`` brings pyvista's plotter, and that brings matplotlib: more time than
     all else that the window needs. The widget's own module is free of both. Its packages stand in
-    ``sys.modules`` without having been run while it is imported, and nothing of them stays there:
-    whoever imports pyvista or pyvistaqt later gets all of it.
+    ``sys.modules`` without having been run while it is imported, and PySide6 itself for qtpy, which
+    would make Python classes of everything in Qt. Nothing of this stays: whoever imports one of
+    these packages later gets all of it.
     """
     name = "pyvistaqt.rwi"
-    packages = [p for p in ("pyvista", "pyvistaqt") if p not in sys.modules]
+    packages = [p for p in ("pyvista", "pyvistaqt", "qtpy") if p not in sys.modules]
     before = set(sys.modules)
     try:
         for package in packages:
             spec = util.find_spec(package)
             if spec is not None:
                 sys.modules[package] = util.module_from_spec(spec)
+        if "qtpy" in packages:
+            for part in ("QtCore", "QtGui", "QtOpenGLWidgets", "QtWidgets"):
+                sys.modules[f"qtpy.{part}"] = import_module(f"PySide6.{part}")
         widget = import_module(name).QVTKRenderWindowInteractor
     except (ImportError, AttributeError):
         # Another pyvistaqt, whose widget needs more: below, as a whole.

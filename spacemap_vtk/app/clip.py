@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPlane
-from vtkmodules.vtkInteractionWidgets import vtkImplicitPlaneRepresentation, vtkImplicitPlaneWidget2
 from vtkmodules.vtkRenderingCore import vtkActor, vtkRenderWindowInteractor
 
 
@@ -26,7 +25,18 @@ class ClipPlane:
 
     def __init__(self, interactor: vtkRenderWindowInteractor, actors: Sequence[vtkActor]) -> None:
         self.plane = vtkPlane()
-        self._actors = list(actors)
+        self._interactor, self._actors = interactor, list(actors)
+        self._widget: Any = None
+        self.on = False
+        self._placed = False
+
+    def _make(self) -> None:
+        """Make the plane that is seen: at its first use, for its library takes a while to load."""
+        from vtkmodules.vtkInteractionWidgets import (
+            vtkImplicitPlaneRepresentation,
+            vtkImplicitPlaneWidget2,
+        )
+
         self._shape = vtkImplicitPlaneRepresentation()
         self._shape.SetPlaceFactor(1.15)
         self._shape.DrawOutlineOff()
@@ -40,7 +50,7 @@ class ClipPlane:
         self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
         self._widget = vtkImplicitPlaneWidget2()
-        self._widget.SetInteractor(interactor)
+        self._widget.SetInteractor(self._interactor)
         self._widget.SetRepresentation(self._shape)
         me = weakref.ref(self)
 
@@ -50,8 +60,6 @@ class ClipPlane:
                 here._shape.GetPlane(here.plane)
 
         self._observer = self._widget.AddObserver("InteractionEvent", moved)
-        self.on = False
-        self._placed = False
 
     def set_on(self, on: bool, points: NDArray[np.float64] | None) -> None:
         """Cut or show the whole again.
@@ -87,6 +95,8 @@ class ClipPlane:
         normal : tuple of float, optional
             Points to what stays in sight.
         """
+        if self._widget is None:
+            self._make()
         low, high = points.min(axis=0), points.max(axis=0)
         # A flat cloth too gets a box that the mouse can take hold of.
         slack = 0.15 * float(np.linalg.norm(high - low))
@@ -103,6 +113,8 @@ class ClipPlane:
 
     def close(self) -> None:
         """Let go of the interactor, before it is freed."""
-        self._widget.SetEnabled(False)
-        self._widget.RemoveObserver(self._observer)
-        self._widget.SetInteractor(None)
+        if self._widget is not None:
+            self._widget.SetEnabled(False)
+            self._widget.RemoveObserver(self._observer)
+            self._widget.SetInteractor(None)
+        self._interactor = None

@@ -122,6 +122,8 @@ class Files(QObject):
         view : View3D
             The view.
         """
+        from PIL import Image
+
         name, _ = QFileDialog.getSaveFileName(
             self._window, "Save picture", "picture.png", "Pictures (*.png *.jpg)"
         )

@@ -8,8 +8,8 @@ from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton
 
 from spacemap_vtk.app.view import View3D
-from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.camera import CAMERAS
+from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: What can be shown: attribute of `Look`, words, key.

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.embedding.triangles import FACES, boundary, nearest_on_triangles
@@ -43,6 +42,8 @@ class NearestTetrahedron:
         tetrahedra: NDArray[np.integer[Any]],
         frames: Frames,
     ) -> None:
+        from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+
         usable = np.flatnonzero(frames.usable)
         owner, self._face = boundary(tetrahedra[usable], frames.positive[usable])
         self._owner = usable[owner]

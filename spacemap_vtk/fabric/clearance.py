@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import axes
@@ -316,6 +315,8 @@ def _nearest(
 
     Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
     """
+    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+
     # with |p - q|**2 - (r + r_q)**2, r the mean radius, a thick yarn is nearer by what it is thick
     reach = (radius.mean() + radius) ** 2
     lifted = np.column_stack([points, np.sqrt(reach.max() - reach)])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 
 def gaps(
@@ -40,6 +39,8 @@ def gaps(
     >>> gaps([[0, 0, 0], [0, 0.2, 1]], [[0, 0, 1], [0, 0, -1]], [0, 1], reach=0.3).tolist()
     [1.0, 1.0]
     """
+    from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
+
     place = np.asarray(points, np.float64)
     outward, number = np.asarray(normals, np.float64), np.asarray(yarn, np.int64)
     found = np.full(len(place), np.inf)

@@ -13,12 +13,6 @@ from vtkmodules.vtkCommonDataModel import (
     vtkPolyData,
     vtkUnstructuredGrid,
 )
-from vtkmodules.vtkCommonTransforms import vtkTransform
-from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
-from vtkmodules.vtkFiltersParallel import (
-    vtkExtractPolyDataPiece,
-    vtkExtractUnstructuredGridPiece,
-)
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -141,6 +135,10 @@ class ObjectSource(Stage):
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return
+        # Only objects that are moved pay for it.
+        from vtkmodules.vtkCommonTransforms import vtkTransform
+        from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+
         transform = vtkTransform()
         transform.PostMultiply()
         transform.Scale(self.scale, self.scale, self.scale)
@@ -176,6 +174,11 @@ def _cut(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
     """Return a piece of a mesh; what has no cells is not cut, and is the first's."""
     if whole.GetNumberOfCells() == 0:
         return whole if piece.number == 0 else whole.NewInstance()
+    from vtkmodules.vtkFiltersParallel import (
+        vtkExtractPolyDataPiece,
+        vtkExtractUnstructuredGridPiece,
+    )
+
     is_surface = isinstance(whole, vtkPolyData)
     cutter = vtkExtractPolyDataPiece() if is_surface else vtkExtractUnstructuredGridPiece()
     cutter.SetInputData(whole)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
-from vtkmodules.vtkIOImage import vtkImageReader2Factory
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import add_array, to_array
@@ -102,6 +101,8 @@ def read_picture(path: Path) -> Pixels:
 
 
 def _read_with_vtk(path: Path) -> Pixels:
+    from vtkmodules.vtkIOImage import vtkImageReader2Factory
+
     # Only where there is nothing else: it crashes on a truncated PNG.
     with quiet_vtk(path):
         reader = vtkImageReader2Factory.CreateImageReader2(str(path))
