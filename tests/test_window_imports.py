@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from window import require_display
 
 from spacemap_vtk.app import requirements
 from spacemap_vtk.cli.main import main
@@ -22,6 +23,24 @@ def test_other_commands_import_no_qt() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "[]"
+
+
+def test_the_window_imports_neither_plotter_nor_solver() -> None:
+    require_display()
+    code = (
+        "import sys\n"
+        "import spacemap_vtk.app.launch\n"
+        "from spacemap_vtk.app.canvas import Canvas\n"
+        "heavy = ('pyvista', 'pyvistaqt', 'qtpy', 'matplotlib', 'PIL', 'cyclopts', 'mypy')\n"
+        "parts = ('scipy.linalg', 'scipy.spatial', 'scipy.special', 'scipy.sparse.linalg')\n"
+        "found = [m for m in sys.modules if m.split('.')[0] in heavy or m in parts]\n"
+        "import pyvistaqt, pyvista, qtpy.QtCore\n"
+        "whole = hasattr(pyvistaqt.QtInteractor, 'add_mesh')\n"
+        "print(found, Canvas.__mro__[1].__module__, whole, pyvista._vtk.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    # What comes after it gets the packages whole.
+    assert done.stdout.strip() == "[] pyvistaqt.rwi True pyvista._vtk"
 
 
 def test_without_the_extra_it_says_what_to_install(

@@ -56,7 +56,10 @@ def _pyvistaqt_widget() -> Any:
     return widget or import_module(name).QVTKRenderWindowInteractor
 
 
-class Canvas(_pyvistaqt_widget()):
+_Widget: Any = _pyvistaqt_widget()
+
+
+class Canvas(_Widget):
     """Shows one renderer, lit, that the mouse turns as in every VTK program.
 
     Parameters

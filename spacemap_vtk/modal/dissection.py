@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse import csgraph
+
+from spacemap_vtk.modal.later import csgraph
 
 IntArray = NDArray[np.int64]
 

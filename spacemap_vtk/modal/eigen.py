@@ -12,13 +12,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal import threads
 from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
+from spacemap_vtk.modal.later import linalg as la
 from spacemap_vtk.modal.multifrontal import negative_eigenvalues
 from spacemap_vtk.modal.pencil import Pencil, Piece
 

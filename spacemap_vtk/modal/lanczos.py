@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import SolverError
+from spacemap_vtk.modal.later import csgraph
+from spacemap_vtk.modal.later import linalg as la
 
 FloatArray = NDArray[np.float64]
 Solve = Callable[[FloatArray], FloatArray]

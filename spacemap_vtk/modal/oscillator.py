@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import exprel
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.modal.later import special
 
 FloatArray = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
     fast = h + d
     slow = stiffness / fast
     decay = np.exp(-slow * t)
-    impulse = t * decay * exprel(-2 * d * t)
+    impulse = t * decay * special.exprel(-2 * d * t)
     free = decay + slow * impulse
     # Ṡ + r₁ S = exp(-r₂ t): no other form of Ṡ is free of a difference of exponentials.
     impulse_rate = np.exp(-fast * t) - slow * impulse
@@ -267,7 +267,7 @@ def _early(
 
 def _exponential_integrals(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, the integrals of the exponential."""
-    first = exprel(-x)
+    first = special.exprel(-x)
     small = x < 1.0
     safe = np.where(small, 1.0, x)
     second = (1.0 - first) / safe

@@ -9,9 +9,10 @@ Benchmarks Manual 1.4.14; the method is also known as modal truncation augmentat
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
+
+from spacemap_vtk.modal.later import linalg as la
 
 FloatArray = NDArray[np.float64]
 
