@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent
+from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -48,7 +48,7 @@ class Gallery(QWidget):
         buttons.addWidget(self.open_button)
         self.list = _Pictures()
         for name in library.names():
-            item = QListWidgetItem(_picture(name), thumbnails.title_of(name))
+            item = QListWidgetItem(thumbnails.title_of(name))
             item.setData(_NAME, name)
             item.setToolTip(f"{thumbnails.title_of(name)}\n{name}")
             self.list.addItem(item)
@@ -65,7 +65,17 @@ class Gallery(QWidget):
         layout.addWidget(self.list, 1)
         layout.addWidget(self._recent_label)
         layout.addWidget(self.recent)
+        self._pictured = False
         self.show_recent([])
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Read the pictures, at the first time."""
+        super().showEvent(event)
+        if not self._pictured:
+            self._pictured = True
+            for row in range(self.list.count()):
+                item = self.list.item(row)
+                item.setIcon(_picture(item.data(_NAME)))
 
     def show_recent(self, files: list[str]) -> None:
         """List the files used lately.

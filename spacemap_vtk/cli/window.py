@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -20,6 +21,8 @@ def gui(
     if scene is not None:
         library.find(scene)
     require_window()
+    # Nothing of what is imported is garbage: to look for it, now or in a drag, only takes time.
+    gc.disable()
     # Qt and VTK's window take a second to import: only this command pays for it, and what will
     # come is on the screen meanwhile.
     from spacemap_vtk.app.splash import Splash
@@ -27,4 +30,6 @@ def gui(
     splash = Splash(scene)
     from spacemap_vtk.app.launch import launch
 
+    gc.freeze()
+    gc.enable()
     launch(scene, splash.give_way_to)

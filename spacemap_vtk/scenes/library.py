@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parameters import suggestion
 
 
 def folder() -> Path:
@@ -56,6 +55,9 @@ def find(scene: str | Path) -> Path:
     named = folder() / f"{scene}.toml"
     if str(scene) == path.name and named.is_file():
         return named
+    # Only for its message: numpy comes along.
+    from spacemap_vtk.parameters import suggestion
+
     raise InputError(
         f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
         allowed="a scene (.toml), a draft (.wif), a mesh (as .ply), or one of "
