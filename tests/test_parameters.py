@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -108,6 +109,36 @@ def test_a_refused_value_is_named_with_what_is_allowed(name: str, value: object,
     assert "allowed: " in text
     assert getattr(thing, name) == before
     assert thing._changes == 0
+
+
+@pytest.mark.parametrize("word", ["auto", " auto "])
+def test_a_word_makes_a_value_automatic(word: str) -> None:
+    thing = Thing(maybe=2.0, file="there")
+    assert thing._changes == 2
+    thing.configure(maybe=word, file=word)
+    assert (thing.maybe, thing.file) == (None, None)
+    for name in ("maybe", "file"):
+        parameter = Thing.parameters[name]
+        assert parameter.show(None) == f"auto ({parameter.automatic})"
+        assert parameter.allowed.endswith(', or "auto"')
+    # A file of that name can be meant all the same.
+    thing.file = "./auto"
+    assert thing.file == Path("auto")
+
+
+@pytest.mark.parametrize("name", ["length", "count", "push", "kind", "color"])
+def test_what_is_never_automatic_refuses_the_word(name: str) -> None:
+    with pytest.raises(InputError, match=name) as refused:
+        Thing(**{name: "auto"})
+    assert '"auto"' not in str(refused.value.allowed)
+
+
+def test_every_automatic_parameter_takes_the_word() -> None:
+    found = [p for cls in FILTERS for p in cls.parameters.values() if p.automatic]
+    assert len(found) > 20
+    for parameter in found:
+        assert parameter.check("auto") is None
+        assert parameter.default is None
 
 
 def test_unknown_names_list_the_valid_ones() -> None:

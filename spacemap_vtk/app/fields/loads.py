@@ -131,9 +131,6 @@ class _Card(QFrame):
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             row = ParameterRow(Load.parameters[name])
-            # A load's values are there or not: there is nothing to be automatic.
-            if row.automatic is not None:
-                row.automatic.hide()
             row.reset.setVisible(name in _optional(load))
             row.edited.connect(self._row_edited)
             row.held.connect(self.held)
