@@ -206,6 +206,7 @@ class MainWindow(QMainWindow):
         self.draft.failed.connect(self.report)
         self.draft.accepted.connect(self.errors.clear)
         self.draft.held.connect(self.director.hold)
+        self.document.failed.connect(self.report)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)

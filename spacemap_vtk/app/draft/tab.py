@@ -146,6 +146,7 @@ class DraftTab(QWidget):
         try:
             check_output(path, {".wif": "draft"})
             data = format_wif(weave.wif)
+            self._document.remember(path)
             with whole_file(path) as file:
                 file.write_bytes(data)
         except (SpacemapError, OSError) as error:
