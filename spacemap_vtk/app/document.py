@@ -340,7 +340,7 @@ class Document(QObject):
                 long.multiline(True)
 
     def _save_draft(self, target: Path, folder: Path) -> None:
-        """Let an edited draft lie beside the scene that is about to be saved, by way of a folder."""
+        """Let an edited draft lie beside the scene that is being saved, by way of a folder."""
         draft = self.scene.weave.draft
         if not self.drafts.holds(draft):
             return
