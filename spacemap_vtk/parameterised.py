@@ -91,7 +91,10 @@ class Parameter(Generic[T]):
     def __set__(self, instance: Parameterised, value: Any) -> None:
         checked = self.check(value)
         if checked != self.__get__(instance, type(instance)):
-            instance._values[self.name] = checked
+            # Back at the default it is as if nobody had set it, which some stages ask.
+            instance._values.pop(self.name, None)
+            if checked != self.default:
+                instance._values[self.name] = checked
             instance._parameter_changed()
 
     def check(self, value: Any) -> T:

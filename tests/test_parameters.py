@@ -151,6 +151,16 @@ def test_unknown_names_list_the_valid_ones() -> None:
         _ = thing.colour
 
 
+def test_back_at_the_default_is_as_if_never_set() -> None:
+    thing = Thing(count=5)
+    thing.count = 3
+    assert thing._values == Thing()._values == {}
+    assert thing._changes == 2
+    response = spacemap_vtk.ModalResponse(alpha=5.0)
+    response.configure(alpha=spacemap_vtk.ModalResponse().alpha, damping_ratio=0.05)
+    assert response.damping.ratio == 0.05
+
+
 def test_configure_sets_all_or_nothing() -> None:
     thing = Thing()
     with pytest.raises(InputError):

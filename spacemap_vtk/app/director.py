@@ -149,9 +149,9 @@ class Director(QObject):
     def _changed(self) -> None:
         self._times.adopt(self._document.scene.animation)
         connected = {stage.section for stage in self._document.scene.stages}
-        for section in connected:
-            if self._stages.states.get(section) == "off":
-                self._stages.restart(self._document.scene)
+        listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
+        if connected != listed:
+            self._stages.restart(self._document.scene)
         # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
         # only looked at in another way runs nothing, and is smooth at once.
         before, self._settings = self._settings, _settings_of(self._document.scene)

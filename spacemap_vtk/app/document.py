@@ -39,11 +39,11 @@ def values_of(path: Path) -> dict[str, Any]:
     dict
         A table for each section.
     """
-    if path.suffix.lower() == ".toml":
-        return tomllib.loads(path.read_text(encoding="utf-8"))
     if path.suffix.lower() in OBJECT_ENDINGS:
         return {"object": {"file": str(path)}}
-    return {"weave": {"draft": str(path)}}
+    if path.suffix.lower() == ".wif":
+        return {"weave": {"draft": str(path)}}
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 class Version(NamedTuple):
@@ -106,14 +106,14 @@ class Document(QObject):
             If it cannot be read; the present scene stays.
         """
         path = library.find(name).resolve()
-        if path.suffix.lower() != ".toml":
-            # A new scene of the draft: what Scene.read makes of it is not yet a text.
-            read = Scene.read(path)
-            text = tomlkit.dumps({"title": read.title, **values_of(path)})
-        else:
-            Scene.read(path)  # for its message, which names the file
+        read = Scene.read(path)  # also for its message, which names the file
+        scene = path.suffix.lower() not in (".wif", *OBJECT_ENDINGS)
+        if scene:
             text = path.read_text(encoding="utf-8")
-        own = path.suffix.lower() == ".toml" and path.parent != library.folder().resolve()
+        else:
+            # A new scene of the draft: what Scene.read makes of it is not yet a text.
+            text = tomlkit.dumps({"title": read.title, **values_of(path)})
+        own = scene and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
         self._replace(text, path.parent)
 
@@ -328,7 +328,7 @@ class Document(QObject):
                 for name in [name for name in table if name not in wanted]:
                     del table[name]
                 for name, value in wanted.items():
-                    if name not in table or not _same(table[name], value, key, name):
+                    if name not in table or not self._same(table[name], value, key, name):
                         table[name] = value
         elif section in self._toml:
             self._toml[section][key] = written
@@ -338,6 +338,27 @@ class Document(QObject):
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
+
+    def _same(self, here: Any, wanted: Any, key: str, name: str) -> bool:
+        """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
+        record = next(
+            (
+                p.record
+                for cls in SECTIONS.values()
+                for k, p in cls.parameters.items()
+                if k == key and hasattr(p, "record")
+            ),
+            None,
+        )
+        if record is None:
+            return bool(here == wanted)
+        parameter = record.parameters[name]
+        # A path, too, is the same file where an editor gives the whole of it.
+        one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
+        try:
+            return bool(parameter.check(one) == parameter.check(other))
+        except InputError:
+            return False
 
     def _save_draft(self, target: Path, folder: Path) -> None:
         """Let an edited draft lie beside the scene that is being saved, by way of a folder."""
@@ -376,26 +397,6 @@ def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
         keys = parameter.record.parameters
         return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
     return value
-
-
-def _same(here: Any, wanted: Any, key: str, name: str) -> bool:
-    """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
-    record = next(
-        (
-            p.record
-            for cls in SECTIONS.values()
-            for k, p in cls.parameters.items()
-            if k == key and hasattr(p, "record")
-        ),
-        None,
-    )
-    if record is None:
-        return bool(here == wanted)
-    parameter = record.parameters[name]
-    try:
-        return bool(parameter.check(_unwrapped(here)) == parameter.check(wanted))
-    except InputError:
-        return False
 
 
 def _unwrapped(item: Any) -> Any:
