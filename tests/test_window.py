@@ -178,8 +178,8 @@ def test_the_feasible_interval_of_h1_is_live(open_window: Any) -> None:
     assert "feasible" in before
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
     field = window.properties.rows["warp_crimp_height"]
-    # Four times a second at most.
-    wait_until(lambda: field.note.text() != before, 3.0)
+    # Four times a second at most, and in no more than a share of the time: seldom under load.
+    wait_until(lambda: field.note.text() != before)
     assert "feasible" in field.note.text()
     # "automatic" off begins where automatic was.
     QTest.mouseClick(
