@@ -12,14 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 
-from spacemap_vtk.app.actors import (
-    CageActor,
-    GhostActor,
-    LoadActor,
-    PickActor,
-    SupportActor,
-    moved_points,
-)
+from spacemap_vtk.app.actors import CageActor, PickActor, moved_points
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
@@ -28,6 +21,7 @@ from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
+from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
     Span,
@@ -56,6 +50,8 @@ class View3D(QWidget):
     picked = Signal(object)
     #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
     picks_changed = Signal(list)
+    #: The mouse has moved the plane that cuts: its normal and origin.
+    clipped = Signal(object, object)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -74,7 +70,10 @@ class View3D(QWidget):
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        self.clip = ClipPlane(self.plotter.interactor, self._actors)
+        # Half an arrow says nothing: loads are never cut.
+        self.clip = ClipPlane(self.plotter.interactor, self._actors[:-1], self.clipped)
+        self._view: View | None = None
+        self._cut: object = None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
@@ -102,9 +101,9 @@ class View3D(QWidget):
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._color(view)
+        self._view = view
         if first:
-            self.clip.set_on(False, None)
-            self.clip.forget()
+            self.clip.last = None
             self.forget_picks()
         self.refresh(render=False)
         self._mark()
@@ -112,16 +111,29 @@ class View3D(QWidget):
             self.reset_camera(view.camera)
         self.render()
 
+    def adopt(self, view: View) -> None:
+        """Show the present frame as a scene's section ``[view]`` says.
+
+        Parameters
+        ----------
+        view : View
+            Of the scene that the frame is of.
+        """
+        if self._view is not None and view.settings != self._view.settings:
+            self._view = view
+            self._color(view)
+            self.refresh()
+
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame as `look` says.
+        """Show the present frame as `look` and the scene say.
 
         Parameters
         ----------
         render : bool, optional
             Whether to draw at once.
         """
-        frame, look = self.frame, self.look
-        if frame is None:
+        frame, look, view = self.frame, self.look, self._view
+        if frame is None or view is None:
             return
         self._fabric.show(
             frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
@@ -130,16 +142,22 @@ class View3D(QWidget):
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
         self.plotter.camera.SetWindowCenter(room, 0.0)
-        self._ghost.SetVisibility(look.ghost)
-        if look.ghost:
+        ghost = view.ghost and look.fabric
+        self._ghost.SetVisibility(ghost)
+        if ghost:
             self._ghost.show(frame.surface)
-        for actor, wanted in ((self._cage, look.cage), (self._supports, look.supports)):
+        supports = view.supports and look.cage
+        for actor, wanted in ((self._cage, look.cage), (self._supports, supports)):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        self._loads.SetVisibility(look.loads)
-        if look.loads:
+        self._loads.SetVisibility(view.loads)
+        if view.loads:
             self._loads.show(frame.arrows)
+        cut = frame.generation, view.clip_normal, view.clip_origin
+        if cut != self._cut:
+            self._cut = cut
+            self.clip.show(cut_of(view, frame.surface), self._extent())
         if render:
             self.render()
 
@@ -192,31 +210,6 @@ class View3D(QWidget):
             "up": camera.GetViewUp(),
             "parallel_scale": camera.GetParallelScale() if camera.GetParallelProjection() else 0.0,
         }
-
-    def set_clip(self, on: bool) -> None:
-        """Cut the view open with a plane, or show the whole.
-
-        Parameters
-        ----------
-        on : bool
-            Cut.
-        """
-        self.clip.set_on(on, self._extent())
-        self.render()
-
-    def reset_clip(self, normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)) -> None:
-        """Put the plane that cuts through the middle again.
-
-        Parameters
-        ----------
-        normal : tuple of float, optional
-            Points to what stays in sight.
-        """
-        points = self._extent()
-        if points is not None:
-            self.clip.reset(points, normal)
-            self.clip.set_on(True, points)
-            self.render()
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it.

@@ -20,7 +20,8 @@ Set = Annotated[
     Parameter(
         name="--set",
         negative="",
-        help="Change a value of the scene, as in --set weave.ends=20. Can be given again.",
+        help="Change a value of the scene, as in --set weave.ends=20; auto makes one automatic. "
+        "Can be given again.",
     ),
 ]
 Time = Annotated[str | None, Parameter(help="Time in s, as in 0.4 or 400ms.")]
