@@ -78,7 +78,9 @@ def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
     assert (pick.yarn >= 7) == (pick.family == 1)
     moved = np.array(pick.rest) + pick.displacement
     np.testing.assert_allclose(moved, pick.position, atol=1e-9)
-    assert "yarn" in window.told.text()
+    # As weavers count, and as "spacemap info" and the draft do.
+    said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
+    assert window.told.text().startswith(said + " ")
     # Nothing moves at t = 0.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
