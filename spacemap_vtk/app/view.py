@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from pyvistaqt import QtInteractor
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -75,6 +76,10 @@ class View3D(QWidget):
         self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
+        #: The preset that the camera was last brought to, and where it stood then.
+        self._aimed: tuple[str, dict[str, Any]] | None = None
+        #: Share of the width that the scale takes.
+        self._room = 0.0
 
     @property
     def _actors(self) -> list[Any]:
@@ -123,6 +128,9 @@ class View3D(QWidget):
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
         self.plotter.camera.SetWindowCenter(room, 0.0)
+        if room != self._room:
+            self._room = room
+            self._keep_whole()
         self._ghost.SetVisibility(look.ghost)
         if look.ghost:
             self._ghost.show(frame.surface)
@@ -156,11 +164,25 @@ class View3D(QWidget):
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
-        aim(camera, points, width / height, name, 1.0)
+        aim(camera, points, (1.0 - self._room) * width / height, name, 1.0)
+        self._aimed = name, self.place
         # The scale of a parallel projection that shows as much as the perspective does.
         opening = np.radians(camera.view_angle / 2)
         camera.parallel_scale = camera.distance * float(np.tan(opening))
         self.render()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the whole in sight."""
+        super().resizeEvent(event)
+        self._keep_whole()
+
+    def _keep_whole(self) -> None:
+        """Fit the view to another form of its picture, unless the user has moved the camera."""
+        if self._aimed is None or self.frame is None:
+            return
+        (name, before), now = self._aimed, self.place
+        if all(before[key] == now[key] for key in ("position", "focus", "up")):
+            self.reset_camera(name)
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection.
