@@ -88,12 +88,12 @@ def opened(
             scene.view.size = size.lower().split("x")
         except InputError as error:
             # In the words of the command line, where a size is no list.
-            side = type(scene.view).parameters["size"].component
+            side: Any = type(scene.view).parameters["size"]
             raise InputError(
                 "not a size in pixels",
                 key="--size",
                 value=size,
-                allowed=f"width x height, as in 1920x1080, each {side.allowed}",
+                allowed=f"width x height, as in 1920x1080, each {side.component.allowed}",
             ) from error
     return scene
 
