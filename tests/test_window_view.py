@@ -142,3 +142,10 @@ def test_a_narrow_windows_tools_keep_together(open_window: Any) -> None:
     label = next(k for k in window.tools.findChildren(QLabel) if k.text() == "Colour by")
     assert box.isVisible() == label.isVisible()
     wait_until(lambda: window.times.slider.width() >= 100, 5)
+
+
+def test_a_stages_figures_stand_beside_its_name(open_window: Any) -> None:
+    window = open_window()
+    for item in window.stages.items.values():
+        for column in (1, 2):
+            assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
