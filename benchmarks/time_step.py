@@ -1,8 +1,9 @@
 """Set-up and time step of the main pipeline: 7 x 7 and 100 x 100 plain weave.
 
     python benchmarks/time_step.py
+    NUMBA_DISABLE_JIT=1 python benchmarks/time_step.py    # as without Numba
 
-Prints medians in ms, and what a copy of the same bytes takes, as the floor to compare with.
+Prints medians in ms, and what a copy of the same bytes takes, into fresh and into used memory.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from spacemap_vtk import (
     TetraCage,
     WeaveSource,
 )
+from spacemap_vtk.compiled import loops
 from spacemap_vtk.filters.base import Stage
 
 STEPS = 15
@@ -50,9 +52,11 @@ def milliseconds(run: Callable[..., object], *arguments: object) -> float:
 
 def main() -> None:
     """Print the table."""
+    compiled = loops("spacemap_vtk.fabric.patch_loops") is not None
+    print("Large fabrics:", "loops compiled by Numba" if compiled else "NumPy")
     print(
         f"{'plain weave':<14}{'patches':>10}{'points':>12}{'set-up':>10}{'response':>10}"
-        f"{'warp':>8}{'surface':>9}{'step':>8}{'copy':>8}  [ms]"
+        f"{'warp':>8}{'surface':>9}{'step':>8}{'copy':>8}{'again':>8}  [ms]"
     )
     for yarns, subdivisions in ((7, 4), (7, 6), (100, 3), (100, 4)):
         stages = chain(yarns, subdivisions)
@@ -71,10 +75,12 @@ def main() -> None:
         # position, normal and displacement of the surface in float32.
         written = np.ones(moved * 6 * 8 + points * 9 * 4, dtype=np.uint8)
         copy = statistics.median(milliseconds(written.copy) for _ in range(5))
+        used = written.copy()
+        again = statistics.median(milliseconds(np.copyto, used, written) for _ in range(5))
         patches = warp.GetOutputDataObject(0).GetNumberOfCells()
         print(
             f"{yarns:>3} x {yarns:<3} /{subdivisions:<4}{patches:>10}{points:>12}{setup:>10.0f}"
-            f"{a:>10.2f}{b:>8.2f}{c:>9.2f}{whole:>8.2f}{copy:>8.2f}"
+            f"{a:>10.2f}{b:>8.2f}{c:>9.2f}{whole:>8.2f}{copy:>8.2f}{again:>8.2f}"
         )
 
 

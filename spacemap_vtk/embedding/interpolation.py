@@ -4,16 +4,19 @@ Equation (8) of Furukawa, Kitagawa and Shimizu: four weights a point (ten in qua
 Points of one tetrahedron take the same vertices, so that where they are many their values are one
 dense product, put back into order afterwards; elsewhere a sparse product takes all tetrahedra in
 one call. Either is bound by the memory that points and weights take, and gains by a second thread.
+Many points take neither where Numba is installed: one compiled loop does all, with no order needed.
 """
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
+from spacemap_vtk.compiled import WORTHWHILE, loops
 from spacemap_vtk.embedding.locate import Location
 from spacemap_vtk.embedding.quadratic import quadratic_weights
 from spacemap_vtk.errors import InputError
@@ -71,13 +74,19 @@ class Interpolation:
         self.vertex_count = vertex_count
         self._threads = threads
         self._recycler = Recycler()
-        self._blocks: list[tuple[slice, _Sparse | _Sorted]] = []
+        self._blocks: list[tuple[slice, _Sparse | _Sorted | _Compiled]] = []
+        many = self.point_count > WORTHWHILE
+        ride = loops("spacemap_vtk.embedding.ride_loops") if many else None
         for begin in range(0, self.point_count, _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
             weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
             if corners.shape[1] == 10 and weights.shape[1] == 4:
                 weights = quadratic_weights(weights)
-            self._blocks.append((rows, _product(weights, tetrahedron, corners, vertex_count)))
+            self._blocks.append(
+                (rows, _product(weights, tetrahedron, corners, vertex_count))
+                if ride is None
+                else (rows, _Compiled(ride, weights, tetrahedron, corners))
+            )
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
         """Interpolate.
@@ -106,7 +115,7 @@ class Interpolation:
         columns = table.reshape(len(table), -1)
         result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
 
-        def do(block: tuple[slice, _Sparse | _Sorted]) -> None:
+        def do(block: tuple[slice, _Sparse | _Sorted | _Compiled]) -> None:
             rows, product = block
             product.write(columns, result[rows])
 
@@ -145,10 +154,13 @@ class Interpolation:
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
 
-        def do(block: tuple[slice, _Sparse | _Sorted]) -> None:
-            # the sum is made while the block is in the cache
+        def do(block: tuple[slice, _Sparse | _Sorted | _Compiled]) -> None:
             rows, product = block
+            if isinstance(product, _Compiled):
+                product.displace(table, points[rows], moved[rows], shift[rows])
+                return
             product.write(table, shift[rows])
+            # while the block is in the cache
             np.add(points[rows], shift[rows], out=moved[rows])
 
         for_each(self._blocks, lambda: do, self._threads)
@@ -247,3 +259,36 @@ class _Sorted:
             np.take(result, self._place, axis=0, out=out, mode="clip")
         else:
             out[...] = result[self._place]
+
+
+class _Compiled:
+    """One compiled loop over the points in the order that they have."""
+
+    def __init__(
+        self,
+        ride: ModuleType,
+        weights: NDArray[np.float64],
+        tetrahedron: NDArray[np.int32],
+        corners: NDArray[np.int32],
+    ) -> None:
+        self._ride = ride
+        # Views of the location where it can be, and of the one type that is compiled for.
+        self._tables = (
+            np.ascontiguousarray(weights, np.float64),
+            np.ascontiguousarray(tetrahedron, np.int32),
+            corners,
+        )
+
+    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
+        """Write the values at the points, of those at the vertices."""
+        self._ride.apply(*self._tables, values, out)
+
+    def displace(
+        self,
+        values: NDArray[np.float64],
+        points: NDArray[Any],
+        moved: NDArray[Any],
+        shift: NDArray[Any],
+    ) -> None:
+        """Write displacement and new position of the points, of displacements at the vertices."""
+        self._ride.displace(*self._tables, values, np.ascontiguousarray(points), moved, shift)

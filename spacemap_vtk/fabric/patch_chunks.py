@@ -28,9 +28,9 @@ Floats = NDArray[np.floating[Any]]
 # wait for the interpreter's lock: half of this takes a quarter longer in two threads.
 _CHUNK_BYTES = 2**23
 
-# |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
-# error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
-_SUSPECT = 1e-4
+#: |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
+#: error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
+SUSPECT = 1e-4
 
 
 class Chunk(NamedTuple):
@@ -97,8 +97,9 @@ def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
             part = part.reshape(-1, size)
         else:
             part = part - low
-        # As narrow as it may be: at every step it is read from memory, the rest is in the cache.
-        narrow = np.min_scalar_type(int(part.max()))
+        # Narrow: at every step it is read from memory, the rest is in the cache. Not narrower than
+        # 16 bits: compiled loops are made anew for each type.
+        narrow = np.promote_types(np.uint16, np.min_scalar_type(int(part.max())))
         result.append(Chunk(first, used, np.ascontiguousarray(part.T, narrow)))
     return result
 
@@ -339,7 +340,7 @@ class Scratch:
         # the size of a patch: its other corners as seen from the first
         diagonal = apart[:, corners] / scale
         size = np.square(diagonal, out=diagonal).sum(axis=(0, 1))
-        suspect = length <= np.square(_SUSPECT * size)
+        suspect = length <= np.square(SUSPECT * size)
         np.sqrt(length, out=length)
         np.divide(1, length, out=length)
         for axis in range(3):

@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from spacemap_vtk.compiled import WORTHWHILE, loops
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
+from spacemap_vtk.fabric.bicubic import Bicubic
 from spacemap_vtk.fabric.normals import robust_normals
 from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_chunks, multiply
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
-
-#: Surface points from which a second thread pays.
-_WORTH_A_THREAD = 100_000
 
 
 class Tessellation:
@@ -92,11 +91,14 @@ class Tessellation:
         self.subdivisions = subdivisions
         self.patch_count = len(patches)
         # Below some 10^5 points a thread costs more to start than it saves.
-        self._threads = threads or (None if self.point_count > _WORTH_A_THREAD else 1)
+        self._threads = threads or (None if self.point_count > WORTHWHILE else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
         self._idle: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
+        many = self.degree == (3, 3) and self.point_count > WORTHWHILE
+        compiled = loops("spacemap_vtk.fabric.patch_loops") if many else None
+        self._bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         self._chunks = cut_into_chunks(
             patches.astype(np.int64, copy=False)[:, order], 3 * (subdivisions + 1) ** 2
@@ -157,9 +159,18 @@ class Tessellation:
         with_origin = _with_ones(stacked[:samples])
         if points.dtype not in (np.float32, np.float64):
             points = points.astype(np.float64)
+        bicubic = self._bicubic if rational is None else None
 
         def do(chunk: Chunk) -> None:
             surface, across = self._part(positions, chunk), self._part(normals, chunk)
+            if bicubic is not None:
+                found = bicubic.evaluate(chunk, points, scale, surface, across)
+            else:
+                found = by_products(chunk, surface, across)
+            if len(found):
+                suspects.append((chunk, found))
+
+        def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 net = scratch.net(chunk, points, kind)
                 apart = scratch.apart(net)
@@ -170,9 +181,7 @@ class Tessellation:
                     values = scratch.multiply_rational(chunk, stacked, apart, rational, samples)
                     slopes = values[:, samples:]
                     _add_origin(values[:, :samples], net, surface)
-                found = scratch.normals(apart, slopes, across, self._corners, scale)
-            if len(found):
-                suspects.append((chunk, found))
+                return scratch.normals(apart, slopes, across, self._corners, scale)
 
         for_each(self._chunks, lambda: do, self._threads)
         if suspects:
@@ -223,8 +232,13 @@ class Tessellation:
         most = max((chunk.row_count for chunk in self._chunks), default=0)
         origins = np.tile(origin, (most + 1, 1))
 
+        bicubic = self._bicubic if rational is None else None
+
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)
+            if bicubic is not None:
+                bicubic.interpolate(chunk, columns, origin, part)
+                return
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 for start in range(0, columns.shape[1], 3):
                     few = slice(start, start + 3)

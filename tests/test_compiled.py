@@ -1,0 +1,199 @@
+"""Compiled loops against the NumPy code beside them, and what is done without a compiler."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from test_tessellation import random_patches
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.embedding import interpolation
+from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.fabric import tessellation
+from spacemap_vtk.fabric.tessellation import Tessellation
+
+pytest.importorskip("numba")
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Compiled loops for small work, too."""
+    for module in (interpolation, tessellation):
+        monkeypatch.setattr(module, "WORTHWHILE", 0)
+
+
+def both(monkeypatch, module, make):
+    """Two of the same: by compiled loops, and by NumPy."""
+    compiled = make()
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "loops", lambda name: None)
+        return compiled, make()
+
+
+def surfaces(monkeypatch, connectivity, subdivisions):
+    compiled, plain = both(
+        monkeypatch, tessellation, lambda: Tessellation(connectivity, (3, 3), subdivisions)
+    )
+    assert compiled._bicubic is not None
+    assert plain._bicubic is None
+    return compiled, plain
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 3000])
+@pytest.mark.parametrize("subdivisions", [1, 3, 4])
+@pytest.mark.parametrize("shared", [True, False])
+def test_patches_are_those_of_matrix_products(monkeypatch, small, count, subdivisions, shared):
+    points, connectivity = random_patches(count, 3, 3, shared=shared)
+    compiled, plain = surfaces(monkeypatch, connectivity, subdivisions)
+    np.testing.assert_array_equal(compiled.quads, plain.quads)
+    for kind, error in ((np.float32, 1e-5), (np.float64, 1e-13)):
+        for made, expected in zip(
+            compiled.evaluate(points, kind), plain.evaluate(points, kind), strict=True
+        ):
+            assert made.dtype == kind
+            np.testing.assert_allclose(made, expected, rtol=0, atol=error)
+
+
+def test_points_of_single_precision_far_from_the_origin(monkeypatch, small):
+    points, connectivity = random_patches(500, 3, 3)
+    points = (1e-4 * points + 7.0).astype(np.float32)
+    compiled, plain = surfaces(monkeypatch, connectivity, 3)
+    made, expected = compiled.evaluate(points), plain.evaluate(points)
+    np.testing.assert_allclose(made[0], expected[0], rtol=0, atol=5e-7)  # a float32 at 7
+    np.testing.assert_allclose(made[1], expected[1], rtol=0, atol=2e-5)
+
+
+@pytest.mark.parametrize("scale", [1e-25, 1e-4, 1e25])
+def test_collapsed_edges_have_the_same_normals(monkeypatch, small, scale):
+    points, connectivity = random_patches(300, 3, 3, shared=False)
+    net = points[connectivity]
+    net[::7, [0, 4, 5, 1]] = net[::7, :1]  # an edge collapsed: corners 0 and 1, and between
+    points[connectivity] = net
+    compiled, plain = surfaces(monkeypatch, connectivity, 4)
+    with np.errstate(all="ignore"):
+        made, expected = (
+            surface.evaluate(points * scale, np.float64) for surface in (compiled, plain)
+        )
+    assert np.isfinite(made[1]).all()
+    np.testing.assert_allclose(np.linalg.norm(made[1], axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(made[1], expected[1], rtol=0, atol=1e-9)
+
+
+def test_only_broken_patches_are_broken(monkeypatch, small):
+    points, connectivity = random_patches(40, 3, 3, shared=False)
+    points[connectivity[5, 3]], points[connectivity[30, 0]] = np.nan, np.inf
+    compiled, plain = surfaces(monkeypatch, connectivity, 2)
+    with np.errstate(all="ignore"):
+        for made, expected in zip(compiled.evaluate(points), plain.evaluate(points), strict=True):
+            np.testing.assert_array_equal(
+                np.isfinite(made).all(axis=1), np.isfinite(expected).all(axis=1)
+            )
+            assert (~np.isfinite(made)).any(axis=1).sum() == 2 * 9
+
+
+@pytest.mark.parametrize("columns", [0, 1, 2, 3, 6])
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, np.uint8])
+def test_arrays_are_carried_over(monkeypatch, small, columns, kind):
+    points, connectivity = random_patches(700, 3, 3)
+    compiled, plain = surfaces(monkeypatch, connectivity, 3)
+    shape = (len(points), columns) if columns else len(points)
+    values = np.random.default_rng(1).uniform(0, 100, shape).astype(kind)
+    made, expected = compiled.interpolate(values), plain.interpolate(values)
+    assert made.dtype == expected.dtype
+    assert made.shape == expected.shape
+    error = 1e-4 if made.dtype == np.float32 else 1e-12
+    np.testing.assert_allclose(made, expected, rtol=0, atol=error)
+    constant = np.full(shape, 0.1 if kind in (np.float64, np.float32) else 7, dtype=kind)
+    same = compiled.interpolate(constant)
+    assert (same == same.dtype.type(constant.flat[0])).all()
+
+
+def test_rational_and_other_patches_need_no_loops(small):
+    points, connectivity = random_patches(50, 3, 3)
+    surface = Tessellation(connectivity, (3, 3), 2)
+    weights = np.random.default_rng(2).uniform(0.5, 2, len(points))
+    ones = surface.evaluate(points, np.float64, weights=np.ones(len(points)))
+    np.testing.assert_allclose(surface.evaluate(points, np.float64)[0], ones[0], atol=1e-13)
+    other = surface.evaluate(points, np.float64, weights=weights)
+    assert np.abs(other[0] - ones[0]).max() > 1e-3
+    assert Tessellation(random_patches(50, 2, 3)[1], (2, 3), 2)._bicubic is None
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
+@pytest.mark.parametrize("cells", [2, 12])  # many points a tetrahedron, and few
+def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
+    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (cells, cells, 1))
+    nodes, elements = (vertices, tetrahedra) if order == 1 else with_midpoints(vertices, tetrahedra)
+    rng = np.random.default_rng(order)
+    points = rng.uniform(-0.2, 1.2, (20_000, 3))
+    where = locate(points, vertices, tetrahedra, outside)
+    compiled, plain = both(
+        monkeypatch, interpolation, lambda: Interpolation(where, elements, len(nodes))
+    )
+    shift = rng.normal(size=(len(nodes), 3))
+    for kind, error in ((np.float64, 1e-13), (np.float32, 1e-5)):
+        own = points.astype(kind)
+        moved, made = compiled.displace(own, shift)
+        assert made.dtype == moved.dtype == kind
+        np.testing.assert_allclose(made, plain.displace(own, shift)[1], rtol=0, atol=error)
+        np.testing.assert_array_equal(moved, own + made)
+    for columns in ((), (1,), (7,)):
+        values = rng.normal(size=(len(nodes), *columns))
+        made, expected = compiled.apply(values), plain.apply(values)
+        assert made.shape == expected.shape == (len(points), *columns)
+        np.testing.assert_allclose(made, expected, rtol=0, atol=1e-13)
+
+
+def test_small_work_waits_for_no_compiler(monkeypatch):
+    monkeypatch.setattr(tessellation, "loops", None)  # not to be called
+    monkeypatch.setattr(interpolation, "loops", None)
+    points, connectivity = random_patches(10, 3, 3)
+    Tessellation(connectivity, (3, 3), 3).evaluate(points)
+    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    Interpolation(locate(vertices, vertices, tetrahedra), tetrahedra, len(vertices)).apply(vertices)
+
+
+@pytest.mark.parametrize(
+    "without",
+    ["import sys; sys.modules['numba'] = None", "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"],
+    ids=["missing", "switched off"],
+)
+def test_all_runs_without_a_compiler(without):
+    program = f"""
+{without}
+import numpy as np
+from spacemap_vtk import WeaveSource, PatchTessellator
+from spacemap_vtk.compiled import loops
+from spacemap_vtk.fabric.tessellation import WORTHWHILE
+assert loops("spacemap_vtk.fabric.patch_loops") is None
+weave, surface = WeaveSource(ends=20, picks=20), PatchTessellator(subdivisions=4)
+surface.SetInputConnection(weave.GetOutputPort())
+surface.update()
+assert surface.GetOutputDataObject(0).GetNumberOfPoints() > WORTHWHILE
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
+
+
+def test_no_folder_for_machine_code(tmp_path):
+    """Where nothing can be kept, as of a program without a file, the loops still run."""
+    program = """
+import numpy as np
+from spacemap_vtk.compiled import compiled
+
+@compiled
+def total(values):
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+
+assert total(np.arange(4.0)) == 6.0
+assert total.stats.cache_path is None
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120, cwd=tmp_path)
