@@ -245,6 +245,26 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
     assert "[weave]" not in out
 
 
+def test_what_a_scene_gives_can_be_automatic_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``auto`` for --set and in the file is what the file without the key is."""
+
+    def height(text: str, *arguments: str) -> float:
+        scene = tmp_path / "scene.toml"
+        scene.write_text(text, encoding="utf-8")
+        assert run("info", str(scene), "--json", "-q", *arguments) == 0
+        return float(json.loads(capsys.readouterr().out)["warp"]["height"])
+
+    chosen = '[weave]\nwarp_crimp_height = "0.1 mm"\n'
+    assert height(chosen) == pytest.approx(1e-4)
+    found = height("[weave]\n")
+    assert found != pytest.approx(1e-4)
+    assert height(chosen, "--set", "weave.warp_crimp_height=auto") == found
+    assert height(chosen, "--set", 'weave.warp_crimp_height="auto"') == found
+    assert height('[weave]\nwarp_crimp_height = "auto"\ndraft = "auto"\n') == found
+
+
 # --- what is refused ---------------------------------------------------------------------------
 
 
@@ -258,6 +278,9 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
         ("title = 3", ["title = 3", "not a string"]),
         ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
         ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
+        ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
+        ("[surface]\nsubdivisions = 'auto'", ["surface.subdivisions", "not a number"]),
+        ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
         ("[weave]\nends = true", ["weave.ends = True", "not a number"]),
         ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
         ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),

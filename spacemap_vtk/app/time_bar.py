@@ -203,6 +203,9 @@ class TimeBar(QWidget):
         self.moved.emit(self.time, False)
 
     def _typed(self) -> None:
+        if not self.line.isModified():
+            return  # left as it was: what it shows is rounded
+        self.line.setModified(False)
         try:
             at = parse_quantity(self.line.text(), "s")
             if not 0.0 <= at < float("inf"):

@@ -14,13 +14,14 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, GhostActor, LoadActor, SupportActor, moved_points
+from spacemap_vtk.app.actors import CageActor, moved_points
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import SHOWN
+from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
@@ -50,6 +51,8 @@ class View3D(QWidget):
     picked = Signal(object)
     #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
     picks_changed = Signal(list)
+    #: The mouse has moved the plane that cuts: its normal and origin.
+    clipped = Signal(object, object)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -68,7 +71,10 @@ class View3D(QWidget):
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors)
+        # Half an arrow says nothing: loads are never cut.
+        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors[:-1], self.clipped)
+        self._view: View | None = None
+        self._cut: object = None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
@@ -100,9 +106,9 @@ class View3D(QWidget):
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._color(view)
+        self._view = view
         if first:
-            self.clip.set_on(False, None)
-            self.clip.forget()
+            self.clip.last = None
             self.forget_picks()
         self.refresh(render=False)
         self._mark()
@@ -110,16 +116,29 @@ class View3D(QWidget):
             self.reset_camera(view.camera)
         self.render()
 
+    def adopt(self, view: View) -> None:
+        """Show the present frame as a scene's section ``[view]`` says.
+
+        Parameters
+        ----------
+        view : View
+            Of the scene that the frame is of.
+        """
+        if self._view is not None and view.settings != self._view.settings:
+            self._view = view
+            self._color(view)
+            self.refresh()
+
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame as `look` says.
+        """Show the present frame as `look` and the scene say.
 
         Parameters
         ----------
         render : bool, optional
             Whether to draw at once.
         """
-        frame, look = self.frame, self.look
-        if frame is None:
+        frame, look, view = self.frame, self.look, self._view
+        if frame is None or view is None:
             return
         self._fabric.show(
             frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
@@ -131,16 +150,22 @@ class View3D(QWidget):
         if room != self._room:
             self._room = room
             self._keep_whole()
-        self._ghost.SetVisibility(look.ghost)
-        if look.ghost:
+        ghost = view.ghost and look.fabric
+        self._ghost.SetVisibility(ghost)
+        if ghost:
             self._ghost.show(frame.surface)
-        for actor, wanted in ((self._cage, look.cage), (self._supports, look.supports)):
+        supports = view.supports and look.cage
+        for actor, wanted in ((self._cage, look.cage), (self._supports, supports)):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        self._loads.SetVisibility(look.loads)
-        if look.loads:
+        self._loads.SetVisibility(view.loads)
+        if view.loads:
             self._loads.show(frame.arrows)
+        cut = frame.generation, view.clip_normal, view.clip_origin
+        if cut != self._cut:
+            self._cut = cut
+            self.clip.show(cut_of(view, frame.surface), self._extent())
         if render:
             self.render()
 
@@ -209,31 +234,6 @@ class View3D(QWidget):
             "up": tuple(camera.up),
             "parallel_scale": camera.parallel_scale if camera.GetParallelProjection() else 0.0,
         }
-
-    def set_clip(self, on: bool) -> None:
-        """Cut the view open with a plane, or show the whole.
-
-        Parameters
-        ----------
-        on : bool
-            Cut.
-        """
-        self.clip.set_on(on, self._extent())
-        self.render()
-
-    def reset_clip(self, normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)) -> None:
-        """Put the plane that cuts through the middle again.
-
-        Parameters
-        ----------
-        normal : tuple of float, optional
-            Points to what stays in sight.
-        """
-        points = self._extent()
-        if points is not None:
-            self.clip.reset(points, normal)
-            self.clip.set_on(True, points)
-            self.render()
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it.

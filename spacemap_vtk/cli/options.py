@@ -20,7 +20,8 @@ Set = Annotated[
     Parameter(
         name="--set",
         negative="",
-        help="Change a value of the scene, as in --set weave.ends=20. Can be given again.",
+        help="Change a value of the scene, as in --set weave.ends=20; auto makes one automatic. "
+        "Can be given again.",
         show_default=False,
     ),
 ]

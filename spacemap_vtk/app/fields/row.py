@@ -45,7 +45,7 @@ class ParameterRow(QWidget):
         head.addWidget(label)
         head.addStretch(1)
         self.automatic: QCheckBox | None = None
-        if parameter.optional:
+        if parameter.automatic:
             self.automatic = QCheckBox("automatic")
             self.automatic.setToolTip(f"Automatic: {parameter.automatic}")
             self.automatic.clicked.connect(self._automatic_clicked)
@@ -123,6 +123,8 @@ class ParameterRow(QWidget):
                     child.style().polish(child)
 
     def _edited(self, written: object, burst: int) -> None:
+        if self.parameter.is_automatic(written):
+            written = None  # what is automatic is so by default
         self.edited.emit(self.parameter.name, written, burst)
 
     def _reset(self) -> None:
