@@ -360,8 +360,22 @@ def test_dark_and_light_and_every_key_is_told(open_window: Any) -> None:
     window.menus.dark.trigger()
     assert window.palette().window().color().lightness() < light / 2
     window.menus.dark.trigger()
-    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost"):
+    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost", "or Ctrl+Q", "or Ctrl+Y"):
         assert words in window.menus.keys
+
+
+def test_no_menu_says_the_same_twice(open_window: Any) -> None:
+    window = open_window()
+
+    def look_at(menu: Any) -> None:
+        named = [action.text() for action in menu.actions() if action.text()]
+        assert len(named) == len(set(named)) <= 14
+        for action in menu.actions():
+            if action.menu():
+                look_at(action.menu())
+
+    for top in window.menuBar().actions():
+        look_at(top.menu())
 
 
 def test_ten_rounds_of_opening_leave_one_window_of_stages(open_window: Any) -> None:

@@ -73,7 +73,9 @@ def as_script(document: Document, time: float) -> str:
     str
         Runs as it is.
     """
-    values = pprint.pformat(document.values, width=96, sort_dicts=False)
+    # Indented below the brace of the first line.
+    values = pprint.pformat(document.values, width=87, sort_dicts=False)
+    values = values.replace("\n", "\n" + " " * len("values = "))
     return (
         "from pathlib import Path\n\n"
         "from spacemap_vtk.scenes.scene import Scene\n\n"

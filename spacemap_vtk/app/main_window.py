@@ -36,6 +36,7 @@ from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
 from spacemap_vtk.errors import InputError, SpacemapError
@@ -75,6 +76,7 @@ class MainWindow(QMainWindow):
         self.exports = Exports(self)
         self._lay_out()
         self.menus = Menus(self)
+        UndoKeys(self)
         self._connect()
         self.setAcceptDrops(True)
         self._restore()

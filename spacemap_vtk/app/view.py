@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -81,6 +82,10 @@ class View3D(QWidget):
         self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
+        #: The preset that the camera was last brought to, and where it stood then.
+        self._aimed: tuple[str, dict[str, Any]] | None = None
+        #: Share of the width that the scale takes.
+        self._room = 0.0
 
     @property
     def _actors(self) -> list[Any]:
@@ -142,6 +147,9 @@ class View3D(QWidget):
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
         self.plotter.camera.SetWindowCenter(room, 0.0)
+        if room != self._room:
+            self._room = room
+            self._keep_whole()
         ghost = view.ghost and look.fabric
         self._ghost.SetVisibility(ghost)
         if ghost:
@@ -181,10 +189,24 @@ class View3D(QWidget):
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
-        aim(camera, points, width / height, name, 1.0)
+        aim(camera, points, (1.0 - self._room) * width / height, name, 1.0)
+        self._aimed = name, self.place
         # The scale of a parallel projection that shows as much as the perspective does.
         camera.SetParallelScale(_half_height(camera))
         self.render()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the whole in sight."""
+        super().resizeEvent(event)
+        self._keep_whole()
+
+    def _keep_whole(self) -> None:
+        """Fit the view to another form of its picture, unless the user has moved the camera."""
+        if self._aimed is None or self.frame is None:
+            return
+        (name, before), now = self._aimed, self.place
+        if all(before[key] == now[key] for key in ("position", "focus", "up")):
+            self.reset_camera(name)
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection.
@@ -276,9 +298,11 @@ class View3D(QWidget):
         position = points_of(surface)[point].astype(float)
         moved = surface.GetPointData().GetArray("displacement")
         displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
+        yarn, family = _number(surface, "yarn", cell), _number(surface, "family", cell)
         return Pick(
-            yarn=_number(surface, "yarn", cell),
-            family=_number(surface, "family", cell),
+            yarn=yarn,
+            family=family,
+            number=_number_in_family(surface, yarn, family),
             position=_three(position),
             rest=_three(position - displacement),
             displacement=_three(displacement),
@@ -368,6 +392,15 @@ def _half_height(camera: vtkCamera) -> float:
 def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
     array = surface.GetCellData().GetArray(name)
     return None if array is None else int(array.GetTuple1(cell))
+
+
+def _number_in_family(surface: vtkPolyData, yarn: int | None, family: int | None) -> int | None:
+    """Count from the family's first yarn, which is 1."""
+    if yarn is None or family is None:
+        return None
+    cells = surface.GetCellData()
+    of_family = vtk_to_numpy(cells.GetArray("family")) == family
+    return yarn - int(vtk_to_numpy(cells.GetArray("yarn"))[of_family].min()) + 1
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.scenes.camera import CAMERAS
@@ -68,12 +68,17 @@ class ViewBar(QToolBar):
             self.addAction(action)
             self.shown[name] = action
         self.addSeparator()
-        self.addWidget(QLabel(" Colour by "))
         self.coloring = QComboBox()
         for name, coloring in COLORINGS.items():
             self.coloring.addItem(coloring.label, name)
         self.coloring.currentIndexChanged.connect(self._colored)
-        self.addWidget(self.coloring)
+        # One piece: where there is no room, both go behind the bar's arrow.
+        named = QWidget()
+        row = QHBoxLayout(named)
+        row.setContentsMargins(4, 0, 4, 0)
+        row.addWidget(QLabel("Colour by"))
+        row.addWidget(self.coloring)
+        self.addWidget(named)
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
