@@ -119,6 +119,7 @@ class View3D(QWidget):
         self._fabric.show(
             frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
         )
+        self._cull()
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
@@ -197,6 +198,7 @@ class View3D(QWidget):
             Cut.
         """
         self.clip.set_on(on, self._extent())
+        self._cull()
         self.render()
 
     def reset_clip(self, normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)) -> None:
@@ -211,6 +213,7 @@ class View3D(QWidget):
         if points is not None:
             self.clip.reset(points, normal)
             self.clip.set_on(True, points)
+            self._cull()
             self.render()
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
@@ -331,6 +334,11 @@ class View3D(QWidget):
                     self.add_pick(found, alone=not adding)
                     self.picked.emit(found)
         return False
+
+    def _cull(self) -> None:
+        """Leave the far sides of closed yarns out: nobody sees them, and they cost as much."""
+        closed = self.frame is not None and self.frame.closed and not self.clip.on
+        self._fabric.GetProperty().SetBackfaceCulling(closed)
 
     def _color(self, view: View) -> None:
         if self._colored == (view.settings, self._size):
