@@ -11,6 +11,7 @@ property are made from it::
 Invariants that other code relies on:
 
 - A stored value is always a checked one, in SI and in canonical form (`Parameter.check`).
+- ``None`` is stored where a value is automatic; users write the word `AUTOMATIC` for it.
 - Assigning an equal value changes nothing and calls no hook.
 - A name that is not declared is refused, with the list of those that are: VTK objects would take
   any misspelt attribute silently.
@@ -29,6 +30,9 @@ from spacemap_vtk.errors import InputError, UnknownNameError
 
 T = TypeVar("T")
 
+#: What a user writes, wherever a value can be written, for one that the program finds itself.
+AUTOMATIC = "auto"
+
 
 class Parameter(Generic[T]):
     """One declared parameter: descriptor, check and description in one.
@@ -44,7 +48,8 @@ class Parameter(Generic[T]):
     label : str, optional
         Name shown to people; made from the attribute's name where it is not given.
     automatic : str, optional
-        What ``None`` stands for, e.g. ``"the middle of the feasible interval"``.
+        What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
+        write `AUTOMATIC`.
     group : str, optional
         Heading under which a window shows it.
     """
@@ -86,7 +91,10 @@ class Parameter(Generic[T]):
     def __set__(self, instance: Parameterised, value: Any) -> None:
         checked = self.check(value)
         if checked != self.__get__(instance, type(instance)):
-            instance._values[self.name] = checked
+            # Back at the default it is as if nobody had set it, which some stages ask.
+            instance._values.pop(self.name, None)
+            if checked != self.default:
+                instance._values[self.name] = checked
             instance._parameter_changed()
 
     def check(self, value: Any) -> T:
@@ -100,14 +108,14 @@ class Parameter(Generic[T]):
         Returns
         -------
         T
-            The value to store.
+            The value to store; None for `AUTOMATIC`.
 
         Raises
         ------
         InputError
             If it is of the wrong type or out of range; the message says what is allowed.
         """
-        if value is None and self.optional:
+        if (value is None and self.optional) or self.is_automatic(value):
             return None  # type: ignore[return-value]
         try:
             return self.convert(value)
@@ -158,9 +166,29 @@ class Parameter(Generic[T]):
         """Whether ``None`` is a value."""
         return self._default is None
 
+    def is_automatic(self, value: Any) -> bool:
+        """Return whether a user's value is the word for an automatic one.
+
+        Parameters
+        ----------
+        value : object
+            Whatever a user gave.
+
+        Returns
+        -------
+        bool
+            Never where nothing is automatic.
+        """
+        return bool(self.automatic) and isinstance(value, str) and value.strip() == AUTOMATIC
+
     @property
     def allowed(self) -> str:
         """What is accepted, in words."""
+        return f'{self.form}, or "{AUTOMATIC}"' if self.automatic else self.form
+
+    @property
+    def form(self) -> str:
+        """What is accepted beside `AUTOMATIC`, in words."""
         return self.annotation
 
     def show(self, value: T) -> str:
@@ -174,9 +202,26 @@ class Parameter(Generic[T]):
         Returns
         -------
         str
-            With a handy unit; what None stands for, in words.
+            With a handy unit; for None `AUTOMATIC`, and what it stands for.
         """
-        return self.automatic if value is None else str(value)
+        if value is None:
+            return f"{AUTOMATIC} ({self.automatic})" if self.automatic else ""
+        return self.text(value)
+
+    def text(self, value: T) -> str:
+        """Return a value that is not None as a user would write it.
+
+        Parameters
+        ----------
+        value : T
+            A stored value.
+
+        Returns
+        -------
+        str
+            With a handy unit.
+        """
+        return str(value)
 
     def describe(self) -> str:
         """Return help, range and default.

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parameterised import Parameter, Parameterised, suggestion
+from spacemap_vtk.parameterised import AUTOMATIC, Parameter, Parameterised, suggestion
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
 __all__ = [
+    "AUTOMATIC",
     "Choice",
     "Color",
     "FilePath",
@@ -105,7 +106,7 @@ class Real(Parameter[Any]):
         )
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """Type, unit and range in words."""
         kind = "a whole number" if self.kind == "integer" else "a number"
         words = f"{kind} {self.range}".rstrip()
@@ -113,9 +114,9 @@ class Real(Parameter[Any]):
             return words
         return f"{words}, in {self.unit} or with its unit ({', '.join(UNITS[self.unit])})"
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the value with a handy unit."""
-        return self.automatic if value is None else format_quantity(value, self.unit)
+        return format_quantity(value, self.unit)
 
 
 class Integer(Real):
@@ -131,9 +132,9 @@ class Integer(Real):
             raise InputError("not a whole number")
         return int(number)
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the digits, all of them."""
-        return self.automatic if value is None else str(value)
+        return str(value)
 
 
 class Flag(Parameter[bool]):
@@ -141,7 +142,7 @@ class Flag(Parameter[bool]):
 
     kind = "flag"
     annotation = "bool"
-    allowed = "true or false"
+    form = "true or false"
 
     def convert(self, value: Any) -> bool:
         """Return a bool; no other type is taken for one."""
@@ -149,7 +150,7 @@ class Flag(Parameter[bool]):
             raise InputError("neither true nor false")
         return bool(value)
 
-    def show(self, value: bool) -> str:
+    def text(self, value: bool) -> str:
         """Return TOML's spelling."""
         return str(value).lower()
 
@@ -183,7 +184,7 @@ class Choice(Parameter[str]):
         return str(value)
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """The words, quoted."""
         return " or ".join(f'"{choice}"' for choice in self.choices)
 
@@ -231,14 +232,12 @@ class Vector(Parameter[tuple[Any, ...]]):
         return tuple(self.component.convert(component) for component in components)
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """The components in words."""
-        return f"a list [{', '.join(self.labels)}], each {self.component.allowed}"
+        return f"a list [{', '.join(self.labels)}], each {self.component.form}"
 
-    def show(self, value: tuple[Any, ...]) -> str:
+    def text(self, value: tuple[Any, ...]) -> str:
         """Return TOML's spelling, in SI."""
-        if value is None:
-            return self.automatic
         return "[" + ", ".join(f"{v:g}" for v in value) + "]" + f" {self.unit}".rstrip()
 
 
@@ -247,7 +246,7 @@ class Text(Parameter[str]):
 
     kind = "text"
     annotation = "str"
-    allowed = "a string"
+    form = "a string"
 
     def convert(self, value: Any) -> str:
         """Return the string."""
@@ -255,7 +254,7 @@ class Text(Parameter[str]):
             raise InputError("not a string")
         return value
 
-    def show(self, value: str) -> str:
+    def text(self, value: str) -> str:
         """Return the string in quotes."""
         return f'"{value}"'
 
@@ -265,7 +264,7 @@ class FilePath(Parameter[Any]):
 
     kind = "file"
     annotation = "str or path-like"
-    allowed = "the path of a file"
+    form = "the path of a file"
 
     def convert(self, value: Any) -> Path:
         """Return a Path; whether the file is there is seen when it is read."""
@@ -274,8 +273,9 @@ class FilePath(Parameter[Any]):
         return Path(value)
 
     def within(self, value: Any, folder: Path) -> Any:
-        """Return the path, from the folder on."""
-        return folder / value if isinstance(value, str) and value else value
+        """Return the path, from the folder on; the word for an automatic one is none."""
+        named = isinstance(value, str) and value and not self.is_automatic(value)
+        return folder / value if named else value
 
 
 class Color(Parameter[Any]):
@@ -283,7 +283,7 @@ class Color(Parameter[Any]):
 
     kind = "color"
     annotation = "str or sequence of 3 int"
-    allowed = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
+    form = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
 
     def convert(self, value: Any) -> tuple[int, int, int]:
         """Return red, green, blue from 0 to 255."""
@@ -302,6 +302,6 @@ class Color(Parameter[Any]):
             raise InputError("not a colour")
         return int(rgb[0]), int(rgb[1]), int(rgb[2])
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return ``#rrggbb``."""
-        return self.automatic if value is None else "#{:02x}{:02x}{:02x}".format(*value)
+        return "#{:02x}{:02x}{:02x}".format(*value)

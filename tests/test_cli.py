@@ -206,6 +206,8 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "Usage" in out
     assert len(out) > 200
+    for noise in ("[default: ()]", "[default: False]", "File to write"):
+        assert noise not in out
     summary = out.strip().splitlines()[2].strip()
     assert run("--help") == 0
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -243,6 +245,26 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
     assert "[weave]" not in out
 
 
+def test_what_a_scene_gives_can_be_automatic_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``auto`` for --set and in the file is what the file without the key is."""
+
+    def height(text: str, *arguments: str) -> float:
+        scene = tmp_path / "scene.toml"
+        scene.write_text(text, encoding="utf-8")
+        assert run("info", str(scene), "--json", "-q", *arguments) == 0
+        return float(json.loads(capsys.readouterr().out)["warp"]["height"])
+
+    chosen = '[weave]\nwarp_crimp_height = "0.1 mm"\n'
+    assert height(chosen) == pytest.approx(1e-4)
+    found = height("[weave]\n")
+    assert found != pytest.approx(1e-4)
+    assert height(chosen, "--set", "weave.warp_crimp_height=auto") == found
+    assert height(chosen, "--set", 'weave.warp_crimp_height="auto"') == found
+    assert height('[weave]\nwarp_crimp_height = "auto"\ndraft = "auto"\n') == found
+
+
 # --- what is refused ---------------------------------------------------------------------------
 
 
@@ -256,6 +278,9 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
         ("title = 3", ["title = 3", "not a string"]),
         ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
         ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
+        ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
+        ("[surface]\nsubdivisions = 'auto'", ["surface.subdivisions", "not a number"]),
+        ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
         ("[weave]\nends = true", ["weave.ends = True", "not a number"]),
         ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
         ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),
@@ -300,7 +325,10 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "plain_weave", "-o", "no/such/a.png"], ["no/such", "mkdir"]),
         (["render", "plain_weave"], ["--output"]),
         (["render", "plain_weave", "-o", "a.png", "--size", "big"], ["--size", "1920x1080"]),
-        (["render", "plain_weave", "-o", "a.png", "--size", "0x10"], ["--size", "at least 16"]),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--size", "0x10"],
+            ["--size", '"0x10"', "at least 16"],
+        ),
         (["render", "plain_weave", "-o", "a.png", "--size", "99999x9"], ["--size", "8192"]),
         (["render", "plain_weave", "-o", "a.png", "--time", "-1"], ["--time", "at least 0 s"]),
         (["render", "plain_weave", "-o", "a.png", "--time", "nan"], ["--time", "finite"]),
@@ -314,7 +342,11 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             ["animate", "plain_weave", "-o", "a.gif", "--set", "animation.start=3"],
             ["animation.stop"],
         ),
-        (["storyboard", "plain_weave", "-o", "a.png", "--times", "x"], ["not a number"]),
+        (
+            ["storyboard", "plain_weave", "-o", "a.png", "--times", "a,b"],
+            ["--times", "a,b", "20ms"],
+        ),
+        (["storyboard", "plain_weave", "-o", "a.png", "--times", ""], ["--times"]),
         (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
         (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
         (
@@ -435,3 +467,19 @@ def test_a_draft_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for family in ("warp", "weft"):
         for name in ("diameter", "spacing", "theta_deg", "crimp"):
             assert again[family][name] == pytest.approx(first[family][name], rel=1e-12)
+
+
+def test_a_folder_that_takes_no_file_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Full, or read-only in a way that permissions do not tell.
+    def refuses(*_: object, **__: object) -> str:
+        raise OSError(28, "No space left on device", "/x/.spacemap-secret")
+
+    monkeypatch.setattr("spacemap_vtk.scenes.output.tempfile.mkdtemp", refuses)
+    file = tmp_path / "twill.wif"
+    assert run("export", "twill_2_2", "-o", str(file), "-q") == 2
+    said = capsys.readouterr().err
+    assert str(tmp_path) in said
+    assert "No space left" in said
+    assert ".spacemap-" not in said

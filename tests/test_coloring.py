@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 from PIL import Image
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import COLORINGS, measure
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.surface_actor import fit_scale, scale_bar, scale_share, scale_title
 
 SMALL: dict[str, Any] = {
     "weave": {"ends": 4, "picks": 4},
@@ -132,3 +135,33 @@ def test_a_wrong_colour_names_the_option(capsys: pytest.CaptureFixture[str]) -> 
     message = capsys.readouterr().err
     assert "--color" in message
     assert all(name in message for name in COLORINGS)
+
+
+@pytest.mark.parametrize("size", [(770, 790), (380, 500), (800, 800), (1920, 1080), (640, 480)])
+@pytest.mark.parametrize(
+    ("color", "unit", "span"),
+    [
+        ("displacement", "mm", (0.0, 0.585)),
+        ("strain", "%", (0.0, 6.29)),
+        ("stress", "kPa", (0.0, 1.234e-5)),
+        ("clearance", "mm", (-0.00754, 0.328)),
+    ],
+)
+def test_a_scale_is_read_whole(
+    size: tuple[int, int], color: str, unit: str, span: tuple[float, float]
+) -> None:
+    bar, table = scale_bar(), vtkLookupTable()
+    table.SetTableRange(*span)
+    bar.SetLookupTable(table)
+    bar.SetTitle(scale_title(color, unit))
+    bar.SetVisibility(True)
+    fit_scale(bar, size, (0, 0, 0))
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    plotter.set_background("black")
+    plotter.renderer.AddViewProp(bar)
+    pixels = plotter.screenshot(return_img=True)
+    plotter.close()
+    columns = np.flatnonzero((pixels > 60).any(axis=(0, 2)))
+    # Nothing is cut off by the edge, and nothing lies over the cloth.
+    assert columns[-1] < size[0] - 1
+    assert columns[0] >= size[0] * (1.0 - scale_share(size)) - 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -110,6 +111,36 @@ def test_a_refused_value_is_named_with_what_is_allowed(name: str, value: object,
     assert thing._changes == 0
 
 
+@pytest.mark.parametrize("word", ["auto", " auto "])
+def test_a_word_makes_a_value_automatic(word: str) -> None:
+    thing = Thing(maybe=2.0, file="there")
+    assert thing._changes == 2
+    thing.configure(maybe=word, file=word)
+    assert (thing.maybe, thing.file) == (None, None)
+    for name in ("maybe", "file"):
+        parameter = Thing.parameters[name]
+        assert parameter.show(None) == f"auto ({parameter.automatic})"
+        assert parameter.allowed.endswith(', or "auto"')
+    # A file of that name can be meant all the same.
+    thing.file = "./auto"
+    assert thing.file == Path("auto")
+
+
+@pytest.mark.parametrize("name", ["length", "count", "push", "kind", "color"])
+def test_what_is_never_automatic_refuses_the_word(name: str) -> None:
+    with pytest.raises(InputError, match=name) as refused:
+        Thing(**{name: "auto"})
+    assert '"auto"' not in str(refused.value.allowed)
+
+
+def test_every_automatic_parameter_takes_the_word() -> None:
+    found = [p for cls in FILTERS for p in cls.parameters.values() if p.automatic]
+    assert len(found) > 20
+    for parameter in found:
+        assert parameter.check("auto") is None
+        assert parameter.default is None
+
+
 def test_unknown_names_list_the_valid_ones() -> None:
     with pytest.raises(UnknownNameError, match=r"lenght.*allowed: length, count.*\"length\""):
         Thing(lenght=1)
@@ -118,6 +149,16 @@ def test_unknown_names_list_the_valid_ones() -> None:
         thing.colour = "#000000"
     with pytest.raises(AttributeError):
         _ = thing.colour
+
+
+def test_back_at_the_default_is_as_if_never_set() -> None:
+    thing = Thing(count=5)
+    thing.count = 3
+    assert thing._values == Thing()._values == {}
+    assert thing._changes == 2
+    response = spacemap_vtk.ModalResponse(alpha=5.0)
+    response.configure(alpha=spacemap_vtk.ModalResponse().alpha, damping_ratio=0.05)
+    assert response.damping.ratio == 0.05
 
 
 def test_configure_sets_all_or_nothing() -> None:

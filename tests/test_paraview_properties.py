@@ -46,7 +46,7 @@ class Pattern(Parameter[Any]):
             raise InputError("no such word")
         return value if isinstance(value, str) else tuple(value)
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the word in quotes."""
         return f'"{value}"'
 
@@ -58,7 +58,7 @@ class Sides(Parameter[Any]):
         """Return a tuple."""
         return tuple(value.split() if isinstance(value, str) else value)
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the words in quotes."""
         return f'"{" ".join(value)}"'
 
@@ -231,7 +231,7 @@ def test_a_default_that_cannot_be_written_is_a_mistake_of_ours() -> None:
                 raise InputError("not the imaginary unit")
             return 1j
 
-        def show(self, value: complex) -> str:
+        def text(self, value: complex) -> str:
             return "uno"
 
     class Holder(Parameterised):

@@ -18,6 +18,7 @@ require_display()
 from PySide6.QtGui import QGuiApplication  # noqa: E402
 
 from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def copied(window: Any, action: str) -> str:
@@ -82,12 +83,17 @@ def test_the_script_moves_every_point_as_the_window_does(open_window: Any, tmp_p
     np.testing.assert_allclose(bounds, window.view.frame.surface.GetBounds(), rtol=1e-12)
 
 
-def test_what_has_no_words_is_told(open_window: Any) -> None:
+def test_what_is_automatic_again_is_said(open_window: Any) -> None:
     window = open_window()
     window.document.set("weave", "warp_diameter", None)
     line = copied(window, "Copy as command line")
-    assert line.startswith("# not said here")
-    assert "weave.warp_diameter" in line.splitlines()[0]
+    assert 'weave.warp_diameter="auto"' in line
+    words = shlex.split(line)
+    again = Scene.read(words[2])
+    for number, word in enumerate(words):
+        if word == "--set":
+            again.set(words[number + 1])
+    assert again.weave.settings == window.document.scene.weave.settings
 
 
 def test_a_draft_is_named_by_its_file(open_window: Any) -> None:

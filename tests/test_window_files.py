@@ -6,6 +6,7 @@ import gc
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,112 @@ def test_files_of_loads_are_found_from_another_folder(tmp_path: Path, text: str)
         assert (first / "copy.toml").read_text() == text
 
 
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    """Two folders; in the first a scene that names files in all the ways there are."""
+    first, second = tmp_path / "a", tmp_path / "b" / "c"
+    first.mkdir()
+    second.mkdir(parents=True)
+    for name in ("twill.wif", "whole.wif"):
+        (first / name).write_bytes((library.folder() / "32-shaft_twill.wif").read_bytes())
+    (first / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
+    text = LOADS.replace("[weave]", '[weave]\ndraft = "twill.wif"  # on loan')
+    (first / "scene.toml").write_text(text)
+    return first, second
+
+
+def leads_to(document: Document) -> tuple[Path | None, Path]:
+    """Return the draft and the table of the first load, by the files that they are."""
+    scene = document.scene
+    draft = None if scene.weave.draft is None else scene.weave.draft.resolve(strict=True)
+    return draft, scene.response.loads[0].file.resolve(strict=True)
+
+
+def test_undo_after_save_as_keeps_every_reference(folders: tuple[Path, Path]) -> None:
+    first, second = folders
+    document = Document()
+    document.open(first / "scene.toml")
+    wanted = first / "twill.wif", first / "puff.csv"
+    whole = first / "whole.wif", first / "puff.csv"
+    document.set("weave", "ends", 5)
+    document.set("weave", "draft", str(first / "whole.wif"))
+    document.save(second / "scene.toml")
+    assert leads_to(document) == whole
+    # A whole path stays one: it was meant so.
+    assert document.written("weave", "draft") == str(first / "whole.wif")
+    document.undo.undo()
+    assert leads_to(document) == wanted
+    document.undo.undo()
+    assert leads_to(document) == wanted
+    assert document.written("weave", "draft") == "../../a/twill.wif"
+    document.save()
+    assert Scene.read(second / "scene.toml").weave.draft.resolve() == first / "twill.wif"
+    assert "on loan" in (second / "scene.toml").read_text()
+    document.save(first / "again.toml")
+    for _ in range(2):
+        document.undo.redo()
+    assert leads_to(document) == whole
+    document.undo.undo()
+    assert document.written("weave", "draft") == "twill.wif"
+    assert leads_to(document) == wanted
+    document.undo.undo()
+    assert document.text == (first / "scene.toml").read_text()
+
+
+def test_a_save_that_fails_changes_nothing(folders: tuple[Path, Path]) -> None:
+    first, second = folders
+    document = Document()
+    document.open(first / "scene.toml")
+    document.set("weave", "ends", 5)
+    text = document.text
+    with pytest.raises(OSError, match="nowhere"):
+        document.save(second / "nowhere" / "scene.toml")
+    assert (document.text, document.file) == (text, first / "scene.toml")
+    assert not document.undo.isClean()
+    assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
+    document.set("weave", "picks", 5)
+    assert leads_to(document) == (first / "twill.wif", first / "puff.csv")
+
+
+def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, Path]) -> None:
+    first, second = folders
+    document = Document()
+    document.open(first / "scene.toml")
+    document.save(first / "twill.toml")  # whose edited draft is saved beside it, as twill.wif
+    original = (first / "twill.wif").read_bytes()
+    wif = document.scene.draft
+    loom = replace(wif.loom, rising=not wif.loom.rising)
+    edited = replace(wif, loom=loom, draft=replace(wif.draft, drawdown=loom.drawdown()))
+    document.set("weave", "draft", str(document.drafts.keep(edited)))
+    inverted = document.scene.weave.wif.draft.drawdown
+    document.save()
+    assert (first / "twill.wif").read_bytes() != original
+    document.undo.undo()
+    assert document.scene.weave.draft.read_bytes() == original
+    document.undo.redo()
+    assert (document.scene.weave.wif.draft.drawdown == inverted).all()
+    document.undo.undo()
+    document.save(second / "twill.toml")
+    assert Scene.read(second / "twill.toml").weave.draft.read_bytes() == original
+    document.undo.redo()
+    assert (document.scene.weave.wif.draft.drawdown == inverted).all()
+
+
+def test_undo_to_a_file_that_is_gone_is_told(open_window: Any, folders: tuple[Path, Path]) -> None:
+    first, _ = folders
+    window = open_window(str(first / "scene.toml"))
+    document = window.document
+    document.set("response", "loads", [])
+    (first / "puff.csv").unlink()
+    document.undo.undo()
+    assert "puff.csv" in window.errors.text
+    assert document.scene.response.loads == ()
+    assert document.values["response"]["loads"] == []
+    document.undo.redo()
+    document.set("weave", "ends", 5)
+    wait_until(lambda: settled(window) and window.errors.text == "")
+
+
 def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     window = open_window()
     window.document.set("weave", "ends", 5)
@@ -253,8 +360,22 @@ def test_dark_and_light_and_every_key_is_told(open_window: Any) -> None:
     window.menus.dark.trigger()
     assert window.palette().window().color().lightness() < light / 2
     window.menus.dark.trigger()
-    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost"):
+    for words in ("Ctrl+S", "Ctrl+Z", "Space", "Ghost", "or Ctrl+Q", "or Ctrl+Y"):
         assert words in window.menus.keys
+
+
+def test_no_menu_says_the_same_twice(open_window: Any) -> None:
+    window = open_window()
+
+    def look_at(menu: Any) -> None:
+        named = [action.text() for action in menu.actions() if action.text()]
+        assert len(named) == len(set(named)) <= 14
+        for action in menu.actions():
+            if action.menu():
+                look_at(action.menu())
+
+    for top in window.menuBar().actions():
+        look_at(top.menu())
 
 
 def test_ten_rounds_of_opening_leave_one_window_of_stages(open_window: Any) -> None:

@@ -123,3 +123,24 @@ def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> N
     wait_until(lambda: settled(window))
     assert not screen.isVisible()
     assert np.isfinite(window.view.frame.time)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_gallerys_scroll_bar_is_drawn_whole(open_window: Any, dark: bool) -> None:
+    window = open_window()
+    if window.menus.dark.isChecked() != dark:
+        window.menus.dark.trigger()
+    window.tabs.setCurrentWidget(window.gallery)
+    bar = window.gallery.list.verticalScrollBar()
+    assert bar.isVisible()
+    assert bar.maximum() > 0
+    QTest.qWait(200)
+    place = bar.mapToGlobal(bar.rect().topLeft())
+    screen = window.screen().grabWindow(0, place.x(), place.y(), bar.width(), bar.height())
+    image = screen.toImage()
+    middle = [image.pixelColor(image.width() // 2, y) for y in range(image.height())]
+    # Its groove was black: as dark as nothing else of the window.
+    limit = 24 if dark else 120
+    assert min(color.lightness() for color in middle[30:-30]) >= limit
+    if dark:
+        window.menus.dark.trigger()

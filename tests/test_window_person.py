@@ -73,6 +73,31 @@ def test_letters_in_a_field_are_letters(open_window: Any, qtbot: Any) -> None:
     assert not window.times.playing
 
 
+def test_undo_reaches_the_scene_from_a_field_and_a_count(open_window: Any, qtbot: Any) -> None:
+    window = active(open_window, qtbot)
+    window.stages.choose("weave")
+    line = window.properties.rows["warp_diameter"].editor.line
+    type_into(line, "0.2 mm")
+    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    press(qtbot, line, "Z", CONTROL)
+    assert window.document.scene.weave.warp_diameter == pytest.approx(0.25e-3)
+    assert line.text() == "0.25 mm"
+    press(qtbot, line, "Z", CONTROL | Qt.KeyboardModifier.ShiftModifier)
+    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    # What is typed and not yet entered is the line's own.
+    qtbot.keyClicks(line, "5")
+    press(qtbot, line, "Z", CONTROL)
+    assert line.text() == "0.2 mm"
+    assert window.document.scene.weave.warp_diameter == pytest.approx(0.2e-3)
+    window.tabs.setCurrentWidget(window.draft)
+    spin = window.draft.counts["ends"]
+    spin.setFocus()
+    press(qtbot, spin, Qt.Key.Key_Up)
+    assert window.document.scene.weave.ends == 8
+    press(qtbot, spin, "Z", CONTROL)
+    assert window.document.scene.weave.ends == 7
+
+
 @pytest.mark.parametrize("moment", ["playing", "stroke", "curves", "swing", "loading"])
 def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) -> None:
     window = open_window(wait=moment != "loading")

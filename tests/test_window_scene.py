@@ -91,7 +91,6 @@ def test_loads_are_drawn_and_follow_time(open_window: Any) -> None:
 def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
     window = open_window()
     window.tools.cameras["front"].trigger()
-    window.tools.shown["loads"].trigger()
     whole = window.view.image().astype(int)
     window.tools.clip.trigger()
     half = window.view.image().astype(int)
@@ -120,7 +119,20 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
         QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at + QPoint(70, 0))
         if np.linalg.norm(np.array(window.view.clip.plane.GetOrigin()) - origin) > 1e-5:
             break
-    assert np.linalg.norm(np.array(window.view.clip.plane.GetOrigin()) - origin) > 1e-5
+    moved = np.array(window.view.clip.plane.GetOrigin())
+    assert np.linalg.norm(moved - origin) > 1e-5
+    # The scene says where it is: one change, which can be undone.
+    wait_until(lambda: window.document.scene.view.clip_origin is not None)
+    np.testing.assert_allclose(window.document.scene.view.clip_origin, moved, rtol=1e-4, atol=1e-9)
+    window.document.undo.undo()
+    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), origin, atol=1e-9)
+    window.document.undo.redo()
+    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), moved, rtol=1e-4, atol=1e-9)
+    # Whole, and cut where it was.
+    window.tools.clip.trigger()
+    assert not window.view.clip.on
+    window.tools.clip.trigger()
+    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), moved, rtol=1e-4, atol=1e-9)
     window.tools.clip_sides[0].trigger()
     np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), origin, atol=1e-4)
     window.tools.clip_sides[2].trigger()

@@ -13,9 +13,11 @@ require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QLabel  # noqa: E402
 
 from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
 from spacemap_vtk.scenes.picture import CAMERAS  # noqa: E402
+from spacemap_vtk.scenes.surface_actor import scale_share  # noqa: E402
 
 
 def image(window: Any) -> np.ndarray:
@@ -63,9 +65,11 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
         look.BackfaceCullingOn()
         assert differing < 2e-4
     # Cut open, a yarn shows its inside.
-    window.tools.clip.setChecked(True)
+    window.tools.clip.trigger()
+    wait_until(lambda: window.view.clip.on)
     assert not look.GetBackfaceCulling()
-    window.tools.clip.setChecked(False)
+    window.tools.clip.trigger()
+    wait_until(lambda: not window.view.clip.on)
     assert look.GetBackfaceCulling()
     window.document.set("weave", "caps", False)
     wait_until(lambda: settled(window))
@@ -99,7 +103,9 @@ def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
     assert (pick.yarn >= 7) == (pick.family == 1)
     moved = np.array(pick.rest) + pick.displacement
     np.testing.assert_allclose(moved, pick.position, atol=1e-9)
-    assert "yarn" in window.told.text()
+    # As weavers count, and as "spacemap info" and the draft do.
+    said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
+    assert window.told.text().startswith(said + " ")
     # Nothing moves at t = 0.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
@@ -123,3 +129,46 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
     assert np.linalg.norm(window.view.plotter.camera.position - before) > 1e-4
     assert not picks
+
+
+def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_window: Any) -> None:
+    window = open_window()
+
+    def clear(share: float) -> bool:
+        """Whether a column of the picture shows the background alone, which is smooth."""
+        picture = image(window)
+        column = picture[:, min(picture.shape[1] - 1, round(share * picture.shape[1]))]
+        return bool(np.abs(np.diff(column, axis=0)).max() < 8)
+
+    window.resize(1000, 760)
+    wait_until(lambda: settled(window))
+    assert clear(0.0)
+    assert clear(1.0)
+    window.tools.coloring.setCurrentIndex(window.tools.coloring.findData("displacement"))
+    wait_until(lambda: settled(window))
+    size = window.view._size
+    assert clear(0.0)
+    assert clear(1.0 - scale_share(size) - 2 / size[0])
+    camera = window.view.plotter.renderer.GetActiveCamera()
+    camera.Azimuth(10.0)
+    before = camera.GetPosition()
+    window.resize(1300, 760)
+    wait_until(lambda: settled(window))
+    assert camera.GetPosition() == before
+
+
+def test_a_narrow_windows_tools_keep_together(open_window: Any) -> None:
+    window = open_window()
+    window.resize(1024, 700)
+    QTest.qWait(200)
+    box = window.tools.coloring
+    label = next(k for k in window.tools.findChildren(QLabel) if k.text() == "Colour by")
+    assert box.isVisible() == label.isVisible()
+    wait_until(lambda: window.times.slider.width() >= 100, 5)
+
+
+def test_a_stages_figures_stand_beside_its_name(open_window: Any) -> None:
+    window = open_window()
+    for item in window.stages.items.values():
+        for column in (1, 2):
+            assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)

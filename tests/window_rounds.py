@@ -6,6 +6,7 @@ edited and plots are computed too.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import json
 import os
@@ -57,6 +58,8 @@ def kinds() -> Counter[str]:
 
 
 def main(rounds: int) -> None:
+    # Before the test that waits for this loses patience: where does each thread stand?
+    faulthandler.dump_traceback_later(840, exit=True)
     os.environ["SPACEMAP_CACHE"] = tempfile.mkdtemp()
     QSettings.setDefaultFormat(QSettings.Format.IniFormat)
     folder = tempfile.mkdtemp()

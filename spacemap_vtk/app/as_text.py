@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.app.document import Document, values_of
-from spacemap_vtk.parameters import FilePath
+from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
@@ -28,15 +28,13 @@ def as_command(document: Document, time: float) -> str:
     Returns
     -------
     str
-        One line for a shell; before it a comment, if something is automatic again that the file
-        sets, for which ``--set`` has no words.
+        One line for a shell.
     """
     # A scene that was never saved is told as what it changes of the one that everyone has.
     name = "plain_weave" if document.source is None else str(document.source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
     before, here = Scene.read(name), document.scene
     was_written, written = values_of(library.find(name)), document.values
-    unsaid = []
     for section, cls in SECTIONS.items():
         for key, parameter in cls.parameters.items():
             value = getattr(getattr(here, section), key)
@@ -46,16 +44,8 @@ def as_command(document: Document, time: float) -> str:
             told = written.get(section, {}).get(key, value)
             if isinstance(parameter, FilePath) and value is not None:
                 told = str(Path(value).resolve())
-            if told is None:
-                unsaid.append(f"{section}.{key}")
-            else:
-                words += ["--set", f"{section}.{key}={_toml(told)}"]
-    line = shlex.join(words)
-    if unsaid:
-        line = (
-            f"# not said here, save the scene first: {', '.join(unsaid)} back to automatic\n{line}"
-        )
-    return line
+            words += ["--set", f"{section}.{key}={_toml(AUTOMATIC if told is None else told)}"]
+    return shlex.join(words)
 
 
 def _toml(value: Any) -> str:
@@ -83,7 +73,9 @@ def as_script(document: Document, time: float) -> str:
     str
         Runs as it is.
     """
-    values = pprint.pformat(document.values, width=96, sort_dicts=False)
+    # Indented below the brace of the first line.
+    values = pprint.pformat(document.values, width=87, sort_dicts=False)
+    values = values.replace("\n", "\n" + " " * len("values = "))
     return (
         "from pathlib import Path\n\n"
         "from spacemap_vtk.scenes.scene import Scene\n\n"

@@ -12,6 +12,8 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkInteractionWidgets import vtkImplicitPlaneRepresentation, vtkImplicitPlaneWidget2
 from vtkmodules.vtkRenderingCore import vtkActor, vtkRenderWindowInteractor
 
+from spacemap_vtk.scenes.glyphs import Cut
+
 
 class ClipPlane:
     """Hides what lies on one side of a plane, in any number of actors.
@@ -22,11 +24,17 @@ class ClipPlane:
         Of the view.
     actors : sequence of vtkActor
         What is cut.
+    told : SignalInstance
+        Emitted with normal and origin when the mouse has moved the plane.
     """
 
-    def __init__(self, interactor: vtkRenderWindowInteractor, actors: Sequence[vtkActor]) -> None:
+    def __init__(
+        self, interactor: vtkRenderWindowInteractor, actors: Sequence[vtkActor], told: Any
+    ) -> None:
         self.plane = vtkPlane()
-        self._actors = list(actors)
+        #: Normal and origin of the plane that was shown last, if it was one of this scene's.
+        self.last: Cut | None = None
+        self._actors, self._told = list(actors), told
         self._shape = vtkImplicitPlaneRepresentation()
         self._shape.SetPlaceFactor(1.15)
         self._shape.DrawOutlineOff()
@@ -44,65 +52,62 @@ class ClipPlane:
         self._widget.SetRepresentation(self._shape)
         me = weakref.ref(self)
 
-        def moved(_caller: Any, _event: str) -> None:
+        def moved(_caller: Any, event: str) -> None:
             here = me()
-            if here is not None:
-                here._shape.GetPlane(here.plane)
+            if here is None:
+                return
+            here._shape.GetPlane(here.plane)
+            if event == "EndInteractionEvent":
+                here._tell()
 
-        self._observer = self._widget.AddObserver("InteractionEvent", moved)
+        self._observers = [
+            self._widget.AddObserver(event, moved)
+            for event in ("InteractionEvent", "EndInteractionEvent")
+        ]
         self.on = False
-        self._placed = False
 
-    def set_on(self, on: bool, points: NDArray[np.float64] | None) -> None:
-        """Cut or show the whole again.
+    def show(self, cut: Cut | None, points: NDArray[np.float64] | None) -> None:
+        """Cut, or show the whole.
 
         Parameters
         ----------
-        on : bool
-            Cut.
+        cut : tuple or None
+            Normal, which points to what stays in sight, and origin [m]; None: the whole.
         points : ndarray, shape (n, 3), or None
-            What is seen, for the plane's first place.
+            What is seen: the mouse can take hold of the plane there.
         """
-        if on == self.on or (on and points is None):
-            return
-        self.on = on
-        if on and not self._placed and points is not None:
-            self.reset(points)
-        for actor in self._actors:
-            if on:
-                actor.GetMapper().AddClippingPlane(self.plane)
-            else:
-                actor.GetMapper().RemoveAllClippingPlanes()
-        self._widget.SetEnabled(on)
+        if cut is not None and points is not None:
+            self.last = cut
+            low, high = points.min(axis=0), points.max(axis=0)
+            # A flat cloth too gets a box that the mouse can take hold of.
+            slack = 0.15 * float(np.linalg.norm(high - low))
+            bounds = np.stack([low - slack, high + slack], axis=1).ravel()
+            self._shape.PlaceWidget(bounds.tolist())
+            self._shape.SetNormal(*cut[0])
+            self._shape.SetOrigin(*cut[1])
+            self._shape.GetPlane(self.plane)
+        on = cut is not None
+        if on != self.on:
+            self.on = on
+            for actor in self._actors:
+                if on:
+                    actor.GetMapper().AddClippingPlane(self.plane)
+                else:
+                    actor.GetMapper().RemoveAllClippingPlanes()
+            self._widget.SetEnabled(on)
 
-    def reset(
-        self, points: NDArray[np.float64], normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)
-    ) -> None:
-        """Put the plane through the middle.
-
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-            What is seen.
-        normal : tuple of float, optional
-            Points to what stays in sight.
-        """
-        low, high = points.min(axis=0), points.max(axis=0)
-        # A flat cloth too gets a box that the mouse can take hold of.
-        slack = 0.15 * float(np.linalg.norm(high - low))
-        bounds = np.stack([low - slack, high + slack], axis=1).ravel()
-        self._shape.PlaceWidget(bounds.tolist())
-        self._shape.SetOrigin(*((low + high) / 2).tolist())
-        self._shape.SetNormal(*normal)
-        self._shape.GetPlane(self.plane)
-        self._placed = True
-
-    def forget(self) -> None:
-        """Find a new place at the next use: another scene is here."""
-        self._placed = False
+    def _tell(self) -> None:
+        """Tell where the plane is, to six digits, if it is not where it was."""
+        normal, origin = (
+            tuple(float(f"{part:.6g}") for part in vector)
+            for vector in (self.plane.GetNormal(), self.plane.GetOrigin())
+        )
+        if self.last is None or not np.allclose((normal, origin), self.last, 1e-5, 1e-9):
+            self._told.emit(normal, origin)
 
     def close(self) -> None:
         """Let go of the interactor, before it is freed."""
         self._widget.SetEnabled(False)
-        self._widget.RemoveObserver(self._observer)
+        for observer in self._observers:
+            self._widget.RemoveObserver(observer)
         self._widget.SetInteractor(None)

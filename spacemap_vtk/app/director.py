@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from spacemap_vtk.app.document import Document
@@ -10,7 +12,7 @@ from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
-from spacemap_vtk.scenes.scene import SECTIONS
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: Milliseconds after the last coarse frame until a smooth one is asked for.
 _REST = 220
@@ -57,6 +59,7 @@ class Director(QObject):
         self._running = ""
         self._share = 0.0
         self._held = False
+        self._settings: dict[str, dict[str, Any]] = {}
         self._rest = _timer(self, _REST, self._refine)
         self._notice = _timer(self, _NOTICE, self._show_running)
         document.changed.connect(self._changed)
@@ -146,11 +149,13 @@ class Director(QObject):
     def _changed(self) -> None:
         self._times.adopt(self._document.scene.animation)
         connected = {stage.section for stage in self._document.scene.stages}
-        for section in connected:
-            if self._stages.states.get(section) == "off":
-                self._stages.restart(self._document.scene)
-        # A drag goes on, a single change may: a coarse frame at once, a smooth one soon.
-        self.ask(coarse=True)
+        listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
+        if connected != listed:
+            self._stages.restart(self._document.scene)
+        # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
+        # only looked at in another way runs nothing, and is smooth at once.
+        before, self._settings = self._settings, _settings_of(self._document.scene)
+        self.ask(coarse=self._held or before != self._settings)
 
     def _replaced(self) -> None:
         self.generation += 1
@@ -159,6 +164,7 @@ class Director(QObject):
         scene = self._document.scene
         self._stages.restart(scene)
         self._times.adopt(scene.animation, scene.view.time)
+        self._settings = _settings_of(scene)
         self.ask()
 
     def _moved(self, _time: float, going_on: bool) -> None:
@@ -232,6 +238,11 @@ class Director(QObject):
         if self._running:
             self._stages.set_state(self._running, "stale")
         self._end_notice()
+
+
+def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the settings of all stages that run."""
+    return {stage.section: stage.settings for stage in scene.stages}
 
 
 def _timer(owner: QObject, milliseconds: int, slot: object) -> QTimer:

@@ -6,7 +6,7 @@ import os
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import tomlkit
 from PySide6.QtCore import QObject, Signal
@@ -19,7 +19,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.output import whole_file
+from spacemap_vtk.scenes.output import whole_folder
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: A longer list is written with a line for each value.
@@ -39,11 +39,21 @@ def values_of(path: Path) -> dict[str, Any]:
     dict
         A table for each section.
     """
-    if path.suffix.lower() == ".toml":
-        return tomllib.loads(path.read_text(encoding="utf-8"))
     if path.suffix.lower() in OBJECT_ENDINGS:
         return {"object": {"file": str(path)}}
-    return {"weave": {"draft": str(path)}}
+    if path.suffix.lower() == ".wif":
+        return {"weave": {"draft": str(path)}}
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+class Version(NamedTuple):
+    """A text that a document had: what its paths mean depends on when that was."""
+
+    text: str
+    folder: Path
+    """Relative paths count from it."""
+    overwritten: int
+    """How many drafts had been written over."""
 
 
 class Document(QObject):
@@ -61,6 +71,8 @@ class Document(QObject):
     changed = Signal()
     #: Another scene is here.
     replaced = Signal()
+    #: Undo or redo has led to a scene that is refused; all stays as it was.
+    failed = Signal(object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -72,6 +84,8 @@ class Document(QObject):
         #: Drafts that are edited and in no file of the user's yet.
         self.drafts = KeptDrafts()
         self._saved_draft: Path | None = None
+        # Drafts that were written over, and copies of what was in them.
+        self._overwritten: list[tuple[Path, Path]] = []
         self._folder = Path.cwd()
         # Made when they are asked for, once for each change.
         self._text: str | None = None
@@ -92,14 +106,14 @@ class Document(QObject):
             If it cannot be read; the present scene stays.
         """
         path = library.find(name).resolve()
-        if path.suffix.lower() != ".toml":
-            # A new scene of the draft: what Scene.read makes of it is not yet a text.
-            read = Scene.read(path)
-            text = tomlkit.dumps({"title": read.title, **values_of(path)})
-        else:
-            Scene.read(path)  # for its message, which names the file
+        read = Scene.read(path)  # also for its message, which names the file
+        scene = path.suffix.lower() not in (".wif", *OBJECT_ENDINGS)
+        if scene:
             text = path.read_text(encoding="utf-8")
-        own = path.suffix.lower() == ".toml" and path.parent != library.folder().resolve()
+        else:
+            # A new scene of the draft: what Scene.read makes of it is not yet a text.
+            text = tomlkit.dumps({"title": read.title, **values_of(path)})
+        own = scene and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
         self._replace(text, path.parent)
 
@@ -119,22 +133,30 @@ class Document(QObject):
         Raises
         ------
         InputError
-            If it has none.
+            If it has none, or a file that it names is gone.
         OSError
-            If the file cannot be written.
+            If the file cannot be written; the document is as before then.
         """
         target = path or self.file
         if target is None:
             raise InputError("this scene has no file yet", cure='Use "Save as".')
         target = target.resolve()
-        if target.parent != self._folder:
-            self._move_to(target.parent)
-        self._save_draft(target)
-        with whole_file(target) as file:
-            file.write_text(self.text, encoding="utf-8")
+        before = self.version
+        try:
+            self._move_from(self._folder, target.parent)
+            with whole_folder(target.parent) as folder:
+                self._save_draft(target, folder)
+                self.scene = Scene(self.values, target)
+                (folder / target.name).write_text(self.text, encoding="utf-8")
+        except BaseException:
+            self._load(before.text)
+            raise
         self.file = self.source = target
+        self._folder = target.parent
         self._saved_draft = self.scene.weave.draft
         self.undo.setClean()
+        if self.text != before.text:
+            self.changed.emit()
 
     @property
     def text(self) -> str:
@@ -142,6 +164,11 @@ class Document(QObject):
         if self._text is None:
             self._text = tomlkit.dumps(self._toml)
         return self._text
+
+    @property
+    def version(self) -> Version:
+        """The present text, and what its paths mean."""
+        return Version(self.text, self._folder, len(self._overwritten))
 
     @property
     def values(self) -> dict[str, Any]:
@@ -217,41 +244,76 @@ class Document(QObject):
         """
         if all(self.written(section, k) == v and v is not None for k, v in written.items()):
             return
-        before, former = self.text, self.values
+        before, former = self.version, self.values
         for key, value in written.items():
             self._put(section, key, value)
         try:
             self.scene = Scene(self.values, self.base)
         except InputError:
-            self._toml = tomlkit.parse(before)
-            self._text, self._values = before, former
+            self._parse(before.text)
+            self._values = former
             raise
-        if self.text != before:
+        if self.text != before.text:
             names = name or ", ".join(f"{section}.{key}" for key in written)
-            self.undo.push(Edit(self, names, before, self.text, burst))
+            self.undo.push(Edit(self, names, before, self.version, burst))
             self.changed.emit()
 
-    def restore(self, text: str) -> None:
-        """Take an earlier text; for undo and redo.
+    def restore(self, version: Version) -> None:
+        """Take an earlier text; for undo and redo. Its paths lead to what they led to.
 
         Parameters
         ----------
-        text : str
-            A text that this document had.
+        version : Version
+            Of this document.
         """
-        self._load(text)
-        self.changed.emit()
+        before = self.text
+        self._parse(version.text)
+        draft = self.values.get("weave", {}).get("draft")
+        for file, kept in self._overwritten[version.overwritten :]:
+            if draft is not None and os.path.normpath(version.folder / draft) == str(file):
+                self._put("weave", "draft", str(kept))
+                break
+        self._move_from(version.folder, self._folder)
+        try:
+            self.scene = Scene(self.values, self.base)
+        except InputError as error:  # a file that it names is gone
+            self._parse(before)
+            self.failed.emit(error)
+        else:
+            self.changed.emit()
+
+    def remember(self, draft: Path) -> None:
+        """Keep what a draft holds before it is written over: undo leads back to it.
+
+        Parameters
+        ----------
+        draft : Path
+            A file that need not exist, without links in its path.
+
+        Raises
+        ------
+        InputError
+            If the disk refuses it.
+        OSError
+            If it cannot be read.
+        """
+        if draft.exists():
+            self._overwritten.append((draft, self.drafts.keep_file(draft)))
 
     def _replace(self, text: str, folder: Path | None) -> None:
         self._folder = folder or Path.cwd()
         self._load(text)
         self._saved_draft = self.scene.weave.draft if self.file else None
+        self._overwritten.clear()
         self.undo.clear()
         self.replaced.emit()
 
-    def _load(self, text: str) -> None:
+    def _parse(self, text: str) -> None:
         self._toml = tomlkit.parse(text)
-        self._text = self._values = None
+        self._text, self._values = text, None
+
+    def _load(self, text: str) -> None:
+        self._parse(text)
         self.scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
@@ -266,7 +328,7 @@ class Document(QObject):
                 for name in [name for name in table if name not in wanted]:
                     del table[name]
                 for name, value in wanted.items():
-                    if name not in table or not _same(table[name], value, key, name):
+                    if name not in table or not self._same(table[name], value, key, name):
                         table[name] = value
         elif section in self._toml:
             self._toml[section][key] = written
@@ -277,8 +339,29 @@ class Document(QObject):
             if isinstance(long, Array):
                 long.multiline(True)
 
-    def _save_draft(self, target: Path) -> None:
-        """Let an edited draft lie beside the scene that is about to be saved."""
+    def _same(self, here: Any, wanted: Any, key: str, name: str) -> bool:
+        """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
+        record = next(
+            (
+                p.record
+                for cls in SECTIONS.values()
+                for k, p in cls.parameters.items()
+                if k == key and hasattr(p, "record")
+            ),
+            None,
+        )
+        if record is None:
+            return bool(here == wanted)
+        parameter = record.parameters[name]
+        # A path, too, is the same file where an editor gives the whole of it.
+        one, other = (parameter.within(v, self._folder) for v in (_unwrapped(here), wanted))
+        try:
+            return bool(parameter.check(one) == parameter.check(other))
+        except InputError:
+            return False
+
+    def _save_draft(self, target: Path, folder: Path) -> None:
+        """Let an edited draft lie beside the scene that is being saved, by way of a folder."""
         draft = self.scene.weave.draft
         if not self.drafts.holds(draft):
             return
@@ -287,52 +370,33 @@ class Document(QObject):
         number = 2
         while free.exists() and free != self._saved_draft:
             free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
-        with whole_file(free) as file:
-            file.write_bytes(draft.read_bytes())
+        self.remember(free)
+        (folder / free.name).write_bytes(draft.read_bytes())
         self._put("weave", "draft", free.name)
-        self.scene = Scene(self.values, target)
 
-    def _move_to(self, folder: Path) -> None:
+    def _move_from(self, old: Path, new: Path) -> None:
         """Let relative paths lead to the same files from another folder."""
+        if old == new:
+            return
         for section, table in self.values.items():
             for key, value in table.items() if isinstance(table, dict) else ():
-                moved = _moved(value, SECTIONS[section].parameters.get(key), self._folder, folder)
+                moved = _moved(value, SECTIONS[section].parameters.get(key), old, new)
                 if moved != value:
                     self._put(section, key, moved)
-        self._folder = folder
-        self.scene = Scene(self.values, folder / "scene.toml")
 
 
 def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
     """Return a value whose paths, also those in its records, count from another folder."""
     if isinstance(parameter, FilePath) and isinstance(value, str):
-        return os.path.relpath((old / value).resolve(), new)
+        there = parameter.within(value, old)
+        # The word for an automatic one is no path; a whole path needs no folder.
+        return value if there == value or Path(value).is_absolute() else os.path.relpath(there, new)
     if isinstance(value, list) and hasattr(parameter, "record"):
         return [_moved(item, parameter, old, new) for item in value]
     if isinstance(value, dict) and hasattr(parameter, "record"):
         keys = parameter.record.parameters
         return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
     return value
-
-
-def _same(here: Any, wanted: Any, key: str, name: str) -> bool:
-    """Whether a value of a record, as "20 ms", is what an editor gives in SI, as 0.02."""
-    record = next(
-        (
-            p.record
-            for cls in SECTIONS.values()
-            for k, p in cls.parameters.items()
-            if k == key and hasattr(p, "record")
-        ),
-        None,
-    )
-    if record is None:
-        return bool(here == wanted)
-    parameter = record.parameters[name]
-    try:
-        return bool(parameter.check(_unwrapped(here)) == parameter.check(wanted))
-    except InputError:
-        return False
 
 
 def _unwrapped(item: Any) -> Any:

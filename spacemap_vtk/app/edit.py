@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtGui import QUndoCommand
 
 if TYPE_CHECKING:
-    from spacemap_vtk.app.document import Document
+    from spacemap_vtk.app.document import Document, Version
 
 
 class Edit(QUndoCommand):
@@ -20,13 +20,15 @@ class Edit(QUndoCommand):
         The document, already changed.
     name : str
         What was changed, for the menu.
-    before, after : str
-        The texts.
+    before, after : Version
+        The texts, and what their paths mean.
     burst : int
         Edits of one name with the same number, other than 0, become one.
     """
 
-    def __init__(self, document: Document, name: str, before: str, after: str, burst: int) -> None:
+    def __init__(
+        self, document: Document, name: str, before: Version, after: Version, burst: int
+    ) -> None:
         super().__init__(name)
         self._document = weakref.ref(document)
         self._before, self._after, self._burst = before, after, burst
@@ -56,7 +58,7 @@ class Edit(QUndoCommand):
         self._restore(self._before)
         self._done = False
 
-    def _restore(self, text: str) -> None:
+    def _restore(self, version: Version) -> None:
         document = self._document()
         if document is not None:
-            document.restore(text)
+            document.restore(version)

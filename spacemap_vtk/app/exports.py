@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QProgressDialog
 
+from spacemap_vtk.app.ask_file import ended
 from spacemap_vtk.app.export_dialog import ExportDialog
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Cancelled
@@ -77,9 +79,9 @@ class Exports(QObject):
         if not name:
             return
         kind = filters.get(chosen, "patches")
-        path = Path(name)
-        if not path.suffix:
-            path = path.with_suffix(DATA[kind][1][0])
+        path = ended(self._window, Path(name), DATA[kind][1][0])
+        if path is None:
+            return
         if path.suffix.lower() not in DATA[kind][1]:
             kind = next((k for k, (_, e) in DATA.items() if path.suffix.lower() in e), kind)
         self.start(kind, path)
@@ -134,7 +136,7 @@ class Exports(QObject):
         self._show_progress(kind)
         self._process = process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
-        environment.insert("PYTHONPATH", ":".join(p for p in sys.path if p))
+        environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
         process.setProcessEnvironment(environment)
         process.readyReadStandardOutput.connect(self._read)
         process.finished.connect(self._finished)

@@ -8,6 +8,7 @@ from PIL import Image
 from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
+from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.view import View3D
@@ -109,11 +110,8 @@ class Files(QObject):
         bool
             Whether it is saved.
         """
-        name, _ = QFileDialog.getSaveFileName(self._window, "Save as", "", "Scenes (*.toml)")
-        if not name:
-            return False
-        path = Path(name)
-        return self._write(path if path.suffix else path.with_suffix(".toml"))
+        path = ask_file(self._window, "Save as", "", "Scenes (*.toml)", ".toml")
+        return path is not None and self._write(path)
 
     def save_picture(self, view: View3D) -> None:
         """Ask for a name, and save what the view shows.
@@ -123,12 +121,10 @@ class Files(QObject):
         view : View3D
             The view.
         """
-        name, _ = QFileDialog.getSaveFileName(
-            self._window, "Save picture", "picture.png", "Pictures (*.png *.jpg)"
-        )
-        if not name:
+        filters = "Pictures (*.png *.jpg)"
+        path = ask_file(self._window, "Save picture", "picture.png", filters, ".png")
+        if path is None:
             return
-        path = Path(name)
         try:
             check_output(path, _PICTURES)
             with whole_file(path) as file:

@@ -7,6 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent
 from PySide6.QtWidgets import (
+    QFrame,
     QHBoxLayout,
     QLabel,
     QListView,
@@ -56,6 +57,7 @@ class Gallery(QWidget):
         self._recent_label = QLabel("Used lately")
         self.recent = QListWidget()
         self.recent.setObjectName("recent")
+        _see_through(self.recent)
         self.recent.itemClicked.connect(self._recent_chosen)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(12, 10, 8, 8)
@@ -98,6 +100,7 @@ class _Pictures(QListWidget):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("gallery")
+        _see_through(self)
         self.setViewMode(QListView.ViewMode.IconMode)
         self.setResizeMode(QListView.ResizeMode.Adjust)
         self.setMovement(QListView.Movement.Static)
@@ -127,6 +130,12 @@ class _Pictures(QListWidget):
 
     def _choose(self, item: QListWidgetItem) -> None:
         self.chosen.emit(item.data(_NAME))
+
+
+def _see_through(pictures: QListWidget) -> None:
+    """Show what lies behind a list. A style sheet would leave its scroll bar's groove black."""
+    pictures.setFrameShape(QFrame.Shape.NoFrame)
+    pictures.viewport().setAutoFillBackground(False)
 
 
 def _picture(name: str) -> QIcon:

@@ -41,12 +41,34 @@ class KeptDrafts:
         InputError
             If the disk refuses it.
         """
-        data = format_wif(wif)
+        return self._keep(format_wif(wif), ".wif")
+
+    def keep_file(self, file: Path) -> Path:
+        """Write a copy of a draft's file.
+
+        Parameters
+        ----------
+        file : Path
+            The file, of any kind.
+
+        Returns
+        -------
+        Path
+            Its copy.
+
+        Raises
+        ------
+        InputError
+            If the disk refuses it.
+        """
+        return self._keep(file.read_bytes(), file.suffix)
+
+    def _keep(self, data: bytes, suffix: str) -> Path:
         try:
             if self._folder is None:
                 self._folder = Path(tempfile.mkdtemp(prefix="spacemap-drafts-")).resolve()
                 weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-            path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}.wif"
+            path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
                 path.write_bytes(data)
         except OSError as error:

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 @dataclass
 class Look:
-    """What the view shows, apart from the data; colours are the scene's own.
+    """What the view shows; all else is said by the scene's section ``[view]``.
 
     Parameters
     ----------
-    fabric, cage, supports, loads, ghost : bool
-        Whether each is drawn; the ghost is the fabric at rest.
+    fabric, cage : bool
+        Whether each is drawn.
     """
 
     fabric: bool = True
     cage: bool = True
-    supports: bool = True
-    loads: bool = True
-    ghost: bool = False

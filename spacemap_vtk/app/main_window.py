@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt
@@ -35,10 +36,12 @@ from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
+from spacemap_vtk.scenes.settings import View
 
 
 class MainWindow(QMainWindow):
@@ -73,6 +76,7 @@ class MainWindow(QMainWindow):
         self.exports = Exports(self)
         self._lay_out()
         self.menus = Menus(self)
+        UndoKeys(self)
         self._connect()
         self.setAcceptDrops(True)
         self._restore()
@@ -211,13 +215,18 @@ class MainWindow(QMainWindow):
         self.draft.failed.connect(self.report)
         self.draft.accepted.connect(self.errors.clear)
         self.draft.held.connect(self.director.hold)
+        self.document.failed.connect(self.report)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
         self.tools.colored.connect(self._recolor)
         self.tools.backed.connect(self._back)
+        self.tools.switched.connect(self._switch)
+        self.tools.clipped.connect(self._clip)
+        # Queued: the plane is still in the mouse's hands.
+        self.view.clipped.connect(self._clip, Qt.ConnectionType.QueuedConnection)
         for told in (self.document.changed, self.document.replaced):
-            told.connect(self._show_colors)
+            told.connect(self._show_view)
         self.document.replaced.connect(self._begin)
         self.files.remembered.connect(self._show_recent)
         self.gallery.chosen.connect(self.files.leave_for)
@@ -233,8 +242,20 @@ class MainWindow(QMainWindow):
         written = {"background": bottom, "background_top": top}
         self._try(self.document.set_many, "view", written)
 
-    def _show_colors(self) -> None:
+    def _switch(self, name: str, on: bool) -> None:
+        usual = on == View.parameters[name].default
+        self._try(self.document.set, "view", name, None if usual else on)
+
+    def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:
+        written = {
+            "clip_normal": None if normal is None else list(normal),
+            "clip_origin": None if origin is None else list(origin),
+        }
+        self._try(partial(self.document.set_many, name="clip plane"), "view", written)
+
+    def _show_view(self) -> None:
         self.tools.show_scene(self.document.scene)
+        self.view.adopt(self.document.scene.view)
 
     def _tell_written(self, file: str) -> None:
         self.told.setText(f"Written: {file}")
@@ -243,7 +264,6 @@ class MainWindow(QMainWindow):
         self.gallery.show_recent(self.files.recent)
 
     def _begin(self) -> None:
-        self.tools.clip.setChecked(False)
         # The properties of a stage that another scene lacks would say nothing.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.choose(self.document.scene.source.section)

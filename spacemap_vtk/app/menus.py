@@ -17,6 +17,22 @@ if TYPE_CHECKING:
     from spacemap_vtk.app.main_window import MainWindow
 
 
+#: Letters of the help's first column.
+_COLUMN = 16
+#: What the mouse does in the view: VTK's habits, and what is this program's own.
+MOUSE = "\n".join(
+    f"{hand:<{_COLUMN}}{does}"
+    for hand, does in (
+        ("Drag", "Turn"),
+        ("Shift+drag", "Move (or middle button)"),
+        ("Ctrl+drag", "Roll"),
+        ("Wheel", "Zoom (or drag, right button)"),
+        ("Click", "Read and plot a yarn's point"),
+        ("Shift+click", "One more point"),
+    )
+)
+
+
 class Menus(QObject):
     """Fills a window's menu bar.
 
@@ -48,13 +64,13 @@ class Menus(QObject):
         self._add(menu, "Export film…", "Ctrl+Shift+F", window.exports.film)
         self._add(menu, "Export data…", "Ctrl+E", window.exports.data)
         menu.addSeparator()
-        self._add(menu, "Close", keys.Close, window.close)
+        self._add(menu, "Close", keys.Close, window.close, keys.Quit)
         menu = self._menu("&Edit")
-        for name, key, action in (
-            ("Undo", keys.Undo, document.undo.createUndoAction(self, "Undo")),
-            ("Redo", keys.Redo, document.undo.createRedoAction(self, "Redo")),
+        for name, wanted, action in (
+            ("Undo", (keys.Undo,), document.undo.createUndoAction(self, "Undo")),
+            ("Redo", (keys.Redo, "Ctrl+Y"), document.undo.createRedoAction(self, "Redo")),
         ):
-            action.setShortcut(key)
+            _give_keys(action, *wanted)
             menu.addAction(action)
             self.actions[name] = action
         menu.addSeparator()
@@ -67,13 +83,21 @@ class Menus(QObject):
         self._add(menu, "A frame back", ",", times.step_back)
         self._add(menu, "A frame on", ".", times.step_on)
         menu = self._menu("&View")
-        menu.addActions(window.tools.choices)
+        tools = window.tools
+        menu.addActions([*tools.shown.values()])
         menu.addSeparator()
-        self.dark = self._add(menu, "Dark", "Ctrl+D", self._theme)
+        for name, choices in (
+            ("Camera", [*tools.cameras.values(), tools.orthographic]),
+            ("Cut open", [tools.clip, *tools.clip_sides]),
+            ("Background", [*tools.backgrounds.values()]),
+        ):
+            menu.addMenu(name).addActions(choices)
+        menu.addSeparator()
+        self.dark = self._add(menu, "Dark window", "Ctrl+D", self._theme)
         self.dark.setCheckable(True)
         self.dark.setChecked(QSettings().value("dark") == "true")
         menu = self._menu("&Help")
-        self._add(menu, "Keys", "F1", self._tell_keys)
+        self._add(menu, "Keys and mouse", "F1", self._tell_keys)
         self._theme()
 
     @property
@@ -81,19 +105,17 @@ class Menus(QObject):
         """Every action that has a key, a line each."""
         window = self.parent()
         named = [*self.actions.values(), *window.tools.choices]
-        return "\n".join(
-            f"{action.shortcut().toString():<14}{action.text().rstrip('…')}"
-            for action in named
-            if not action.shortcut().isEmpty()
-        )
+        return "\n".join(_told(action) for action in named if action.shortcuts())
 
     def _menu(self, title: str) -> QMenu:
         return self.parent().menuBar().addMenu(title)
 
-    def _add(self, menu: QMenu, name: str, key: object, slot: Callable[..., object]) -> QAction:
+    def _add(
+        self, menu: QMenu, name: str, key: object, slot: Callable[..., object], *more: object
+    ) -> QAction:
         action = QAction(name, self)
         if key is not None:
-            action.setShortcut(QKeySequence(key))
+            _give_keys(action, key, *more)
         action.triggered.connect(slot)
         menu.addAction(action)
         self.actions[name] = action
@@ -137,6 +159,18 @@ class Menus(QObject):
 
     def _tell_keys(self) -> None:
         box = QMessageBox(self.parent())
-        box.setWindowTitle("Keys")
-        box.setText(f"<pre>{self.keys}</pre>")
+        box.setWindowTitle("Keys and mouse")
+        box.setText(f"<pre>{self.keys}\n\n{MOUSE}</pre>")
         box.exec()
+
+
+def _give_keys(action: QAction, *keys: object) -> None:
+    # One standard key can bring the same as another.
+    action.setShortcuts(list(dict.fromkeys(QKeySequence(key) for key in keys)))
+
+
+def _told(action: QAction) -> str:
+    """Return an action's keys and name, as the help has them."""
+    key, *more = (key.toString() for key in action.shortcuts())
+    also = f" (or {', '.join(more)})" if more else ""
+    return f"{key:<{_COLUMN}}{action.text().rstrip('…')}{also}"

@@ -24,6 +24,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 
@@ -96,14 +97,18 @@ class ModesTab(QWidget):
             Its damping.
         """
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
-        damping = response.alpha, response.beta
         values = np.zeros(0) if array is None else vtk_to_numpy(array)
+        try:
+            damping = response.damping
+        except InputError:
+            return  # two ways that contradict each other: the run says so
         known = (values.tobytes(), damping)
         if known == self._known:
             return
         self._known = known
         self.table.setRowCount(len(values))
-        ratios, kinds = damping_ratio(values, *damping), regime(values, *damping)
+        rates = damping.alphas(values), damping.beta
+        ratios, kinds = damping_ratio(values, *rates), regime(values, *rates)
         for row, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
             texts = (
                 str(row),

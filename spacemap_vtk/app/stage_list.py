@@ -53,7 +53,9 @@ class StageList(QTreeWidget):
             item.setData(0, _KEY, section)
             item.setToolTip(0, (cls.__doc__ or "").strip().splitlines()[0])
             for column in (1, 2):
-                item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight)
+                item.setTextAlignment(
+                    column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                )
             self.addTopLevelItem(item)
             self.items[section] = item
         self.setUniformRowHeights(True)
@@ -152,17 +154,17 @@ def _words(name: str) -> str:
 
 
 def _dot(color: str, hollow: bool = False) -> QIcon:
-    size = 24
+    size = 96  # sharp on screens of many pixels, too
     pixmap = QPixmap(size, size)
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = QPainter(pixmap)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     if hollow:
-        painter.setPen(QPen(QColor(color), 2))
-        painter.drawEllipse(7, 7, 10, 10)
+        painter.setPen(QPen(QColor(color), 8))
+        painter.drawEllipse(28, 28, 40, 40)
     else:
         painter.setBrush(QColor(color))
         painter.setPen(Qt.PenStyle.NoPen)
-        painter.drawEllipse(6, 6, 12, 12)
+        painter.drawEllipse(24, 24, 48, 48)
     painter.end()
     return QIcon(pixmap)

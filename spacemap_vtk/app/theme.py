@@ -46,7 +46,6 @@ Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
-QListWidget#gallery, QListWidget#recent {{ border: none; background: transparent; }}
 QListWidget#gallery::item {{ padding: 4px; border-radius: 6px; }}
 QListWidget#gallery::item:hover, QListWidget#recent::item:hover {{ background: {check}; }}
 QListWidget#gallery::item:selected {{ background: {check}; color: {text}; }}

@@ -24,8 +24,9 @@ from spacemap_vtk.units import format_quantity, parse_quantity
 _STEPS = 2000
 #: Milliseconds between looks at the clock: playing shows as many frames as there is time for.
 _TICK = 15
-#: Pixels below which some buttons are left out, and the fewest that the others need.
-_WIDE, _NARROW = 440, 380
+#: Pixels below which some are left out, so that the slider stays long enough to be used,
+#: and the fewest that the others need.
+_WIDE, _MIDDLE, _NARROW = 560, 500, 380
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -87,8 +88,12 @@ class TimeBar(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Leave out in a narrow window what keys do too."""
         super().resizeEvent(event)
-        for button in (self.first, self.last):
-            button.setVisible(self.width() >= _WIDE)
+        for least, widgets in (
+            (_WIDE, (self.first, self.last, self.end)),
+            (_MIDDLE, (self.back, self.forward)),
+        ):
+            for widget in widgets:
+                widget.setVisible(self.width() >= least)
 
     @property
     def playing(self) -> bool:
@@ -116,7 +121,9 @@ class TimeBar(QWidget):
             return
         self._adopted = animation.settings
         self._step = animation.speed / animation.frames_per_second
-        self.end.setText(f"of {format_quantity(float(f'{self._stop:.6g}'), 's')}")
+        end = format_quantity(float(f"{self._stop:.6g}"), "s")
+        self.end.setText(f"of {end}")
+        self.slider.setToolTip(f"Time, up to {end}")
         self._show(self.time if at is None else at)
 
     def go(self, at: float, going_on: bool = False) -> None:
@@ -196,6 +203,9 @@ class TimeBar(QWidget):
         self.moved.emit(self.time, False)
 
     def _typed(self) -> None:
+        if not self.line.isModified():
+            return  # left as it was: what it shows is rounded
+        self.line.setModified(False)
         try:
             at = parse_quantity(self.line.text(), "s")
             if not 0.0 <= at < float("inf"):

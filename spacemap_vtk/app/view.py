@@ -7,19 +7,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from pyvistaqt import QtInteractor
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, GhostActor, LoadActor, SupportActor, moved_points
+from spacemap_vtk.app.actors import CageActor, moved_points
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import SHOWN
+from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.picture import add_lights, aim
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
@@ -49,6 +51,8 @@ class View3D(QWidget):
     picked = Signal(object)
     #: All picked points, a list of `Pick`; Shift adds to them, a click begins anew.
     picks_changed = Signal(list)
+    #: The mouse has moved the plane that cuts: its normal and origin.
+    clipped = Signal(object, object)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -67,7 +71,10 @@ class View3D(QWidget):
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors)
+        # Half an arrow says nothing: loads are never cut.
+        self.clip = ClipPlane(self.plotter.iren.interactor, self._actors[:-1], self.clipped)
+        self._view: View | None = None
+        self._cut: object = None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
@@ -75,6 +82,10 @@ class View3D(QWidget):
         self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
+        #: The preset that the camera was last brought to, and where it stood then.
+        self._aimed: tuple[str, dict[str, Any]] | None = None
+        #: Share of the width that the scale takes.
+        self._room = 0.0
 
     @property
     def _actors(self) -> list[Any]:
@@ -95,9 +106,9 @@ class View3D(QWidget):
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._color(view)
+        self._view = view
         if first:
-            self.clip.set_on(False, None)
-            self.clip.forget()
+            self.clip.last = None
             self.forget_picks()
         self.refresh(render=False)
         self._mark()
@@ -105,35 +116,58 @@ class View3D(QWidget):
             self.reset_camera(view.camera)
         self.render()
 
+    def adopt(self, view: View) -> None:
+        """Show the present frame as a scene's section ``[view]`` says.
+
+        Parameters
+        ----------
+        view : View
+            Of the scene that the frame is of.
+        """
+        if self._view is not None and view.settings != self._view.settings:
+            self._view = view
+            self._color(view)
+            self.refresh()
+
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame as `look` says.
+        """Show the present frame as `look` and the scene say.
 
         Parameters
         ----------
         render : bool, optional
             Whether to draw at once.
         """
-        frame, look = self.frame, self.look
-        if frame is None:
+        frame, look, view = self.frame, self.look, self._view
+        if frame is None or view is None:
             return
         self._fabric.show(
             frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
         )
-        self._cull()
         self._fabric.SetVisibility(look.fabric)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
         self.plotter.camera.SetWindowCenter(room, 0.0)
-        self._ghost.SetVisibility(look.ghost)
-        if look.ghost:
+        if room != self._room:
+            self._room = room
+            self._keep_whole()
+        ghost = view.ghost and look.fabric
+        self._ghost.SetVisibility(ghost)
+        if ghost:
             self._ghost.show(frame.surface)
-        for actor, wanted in ((self._cage, look.cage), (self._supports, look.supports)):
+        supports = view.supports and look.cage
+        for actor, wanted in ((self._cage, look.cage), (self._supports, supports)):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        self._loads.SetVisibility(look.loads)
-        if look.loads:
+        self._loads.SetVisibility(view.loads)
+        if view.loads:
             self._loads.show(frame.arrows)
+        cut = frame.generation, view.clip_normal, view.clip_origin
+        if cut != self._cut:
+            self._cut = cut
+            self.clip.show(cut_of(view, frame.surface), self._extent())
+        # Nobody sees the far sides of closed yarns, and they would cost as much as the near ones.
+        self._fabric.GetProperty().SetBackfaceCulling(frame.closed and not self.clip.on)
         if render:
             self.render()
 
@@ -157,11 +191,25 @@ class View3D(QWidget):
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
-        aim(camera, points, width / height, name, 1.0)
+        aim(camera, points, (1.0 - self._room) * width / height, name, 1.0)
+        self._aimed = name, self.place
         # The scale of a parallel projection that shows as much as the perspective does.
         opening = np.radians(camera.view_angle / 2)
         camera.parallel_scale = camera.distance * float(np.tan(opening))
         self.render()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the whole in sight."""
+        super().resizeEvent(event)
+        self._keep_whole()
+
+    def _keep_whole(self) -> None:
+        """Fit the view to another form of its picture, unless the user has moved the camera."""
+        if self._aimed is None or self.frame is None:
+            return
+        (name, before), now = self._aimed, self.place
+        if all(before[key] == now[key] for key in ("position", "focus", "up")):
+            self.reset_camera(name)
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection.
@@ -188,33 +236,6 @@ class View3D(QWidget):
             "up": tuple(camera.up),
             "parallel_scale": camera.parallel_scale if camera.GetParallelProjection() else 0.0,
         }
-
-    def set_clip(self, on: bool) -> None:
-        """Cut the view open with a plane, or show the whole.
-
-        Parameters
-        ----------
-        on : bool
-            Cut.
-        """
-        self.clip.set_on(on, self._extent())
-        self._cull()
-        self.render()
-
-    def reset_clip(self, normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)) -> None:
-        """Put the plane that cuts through the middle again.
-
-        Parameters
-        ----------
-        normal : tuple of float, optional
-            Points to what stays in sight.
-        """
-        points = self._extent()
-        if points is not None:
-            self.clip.reset(points, normal)
-            self.clip.set_on(True, points)
-            self._cull()
-            self.render()
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it.
@@ -291,9 +312,11 @@ class View3D(QWidget):
         position = points_of(surface)[point].astype(float)
         moved = surface.GetPointData().GetArray("displacement")
         displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
+        yarn, family = _number(surface, "yarn", cell), _number(surface, "family", cell)
         return Pick(
-            yarn=_number(surface, "yarn", cell),
-            family=_number(surface, "family", cell),
+            yarn=yarn,
+            family=family,
+            number=_number_in_family(surface, yarn, family),
             position=_three(position),
             rest=_three(position - displacement),
             displacement=_three(displacement),
@@ -335,11 +358,6 @@ class View3D(QWidget):
                     self.picked.emit(found)
         return False
 
-    def _cull(self) -> None:
-        """Leave the far sides of closed yarns out: nobody sees them, and they cost as much."""
-        closed = self.frame is not None and self.frame.closed and not self.clip.on
-        self._fabric.GetProperty().SetBackfaceCulling(closed)
-
     def _color(self, view: View) -> None:
         if self._colored == (view.settings, self._size):
             return
@@ -380,6 +398,15 @@ class View3D(QWidget):
 def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
     array = surface.GetCellData().GetArray(name)
     return None if array is None else int(array.GetTuple1(cell))
+
+
+def _number_in_family(surface: vtkPolyData, yarn: int | None, family: int | None) -> int | None:
+    """Count from the family's first yarn, which is 1."""
+    if yarn is None or family is None:
+        return None
+    cells = surface.GetCellData()
+    of_family = vtk_to_numpy(cells.GetArray("family")) == family
+    return yarn - int(vtk_to_numpy(cells.GetArray("yarn"))[of_family].min()) + 1
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

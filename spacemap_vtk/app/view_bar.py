@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.picture import CAMERAS
 from spacemap_vtk.scenes.scene import Scene
 
-#: What can be shown: attribute of `Look`, words, key.
+#: What can be shown: attribute of `Look` or key of a scene's section ``[view]``, words, key.
 _SHOWN = (
     ("fabric", "Fabric", "F"),
     ("cage", "Cage", "C"),
@@ -20,6 +20,8 @@ _SHOWN = (
     ("loads", "Loads", "L"),
     ("ghost", "Ghost", "G"),
 )
+#: Normal of the plane that cuts at first.
+_ACROSS = (-1.0, 0.0, 0.0)
 #: Backgrounds to choose from: the colours at the bottom and at the top; None is the default.
 BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Light": (None, None),
@@ -42,6 +44,10 @@ class ViewBar(QToolBar):
     colored = Signal(str)
     #: Colours at the bottom and at the top, as a scene file has them.
     backed = Signal(object, object)
+    #: A key of a scene's section ``[view]``, and whether that is shown.
+    switched = Signal(str, bool)
+    #: Normal and origin of the plane that cuts; None: there is none, or its place is automatic.
+    clipped = Signal(object, object)
 
     def __init__(self, view: View3D) -> None:
         super().__init__("View")
@@ -54,20 +60,25 @@ class ViewBar(QToolBar):
         for name, words, key in _SHOWN:
             action = QAction(words, self)
             action.setCheckable(True)
-            action.setChecked(getattr(view.look, name))
+            action.setChecked(getattr(view.look, name, False))
             action.setShortcut(QKeySequence(key))
             action.setToolTip(f"Show the {words.lower()} ({key})")
             action.setData(name)
-            action.toggled.connect(self._toggled)
+            action.triggered.connect(self._toggled)
             self.addAction(action)
             self.shown[name] = action
         self.addSeparator()
-        self.addWidget(QLabel(" Colour by "))
         self.coloring = QComboBox()
         for name, coloring in COLORINGS.items():
             self.coloring.addItem(coloring.label, name)
         self.coloring.currentIndexChanged.connect(self._colored)
-        self.addWidget(self.coloring)
+        # One piece: where there is no room, both go behind the bar's arrow.
+        named = QWidget()
+        row = QHBoxLayout(named)
+        row.setContentsMargins(4, 0, 4, 0)
+        row.addWidget(QLabel("Colour by"))
+        row.addWidget(self.coloring)
+        self.addWidget(named)
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
@@ -84,7 +95,7 @@ class ViewBar(QToolBar):
         self.orthographic.toggled.connect(view.set_orthographic)
         cameras.addAction(self.orthographic)
         self.clip = self._switch("Clip", "X", "Cut it open with a plane; the mouse moves it (X)")
-        self.clip.toggled.connect(view.set_clip)
+        self.clip.triggered.connect(self._clip)
         self.addAction(self.clip)
         self.clip_sides: list[QAction] = []
         for axis, normal in zip("xyz", np.eye(3), strict=True):
@@ -117,6 +128,10 @@ class ViewBar(QToolBar):
         self.coloring.blockSignals(True)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
+        for name, action in self.shown.items():
+            if name in scene.view.parameters:
+                action.setChecked(getattr(scene.view, name))
+        self.clip.setChecked(scene.view.clip_normal is not None)
 
     @property
     def choices(self) -> list[QAction]:
@@ -131,8 +146,12 @@ class ViewBar(QToolBar):
         ]
 
     def _toggled(self, on: bool) -> None:
-        setattr(self._view.look, self.sender().data(), on)
-        self._view.refresh()
+        name = self.sender().data()
+        if hasattr(self._view.look, name):
+            setattr(self._view.look, name, on)
+            self._view.refresh()
+        else:
+            self.switched.emit(name, on)
 
     def _colored(self, index: int) -> None:
         self.colored.emit(self.coloring.itemData(index))
@@ -140,9 +159,12 @@ class ViewBar(QToolBar):
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
 
+    def _clip(self, on: bool) -> None:
+        normal, origin = self._view.clip.last or (_ACROSS, None)
+        self.clipped.emit(normal if on else None, origin if on else None)
+
     def _clipped_across(self) -> None:
-        self._view.reset_clip(tuple(self.sender().data()))
-        self.clip.setChecked(True)
+        self.clipped.emit(tuple(self.sender().data()), None)
 
     def _backed(self) -> None:
         self.backed.emit(*self.sender().data())

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 STILL_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
 FILM_FORMATS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
 
-Output = Annotated[Path, Parameter(name=["--output", "-o"], help="File to write.")]
+Output = Annotated[Path, Parameter(name=["--output", "-o"])]
 
 
 def render(
@@ -146,7 +146,7 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    if times:
+    if times is not None:
         moments = _times(times)
     elif opened_scene.mover is opened_scene.response:
         moments = _one_swing(opened_scene)
@@ -185,7 +185,7 @@ def export(
     scene : str
         Scene file, draft, or name of a scene.
     output : Path
-        The file's ending names the format.
+        A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """
     from spacemap_vtk.scenes.export import FORMATS, write
 
@@ -211,14 +211,18 @@ def export(
 def _times(text: str) -> list[float]:
     from spacemap_vtk.units import parse_quantity
 
-    times = [parse_quantity(word, "s") for word in text.split(",")]
+    refused = InputError(
+        "not a list of times",
+        key="--times",
+        value=text,
+        allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
+    )
+    try:
+        times = [parse_quantity(word, "s") for word in text.split(",")]
+    except InputError as error:
+        raise refused from error
     if not all(0.0 <= t < np.inf for t in times) or len(times) > 100:
-        raise InputError(
-            "not a list of times",
-            key="--times",
-            value=text,
-            allowed="up to 100 times of at least 0 s",
-        )
+        raise refused
     return times
 
 

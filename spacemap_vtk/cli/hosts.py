@@ -11,7 +11,10 @@ from spacemap_vtk.paraview import environment
 
 
 def paraview(
-    *, check: Annotated[bool, Parameter(negative="", help="Try it in pvpython.")] = False
+    *,
+    check: Annotated[
+        bool, Parameter(negative="", help="Try it in pvpython.", show_default=False)
+    ] = False,
 ) -> None:
     """Print the ParaView plugin's place, and the environment to start ParaView with.
 

@@ -94,7 +94,7 @@ def plot(
     scene: str,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"], help="File to write.")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
     point: Annotated[
         str | None,
         Parameter(

@@ -20,7 +20,9 @@ Set = Annotated[
     Parameter(
         name="--set",
         negative="",
-        help="Change a value of the scene, as in --set weave.ends=20. Can be given again.",
+        help="Change a value of the scene, as in --set weave.ends=20; auto makes one automatic. "
+        "Can be given again.",
+        show_default=False,
     ),
 ]
 Time = Annotated[str | None, Parameter(help="Time in s, as in 0.4 or 400ms.")]
@@ -30,9 +32,18 @@ Shown = Annotated[
     Parameter(name="--color", help=f"What colours show: {', '.join(COLORINGS)}."),
 ]
 Quiet = Annotated[
-    bool, Parameter(name=["--quiet", "-q"], negative="", help="No progress, no warnings.")
+    bool,
+    Parameter(
+        name=["--quiet", "-q"],
+        negative="",
+        help="No progress, no warnings.",
+        show_default=False,
+    ),
 ]
-Json = Annotated[bool, Parameter(name="--json", negative="", help="JSON, for programs.")]
+Json = Annotated[
+    bool,
+    Parameter(name="--json", negative="", help="JSON, for programs.", show_default=False),
+]
 
 
 def opened(
@@ -74,11 +85,17 @@ def opened(
         with _naming("--color"):
             scene.color_by(color)
     if size is not None:
-        width, cross, height = size.lower().partition("x")
-        if not cross:
-            raise InputError("not a size", key="--size", value=size, allowed="as in 1920x1080")
-        with _naming("--size"):
-            scene.view.size = width, height
+        try:
+            scene.view.size = size.lower().split("x")
+        except InputError as error:
+            # In the words of the command line, where a size is no list.
+            side: Any = type(scene.view).parameters["size"]
+            raise InputError(
+                "not a size in pixels",
+                key="--size",
+                value=size,
+                allowed=f"width x height, as in 1920x1080, each {side.component.allowed}",
+            ) from error
     return scene
 
 

@@ -70,14 +70,14 @@ class Series(Parameter[Any]):
             raise InputError("not a list")
         return tuple(self.component.convert(component) for component in value)
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return TOML's spelling, in SI."""
-        return self.automatic if value is None else _toml(tuple(float(f"{v:.6g}") for v in value))
+        return _toml(tuple(float(f"{v:.6g}") for v in value))
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """The components in words."""
-        return f"a list, each {self.component.allowed}"
+        return f"a list, each {self.component.form}"
 
 
 class Load(Parameterised):
@@ -303,13 +303,13 @@ class Loads(Parameter[tuple[Load, ...]]):
         return [self.within(v, folder) for v in value] if isinstance(value, list) else value
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """Their keys."""
         return f"a list of tables, each with one of {', '.join(ACTIONS)}, and any of " + ", ".join(
             name for name in Load.parameters if name not in ACTIONS
         )
 
-    def show(self, value: tuple[Load, ...]) -> str:
+    def text(self, value: tuple[Load, ...]) -> str:
         """Return TOML's spelling."""
         tables = [
             "{" + ", ".join(f"{name} = {_toml(v)}" for name, v in load._values.items()) + "}"

@@ -17,7 +17,7 @@ class DampingPairs(Parameter[Any]):
 
     kind = "pairs"
     annotation = "sequence of 2 pairs of float"
-    allowed = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
+    form = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
 
     def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
         """Return two pairs of floats, the lower frequency first."""
@@ -34,6 +34,6 @@ class DampingPairs(Parameter[Any]):
             raise InputError(f"{len(pairs)} pairs in place of 2")
         return tuple(sorted(pairs))
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return TOML's spelling."""
-        return self.automatic if value is None else str([list(pair) for pair in value])
+        return str([list(pair) for pair in value])

@@ -15,7 +15,7 @@ class Supports(Parameter[tuple[str, ...]]):
 
     kind = "supports"
     annotation = "str or sequence of str"
-    allowed = ALLOWED
+    form = ALLOWED
 
     def convert(self, value: Any) -> tuple[str, ...]:
         """Return the supports, each once and in canonical form, sides first."""
@@ -26,6 +26,6 @@ class Supports(Parameter[tuple[str, ...]]):
         rank = {side: number for number, side in enumerate(SIDES)}
         return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
 
-    def show(self, value: tuple[str, ...]) -> str:
+    def text(self, value: tuple[str, ...]) -> str:
         """Return the supports as one string."""
         return f'"{" ".join(value)}"'

@@ -19,7 +19,7 @@ class Pattern(Parameter[Any]):
 
     kind = "pattern"
     annotation = "str or sequence of rows"
-    allowed = (
+    form = (
         pattern_names.GRAMMAR
         + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
     )
@@ -32,7 +32,7 @@ class Pattern(Parameter[Any]):
             raise InputError("not a weave")
         return tuple(draft.rows(draft.from_matrix(list(value))))
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the name or the rows."""
         return f'"{value}"' if isinstance(value, str) else str(list(value))
 
@@ -45,7 +45,7 @@ class YarnCount(Real):
         return float(super().convert(linear_density(value) if isinstance(value, str) else value))
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """The systems, with examples."""
         return (
             'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"), or in kg/m, '
@@ -98,14 +98,12 @@ class Series(Parameter[Any]):
         return items[0] if len(set(items)) == 1 else tuple(items)
 
     @property
-    def allowed(self) -> str:
+    def form(self) -> str:
         """What each value may be."""
-        return f"{self.component.allowed}; or a list of such, repeated over the yarns"
+        return f"{self.component.form}; or a list of such, repeated over the yarns"
 
-    def show(self, value: Any) -> str:
+    def text(self, value: Any) -> str:
         """Return the value, or the list with commas."""
-        if value is None:
-            return self.automatic
         several = self.several(value)
         return ", ".join(self.component.show(item) for item in several or (value,))
 

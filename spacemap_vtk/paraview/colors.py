@@ -3,10 +3,14 @@
 With it ticked, as it is by default, ParaView 5.11 sends colours through a colour map like any other
 numbers. What else it has does not do: a colour map in VTK's vector mode RGBCOLORS does not know
 that mode's name, and ends ParaView at the next choice of an array.
+
+ParaView shows a legend for every array that it colours by. One of colours that go through no colour
+map would tell the sizes of red, green and blue taken as a vector: it stays hidden.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
@@ -33,21 +37,28 @@ def show_colors() -> None:
 
 
 def _follow_new(manager: Any) -> None:
-    from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
-
     session = manager.GetActiveSessionProxyManager()
     if session is None:
         return
+    follow: dict[str, Callable[[Any], None]]
+    follow = {"representations": _follow, "scalar_bars": _follow_legend}
+    for group, observe in follow.items():
+        for proxy in _registered(session, group):
+            if proxy.GetGlobalID() not in _followed:
+                _followed.add(proxy.GetGlobalID())
+                observe(proxy)
+
+
+def _registered(session: Any, group: str) -> Iterator[Any]:
+    from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
+
     iterator = vtkSMProxyIterator()
     iterator.SetSessionProxyManager(session)
     iterator.SetModeToOneGroup()
-    iterator.Begin("representations")
+    iterator.Begin(group)
     while not iterator.IsAtEnd():
-        proxy = iterator.GetProxy()
+        yield iterator.GetProxy()
         iterator.Next()
-        if proxy.GetGlobalID() not in _followed:
-            _followed.add(proxy.GetGlobalID())
-            _follow(proxy)
 
 
 def _follow(proxy: Any) -> None:
@@ -67,6 +78,38 @@ def _follow(proxy: Any) -> None:
 
     array.AddObserver("ModifiedEvent", adjust)
     adjust(array, "")
+
+
+def _follow_legend(proxy: Any) -> None:
+    owner = vtkWeakReference()
+    owner.Set(proxy)
+
+    def hide(caller: Any, event: str) -> None:
+        legend = owner.Get()
+        if legend is not None and caller.GetElement(0) and not _maps(legend):
+            caller.SetElement(0, 0)
+
+    shown = proxy.GetProperty("Visibility")
+    shown.AddObserver("ModifiedEvent", hide)
+    hide(shown, "")
+
+
+def _maps(legend: Any) -> bool:
+    """Whether anything goes through a legend's colour map, as far as it is known."""
+    table = _table(legend)
+    mapped = [
+        bool(proxy.GetProperty("MapScalars").GetElement(0))
+        for proxy in _registered(legend.GetSessionProxyManager(), "representations")
+        if proxy.GetProperty("MapScalars") is not None and _table(proxy) == table
+    ]
+    return table is None or any(mapped) or not mapped
+
+
+def _table(proxy: Any) -> int | None:
+    """Return the number of the colour map that a legend or representation has."""
+    own = proxy.GetProperty("LookupTable")
+    table = own.GetProxy(0) if own is not None and own.GetNumberOfProxies() else None
+    return None if table is None else int(table.GetGlobalID())
 
 
 def _has_colors(representation: Any) -> bool:

@@ -76,8 +76,20 @@ def whole_folder(target: Path) -> Iterator[Path]:
     ------
     Path
         A folder on the same disk, so that moving is renaming.
+
+    Raises
+    ------
+    InputError
+        If `target` takes no new folder.
     """
-    folder = Path(tempfile.mkdtemp(prefix=".spacemap-", dir=target))
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=".spacemap-", dir=target))
+    except OSError as error:
+        # Not the new folder's name, which the user has never heard of.
+        raise InputError(
+            f"{target}: nothing can be written to this folder ({error.strerror})",
+            cure="Choose another one, or make room and see to its permissions.",
+        ) from error
     try:
         yield folder
         for file in sorted(folder.iterdir()):

@@ -10,14 +10,16 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPlane, vtkPointSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.scenes.coloring import add_measure, measure
+from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of, rest_of
 from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shading import averaged, contact_shade
 from spacemap_vtk.scenes.surface_actor import (
@@ -98,6 +100,14 @@ class Picture:
         widths[-1] += width - sum(widths)
         self._followers: list[vtkAlgorithm] = []
         self._solids: list[SurfaceActor] = []
+        self._ghosts: list[GhostActor] = []
+        self._loads: list[LoadActor] = []
+        cut = cut_of(scene.view, scene.polygons)
+        self._plane = None
+        if cut is not None:
+            self._plane = vtkPlane()
+            self._plane.SetNormal(cut[0])
+            self._plane.SetOrigin(cut[1])
         self._panels = [
             (
                 self._plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
@@ -130,6 +140,10 @@ class Picture:
             for solid in self._solids:
                 scene, view = self.scene, self.scene.view
                 solid.show(surface, view.color, view.object_color, self._span, scene.painting)
+            for ghost in self._ghosts:
+                ghost.show(surface)
+        for arrows in self._loads:
+            arrows.show(_arrows(self.scene, time))
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
     def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:
@@ -162,18 +176,30 @@ class Picture:
                 plotter.camera.parallel_scale = self._place.parallel_scale
                 plotter.camera.SetParallelProjection(True)
         add_lights(plotter)
+        actors: list[vtkActor] = []
         if solid is not None:
             fit_scale(solid.bar, size, view.background)
             plotter.camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
-            plotter.add_actor(solid, reset_camera=False)
+            actors.append(solid)
             plotter.renderer.AddViewProp(solid.bar)
+            if view.ghost:
+                self._ghosts.append(GhostActor())
+                actors.append(self._ghosts[-1])
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
-            plotter.add_actor(_lines(edges, view.cage_color), reset_camera=False)
-            if scene.mover is scene.response and scene.modal.fixed:
-                plotter.add_actor(_supports(scene, view.support_color), reset_camera=False)
+            actors.append(_lines(edges, view.cage_color))
+            if view.supports and scene.mover is scene.response:
+                actors.append(_supports(scene, view.support_color))
+        if self._plane is not None:
+            for actor in actors:
+                actor.GetMapper().AddClippingPlane(self._plane)
+        if view.loads:  # half an arrow says nothing
+            self._loads.append(LoadActor())
+            actors.append(self._loads[-1])
+        for actor in actors:
+            plotter.add_actor(actor, reset_camera=False)
         plotter.enable_anti_aliasing("msaa", multi_samples=4)
         return plotter
 
@@ -231,6 +257,9 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
         scene.update(time)
         points = _points(scene.patches)
         clouds.append(points[:: max(1, len(points) // 20_000)])
+        arrows = _arrows(scene, time) if scene.view.loads else None
+        if arrows is not None:
+            clouds += [arrows.starts, arrows.starts + arrows.vectors]
         numbers = measure(scene.polygons, scene.view.color)
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
@@ -239,7 +268,16 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
             clouds.append(
                 _points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
             )
+    if scene.view.ghost:
+        clouds.append(rest_of(scene.polygons).astype(np.float64))
     return np.concatenate(clouds), natural_span(np.array(ends)) if ends else None
+
+
+def _arrows(scene: Scene, time: float) -> Arrows | None:
+    """Return what acts on a scene's cage; None where that is not known."""
+    if not scene.moves or scene.mover is not scene.response:
+        return None
+    return load_arrows(scene.response, scene.deformed_cage, time)
 
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
@@ -300,14 +338,12 @@ def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
     return actor
 
 
-def _supports(scene: Scene, color: Sequence[int]) -> pv.Actor:
-    grid = scene.modal.GetOutputDataObject(0)
-    held = vtk_to_numpy(grid.GetPointData().GetArray("fixed")) != 0
-    mapper = pv.DataSetMapper(pv.PolyData(_points(grid)[held].astype(np.float32)))
-    look = pv.Property(
-        color=[c / 255 for c in color], point_size=9.0 * _SAMPLES, render_points_as_spheres=True
-    )
-    return pv.Actor(mapper=mapper, prop=look)
+def _supports(scene: Scene, color: Sequence[int]) -> SupportActor:
+    actor = SupportActor()
+    actor.show(scene.modal.GetOutputDataObject(0))
+    actor.GetProperty().SetColor(*(c / 255 for c in color))
+    actor.GetProperty().SetPointSize(actor.GetProperty().GetPointSize() * _SAMPLES)
+    return actor
 
 
 def add_lights(plotter: pv.Plotter) -> None:

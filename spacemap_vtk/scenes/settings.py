@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
@@ -10,6 +11,17 @@ from spacemap_vtk.scenes.coloring import COLORINGS
 
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
+
+
+class Direction(Vector):
+    """A vector of any length but zero."""
+
+    def convert(self, value: Any) -> tuple[Any, ...]:
+        """Return three numbers."""
+        found = super().convert(value)
+        if not any(found):
+            raise InputError("no direction: its length is zero")
+        return found
 
 
 class View(Parameterised):
@@ -42,6 +54,21 @@ class View(Parameterised):
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
     zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
+    supports = Flag(True, "Dots at the cage's fixed vertices, where the cage is drawn.")
+    loads = Flag(False, "Arrows for what acts on the cage, as long as it is strong at the time.")
+    ghost = Flag(False, "The fabric or object at rest, pale, where it is drawn moved.")
+    clip_normal = Direction(
+        None,
+        "Cut open with a plane: the direction of what stays in sight.",
+        component=Real(0.0, ""),
+        automatic="the whole is drawn",
+    )
+    clip_origin = Vector(
+        None,
+        "A point of the plane that cuts.",
+        component=Real(0.0, "", unit="m"),
+        automatic="the middle of the fabric or object at rest",
+    )
     background = Color("#ffffff", "Colour of the background, at the bottom.")
     background_top = Color("#dfe6ee", "Colour of the background, at the top.")
     cage_color = Color("#39424e", "Colour of the cage's edges.")

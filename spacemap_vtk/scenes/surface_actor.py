@@ -78,8 +78,7 @@ class SurfaceActor(vtkActor):
             points.AddArray(to_array(values / np.float32(size), "in unit"))
             self._color_by("in unit", _ramp(RAMP, 256), (shown[0] / size, shown[1] / size))
             mapper.SetScalarModeToUsePointFieldData()
-            label = COLORINGS[color].label.replace(", ", "\n")
-            self.bar.SetTitle(f"{label}\n[{name}]" if name else label)
+            self.bar.SetTitle(scale_title(color, name))
         elif color in ("family", "yarn") and cells.GetArray(color) is not None:
             colors = FAMILIES if color == "family" else YARNS
             count = int(cells.GetArray(color).GetRange()[1]) + 1
@@ -200,6 +199,26 @@ def scale_bar() -> vtkScalarBarActor:
     return bar
 
 
+def scale_title(color: str, unit: str) -> str:
+    """Return what stands over a scale, in lines that are short enough.
+
+    Parameters
+    ----------
+    color : str
+        A key of `COLORINGS`.
+    unit : str
+        Of its numbers; may be empty.
+
+    Returns
+    -------
+    str
+        A line for the quantity, one or two for which of it, and one for the unit.
+    """
+    quantity, _, which = COLORINGS[color].label.partition(", ")
+    lines = [quantity, *([which] if len(which) <= len("Displacement") else which.split())]
+    return "\n".join(line for line in (*lines, unit and f"[{unit}]") if line)
+
+
 def scale_share(size: tuple[int, int]) -> float:
     """Return the share of a picture's width that a scale takes at the right.
 
@@ -211,9 +230,10 @@ def scale_share(size: tuple[int, int]) -> float:
     Returns
     -------
     float
-        At most 0.3.
+        At most 0.35. "Displacement", the longest line, and "-0.00754" fit: letters grow with the
+        picture's height, see `fit_scale`.
     """
-    return min(0.3, max(90, size[1] // 6) / max(1, size[0]))
+    return min(0.35, max(96.0, 0.19 * size[1]) / max(1, size[0]))
 
 
 def fit_scale(bar: vtkScalarBarActor, size: tuple[int, int], background: Sequence[int]) -> None:

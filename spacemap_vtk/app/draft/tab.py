@@ -24,6 +24,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.draft.grid import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
@@ -137,15 +138,15 @@ class DraftTab(QWidget):
 
     def save(self) -> None:
         """Ask for a name, and write the draft as WIF."""
-        name, _ = QFileDialog.getSaveFileName(self, "Save draft", "draft.wif", "Drafts (*.wif)")
-        if not name:
+        path = ask_file(self, "Save draft", "draft.wif", "Drafts (*.wif)", ".wif")
+        if path is None:
             return
-        path = Path(name)
-        path = (path if path.suffix else path.with_suffix(".wif")).resolve()
+        path = path.resolve()
         weave = self._document.scene.weave
         try:
             check_output(path, {".wif": "draft"})
             data = format_wif(weave.wif)
+            self._document.remember(path)
             with whole_file(path) as file:
                 file.write_bytes(data)
         except (SpacemapError, OSError) as error:

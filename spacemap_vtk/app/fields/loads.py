@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Signal
@@ -131,9 +132,6 @@ class _Card(QFrame):
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             row = ParameterRow(Load.parameters[name])
-            # A load's values are there or not: there is nothing to be automatic.
-            if row.automatic is not None:
-                row.automatic.hide()
             row.reset.setVisible(name in _optional(load))
             row.edited.connect(self._row_edited)
             row.held.connect(self.held)
@@ -179,4 +177,7 @@ def _optional(load: Load) -> tuple[str, ...]:
 
 
 def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+    """Return a checked value as a scene file has it."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

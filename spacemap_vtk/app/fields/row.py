@@ -38,14 +38,14 @@ class ParameterRow(QWidget):
         self.reset.setText("↺")
         self.reset.setAutoRaise(True)
         self.reset.setToolTip(f"Back to the default: {parameter.show(parameter.default)}")
-        label = QLabel(parameter.label)
+        label = QLabel(_name(parameter))
         label.setBuddy(self.editor)
         head = QHBoxLayout()
         head.setSpacing(4)
         head.addWidget(label)
         head.addStretch(1)
         self.automatic: QCheckBox | None = None
-        if parameter.optional:
+        if parameter.automatic:
             self.automatic = QCheckBox("automatic")
             self.automatic.setToolTip(f"Automatic: {parameter.automatic}")
             self.automatic.clicked.connect(self._automatic_clicked)
@@ -123,6 +123,8 @@ class ParameterRow(QWidget):
                     child.style().polish(child)
 
     def _edited(self, written: object, burst: int) -> None:
+        if self.parameter.is_automatic(written):
+            written = None  # what is automatic is so by default
         self.edited.emit(self.parameter.name, written, burst)
 
     def _reset(self) -> None:
@@ -137,6 +139,11 @@ class ParameterRow(QWidget):
             self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
         else:
             self.editor.setFocus()
+
+
+def _name(parameter: Parameter[Any]) -> str:
+    """Return a parameter's label with the apostrophe that its name cannot have."""
+    return parameter.label.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
 
 
 def _plain(value: Any, text: str) -> Any:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel
 
 from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.number import NumberEditor
-from spacemap_vtk.parameters import Vector
+from spacemap_vtk.parameters import AUTOMATIC, Vector
 
 
 class VectorEditor(Editor):
@@ -44,6 +44,9 @@ class VectorEditor(Editor):
             editor.show_value(None if value is None else value[number])
 
     def _edited(self, written: object, burst: int) -> None:
+        if self.parameter.is_automatic(written):
+            self.edited.emit(AUTOMATIC, burst)  # all components or none
+            return
         moved = self.components.index(self.sender())
         # Of a vector that was automatic, the other components begin at zero.
         values = list(self._value or [0.0] * len(self.components))

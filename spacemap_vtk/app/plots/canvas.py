@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import LogLocator, MaxNLocator
 from PySide6.QtCore import QRect, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent
@@ -22,6 +23,9 @@ ENERGIES = ("#2c7fb8", "#d9642c", "#8a94a3", "#26323e")
 ENERGY_NAMES = ("kinetic", "strain", "dissipated", "total")
 COMPONENTS = ("x", "y", "z", "size")
 _LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
+#: Height of a line of a legend, and room between a title and a legend beside it, likewise; what
+#: matplotlib leaves between a title and its plot, in points.
+_LINE, _GAP, _PAD = 14, 10, 6.0
 
 
 class Shown(NamedTuple):
@@ -49,7 +53,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         self.timed: list[Axes] = []
         self._time = 0.0
         self._pressed: Axes | None = None
-        self._ink = QColor("#26323e")
+        self._ink, self._text = QColor("#26323e"), "#26323e"
 
     def draw_curves(self, curves: Curves, shown: Shown) -> None:
         """Draw all plots anew.
@@ -65,7 +69,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         figure.clear()
         ink, back = ("#dfe6ee", "#1d232b") if shown.dark else ("#26323e", "#f4f6f8")
         paper, grid = ("#161b22", "#2b3440") if shown.dark else ("#ffffff", "#e6e9ed")
-        self._ink = QColor("#ffb454" if shown.dark else "#111a24")
+        self._ink, self._text = QColor("#ffb454" if shown.dark else "#111a24"), ink
         figure.set_facecolor(back)
         kinds = ["motion", *(["energy"] if curves.energies is not None else [])]
         kinds += ["response"] if len(curves.frequencies) else []
@@ -84,11 +88,6 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes.spines[["left", "bottom"]].set_color(grid)
             axes.tick_params(colors=ink, labelsize=7.5, length=0, which="both")
             axes.xaxis.label.set(color=ink, fontsize=8)
-            axes.set_title(axes.get_title(loc="left"), loc="left", color=ink, fontsize=8.5)
-            legend = axes.get_legend()
-            if legend is not None:
-                for text in legend.get_texts():
-                    text.set_color(ink)
         self._place()
         self.draw()
 
@@ -178,16 +177,38 @@ class PlotCanvas(FigureCanvasQTAgg):
         width, height, count = max(self.width(), 1), max(self.height(), 1), len(self.axes)
         if not count:
             return
-        each = (height - _TOP - _BOTTOM - (count - 1) * _BETWEEN) / count
-        if each <= 0 or width <= _LEFT + _RIGHT:
+        if width <= _LEFT + _RIGHT:
+            return
+        lines = [self._head(axes, width - _LEFT - _RIGHT) for axes in self.axes]
+        top, between = _TOP + _LINE * lines[0], _BETWEEN + _LINE * max(lines[1:], default=0)
+        each = (height - top - _BOTTOM - (count - 1) * between) / count
+        if each <= 0:
             return
         self.figure.subplots_adjust(
             left=_LEFT / width,
             right=1 - _RIGHT / width,
-            top=1 - _TOP / height,
+            top=1 - top / height,
             bottom=_BOTTOM / height,
-            hspace=_BETWEEN / each,
+            hspace=between / each,
         )
+
+    def _head(self, axes: Axes, room: int) -> int:
+        """Write title and legend side by side, or below each other; return the lines below."""
+        text, ratio = axes.get_title(loc="left"), self.device_pixel_ratio
+        renderer = self.get_renderer()
+        title = axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=_PAD)
+        count = len(axes.get_legend_handles_labels()[1])
+        if count < 2:
+            return 0
+        taken = title.get_window_extent(renderer).width / ratio + _GAP
+        lines, wide = 0, _legend(axes, count, self._text).get_window_extent(renderer).width / ratio
+        while taken + wide > room and lines < count:
+            lines, taken = lines + 1, 0.0
+            legend = _legend(axes, -(-count // lines), self._text)
+            wide = legend.get_window_extent(renderer).width / ratio
+        pad = _PAD + lines * _LINE * 72 / 100
+        axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=pad)
+        return lines
 
     def _motion(self, axes: Axes, curves: Curves, shown: Shown) -> tuple[str, float]:
         unit, row = QUANTITIES[shown.quantity]
@@ -199,8 +220,6 @@ class PlotCanvas(FigureCanvasQTAgg):
         part = "" if shown.component == "size" else f" along {shown.component}"
         axes.set_title(f"{shown.quantity.capitalize()}{part} [{word}]", loc="left")
         _over_time(axes, curves)
-        if len(values) > 1:
-            _legend(axes, len(values))
         return unit, row
 
     def _response(
@@ -216,7 +235,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             if curve.max(initial=0.0) > 0.0:
                 color = POINTS[number % len(POINTS)]
                 axes.loglog(curves.frequencies, curve / size, color=color, linewidth=1.1)
-        axes.set_title(f"Amplitude with all loads as sines [{word}]", loc="left")
+        axes.set_title(f"Amplitude, loads as sines [{word}]", loc="left")
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
         axes.set_xlim(curves.frequencies[0], curves.frequencies[-1])
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
@@ -253,7 +272,6 @@ def _energy(axes: Axes, curves: Curves, ink: str) -> None:
         )
     axes.set_title(f"Energy [{unit}]", loc="left")
     _over_time(axes, curves)
-    _legend(axes, 4)
 
 
 def _over_time(axes: Axes, curves: Curves) -> None:
@@ -263,14 +281,17 @@ def _over_time(axes: Axes, curves: Curves) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(5))
 
 
-def _legend(axes: Axes, columns: int) -> None:
+def _legend(axes: Axes, columns: int, color: str) -> Legend:
     # Over the plot, right: no curve runs there.
-    axes.legend(
+    return axes.legend(
         frameon=False,
         ncols=columns,
         fontsize=7.5,
+        labelcolor=color,
         loc="lower right",
-        bbox_to_anchor=(1.0, 0.98),
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.3,
+        labelspacing=0.25,
         borderpad=0,
         handlelength=1.1,
         handletextpad=0.4,

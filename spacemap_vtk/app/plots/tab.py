@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from PySide6.QtCore import QEvent, QTimer, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QFileDialog,
     QHBoxLayout,
     QLabel,
     QMenu,
@@ -20,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.frame import Frame
@@ -267,11 +266,9 @@ class PlotsTab(QWidget):
 
     def _save(self, name: str, kinds: dict[str, str], write: Any) -> None:
         endings = " ".join(f"*{ending}" for ending in kinds)
-        chosen, _ = QFileDialog.getSaveFileName(self, "Save", name, f"Files ({endings})")
-        if not chosen:
+        path = ask_file(self, "Save", name, f"Files ({endings})", next(iter(kinds)))
+        if path is None:
             return
-        path = Path(chosen)
-        path = path if path.suffix else path.with_suffix(next(iter(kinds)))
         try:
             check_output(path, kinds)
             if kinds is _PICTURES:

@@ -1,0 +1,120 @@
+"""Faults that once were in the window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
+
+from spacemap_vtk.app.document import Document  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+SMALL = "[weave]\nends = 3\npicks = 3\n"
+PUFF = """
+[[response.loads]]  # a puff
+pressure = "1 Pa"
+on = "-z"
+time = "table"
+file = "puff.csv"  # measured
+"""
+
+
+def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
+    open_window: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SMALL + PUFF)
+    window = open_window(str(scene))
+    window.stages.choose("response")
+    editor = window.properties.rows["loads"].editor
+    type_into(editor.cards[0].rows["pressure"].editor.line, "2 Pa")
+    assert window.document.scene.response.loads[0].pressure == 2.0
+    # The file is named as it was, with its comment.
+    assert window.document.text == (SMALL + PUFF).replace('"1 Pa"', '"2 Pa"')
+    # Another load: the list is written anew, and leads to the same file.
+    editor._added(next(a for a in editor.add.menu().actions() if a.data() == "gravity"))
+    window.document.save()
+    puff, gravity = Scene.read(scene).response.loads
+    assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")
+
+
+def test_the_table_of_modes_tells_the_damping_that_there_is(open_window: Any) -> None:
+    window = open_window()
+    window.document.set_many("response", {"damping_ratio": 0.05, "alpha": None})
+    wait_until(lambda: settled(window) and window.errors.text == "")
+    table = window.modes.table
+    assert {table.item(row, 2).text() for row in range(10)} == {"0.05"}
+    # Two ways that contradict each other are told, and nothing breaks.
+    window.document.set("response", "alpha", 3.0)
+    wait_until(lambda: "damping_ratio" in window.errors.text)
+    assert table.item(0, 2).text() == "0.05"
+
+
+@pytest.mark.parametrize("answer", ["Yes", "No"])
+def test_a_name_without_its_ending_writes_over_nothing_unasked(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    window = open_window()
+    there = tmp_path / "copy.toml"
+    there.write_text("mine")
+    asked = []
+
+    def question(*words: Any) -> Any:
+        asked.append(words[2])
+        return getattr(QMessageBox.StandardButton, answer)
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(tmp_path / "copy"), ""))
+    monkeypatch.setattr(QMessageBox, "question", question)
+    window.menus.actions["Save as…"].trigger()
+    assert len(asked) == 1
+    assert "copy.toml" in asked[0]
+    assert (there.read_text() == "mine") == (answer == "No")
+    assert (window.document.file == there) == (answer == "Yes")
+
+
+def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
+    document = Document()
+    file = tmp_path / "cloth.v2"
+    file.write_text(SMALL)
+    document.open(file)
+    assert document.file == file
+    assert document.scene.weave.ends == 3
+    document.set("weave", "ends", 4)
+    document.save()
+    assert Scene.read(file).weave.ends == 4
+
+
+def test_leaving_the_time_untouched_leaves_the_time(open_window: Any) -> None:
+    window = open_window()
+    window.times.go(1 / 30)
+    asked: list[float] = []
+    window.times.moved.connect(lambda at, _: asked.append(at))
+    window.times.line.setFocus()
+    window.times.line.editingFinished.emit()
+    assert window.times.time == 1 / 30
+    assert asked == []
+    type_into(window.times.line, "20 ms")
+    assert asked == [0.02]
+
+
+def test_a_stage_that_undo_takes_away_is_off_again(open_window: Any, tmp_path: Path) -> None:
+    still = tmp_path / "still.toml"
+    still.write_text(SMALL)
+    window = open_window(str(still))
+    assert window.stages.states["modal"] == "off"
+    window.document.set("response", "alpha", 1.0)
+    wait_until(lambda: settled(window) and window.stages.states["modal"] == "fresh")
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+    assert [s for s, state in window.stages.states.items() if state == "fresh"] == [
+        "weave",
+        "surface",
+    ]
+    assert window.stages.states["modal"] == "off"
