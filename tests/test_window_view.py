@@ -53,6 +53,29 @@ def test_every_colouring_is_another_picture(open_window: Any) -> None:
     assert window.document.values["view"]["color"] == "clearance"
 
 
+def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> None:
+    window = open_window()
+    look = window.view._fabric.GetProperty()
+    for azimuth in (0, 70, 110):
+        window.view.plotter.camera.azimuth += azimuth
+        assert look.GetBackfaceCulling()
+        near = image(window)
+        look.BackfaceCullingOff()
+        differing = (np.abs(image(window) - near).max(axis=2) > 8).mean()
+        look.BackfaceCullingOn()
+        assert differing < 2e-4
+    # Cut open, a yarn shows its inside.
+    window.tools.clip.trigger()
+    wait_until(lambda: window.view.clip.on)
+    assert not look.GetBackfaceCulling()
+    window.tools.clip.trigger()
+    wait_until(lambda: not window.view.clip.on)
+    assert look.GetBackfaceCulling()
+    window.document.set("weave", "caps", False)
+    wait_until(lambda: settled(window))
+    assert not look.GetBackfaceCulling()
+
+
 def test_every_camera_is_another_picture(open_window: Any) -> None:
     window = open_window()
     pictures = []

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
@@ -27,7 +25,7 @@ class CageActor(vtkActor):
         # Opaque: one thing that light passes through costs a quarter of a frame in software.
         line.SetLineWidth(1.4)
         self.SetPickable(False)
-        self._kept: tuple[Any, vtkCellArray] | None = None
+        self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
 
     def show(self, cage: vtkUnstructuredGrid | None) -> None:
         """Draw a cage.
@@ -39,9 +37,10 @@ class CageActor(vtkActor):
         """
         lines = vtkPolyData()
         if cage is not None:
-            connectivity = cage.GetCells().GetConnectivityArray()
-            if self._kept is None or self._kept[0] is not connectivity:
-                self._kept = connectivity, to_cells(_edges(tetrahedra_of(cage)))
+            tetrahedra = tetrahedra_of(cage)
+            # By content: a box of another size is divided as before, and its edges are the same.
+            if self._kept is None or not np.array_equal(self._kept[0], tetrahedra):
+                self._kept = tetrahedra, to_cells(_edges(tetrahedra))
             lines.SetPoints(to_points(moved_points(cage)))
             lines.SetLines(self._kept[1])
         self._mapper.SetInputData(lines)

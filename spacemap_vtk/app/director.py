@@ -210,10 +210,13 @@ class Director(QObject):
             self._end_notice()
 
     def _end_notice(self) -> None:
-        if not self._engine.busy:
+        self._running = ""
+        self.progress.emit("", 0.0)
+        if self._engine.busy:
+            # The next run has begun. In a drag each takes its own time, not that of all together.
+            self._notice.start()
+        else:
             self._notice.stop()
-            self._running = ""
-            self.progress.emit("", 0.0)
 
     def _failed(self, error: BaseException) -> None:
         self._times.waiting = False

@@ -34,6 +34,8 @@ class Frame:
         What the surface's colours show: a key of `spacemap_vtk.scenes.coloring.COLORINGS`.
     painting : vtkImageData or None
         What the object is painted with.
+    closed : bool
+        Whether nothing but the surface's outside can be seen, which faces the way its polygons do.
     arrows : Arrows or None
         What acts on the cage.
     warnings : tuple of str
@@ -49,6 +51,7 @@ class Frame:
     values: dict[str, Any]
     color: str = "own"
     painting: vtkImageData | None = None
+    closed: bool = False
     arrows: Arrows | None = None
     warnings: tuple[str, ...] = ()
 

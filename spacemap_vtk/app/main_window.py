@@ -177,6 +177,11 @@ class MainWindow(QMainWindow):
         self.splitter.setSizes([310, 770, 360])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
+        # The view is a window of its own within this one. Into a larger one Qt would blend all that
+        # is in there at every frame: a sixth of the frame's time where software draws. Not before
+        # it has its place: another window means another context of OpenGL.
+        self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
+        self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = QLabel()
         self.bar = QProgressBar()
         self.bar.setFixedWidth(160)

@@ -51,8 +51,8 @@ class Pipeline:
         self._generation = -1
         self._scene: Scene | None = None
         self._settings: dict[str, dict[str, Any]] = {}
-        # Whether what does not depend on time is yet to be brought up to date.
-        self._changed = True
+        # Place of the first stage that is yet to be brought up to date, whatever the time.
+        self._first = 0
         self._coarse = PatchTessellator()
         self._swing = vtkTrivialProducer()
         self._swing_warp = BarycentricWarp()
@@ -91,13 +91,12 @@ class Pipeline:
         # A swing replaces the motion, which need not be known for it.
         swing = job.swing if scene.modal in stages else None
         skipped = [scene.response, scene.warp] if swing else []
-        if not self._changed:
-            # Only time has passed: each update asks all the stages above, which takes its time.
-            skipped += stages[: stages.index(scene.mover)] if scene.moves else stages
-        for stage in stages:
+        # What lies above is fresh, and each update asks all the stages above, which takes its time.
+        first = min(self._first, stages.index(scene.mover)) if scene.moves else self._first
+        for stage in stages[first:]:
             if stage not in skipped:
                 self._update(scene, stage, job.time)
-        self._changed = False
+        self._first = len(stages)
         source: Stage = stages[-1]
         cage = None
         if scene.moves:
@@ -124,6 +123,7 @@ class Pipeline:
             values=job.values,
             color=color,
             painting=scene.painting,
+            closed=scene.source is scene.weave and scene.weave.caps,
             arrows=arrows,
             coarse=surface is self._coarse,
             swing=swing.mode if swing else None,
@@ -150,14 +150,16 @@ class Pipeline:
             or job.generation != self._generation
             or tuple(stage.section for stage in here.stages) != job.stages
         ):
-            here, self._changed = Scene(job.values, job.base), True
+            here, self._first = Scene(job.values, job.base), 0
             self._scene, self._generation = here, job.generation
         else:
             for section, settings in job.settings.items():
                 if settings != self._settings[section]:
                     # An equal value changes nothing: only what lies downstream of a change runs.
-                    self._changed = True
-                    getattr(here, section).configure(**settings)
+                    part = getattr(here, section)
+                    part.configure(**settings)
+                    if part in here.stages:
+                        self._first = min(self._first, here.stages.index(part))
         self._settings = job.settings
         return here
 

@@ -104,14 +104,14 @@ class Properties(QScrollArea):
             self._later.start(round(rest * 1e3) + 1)
 
     def _show_limits(self) -> None:
-        begun = time.perf_counter()
+        begun = time.thread_time()
         part = getattr(self._document.scene, self.section)
         feasible, known = intervals(part), settled(part)
         for name, row in self.rows.items():
             row.settled = known.get(name)
             row.show_feasible(feasible.get(name))
-        now = time.perf_counter()
-        self._limited = now + max(_LIMIT_SECONDS, (now - begun) / _LIMIT_SHARE)
+        taken = time.thread_time() - begun
+        self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 
     def mark(self, error: SpacemapError) -> None:
         """Mark the field that an error names, if it is here.

@@ -166,6 +166,8 @@ class View3D(QWidget):
         if cut != self._cut:
             self._cut = cut
             self.clip.show(cut_of(view, frame.surface), self._extent())
+        # Nobody sees the far sides of closed yarns, and they would cost as much as the near ones.
+        self._fabric.GetProperty().SetBackfaceCulling(frame.closed and not self.clip.on)
         if render:
             self.render()
 

@@ -201,9 +201,16 @@ def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, F
     if not _is_dense(len(piece.rows), count):
         values, vectors = _counted(piece, count, report)
         return values[:count], vectors[:, :count]
+    # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
+    few = 4 * count < len(piece.rows)
     try:
         eigenvalues, modes = la.eigh(
-            piece.stiffness.toarray(), piece.mass.toarray(), subset_by_index=[0, count - 1]
+            piece.stiffness.toarray(order="F"),
+            piece.mass.toarray(order="F"),
+            driver="gvx" if few else "gvd",
+            subset_by_index=[0, count - 1] if few else None,
+            overwrite_a=True,
+            overwrite_b=True,
         )
     except la.LinAlgError as error:
         raise SolverError(
@@ -211,7 +218,7 @@ def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, F
             cure="Look for badly shaped tetrahedra in the cage",
         ) from error
     report(1.0)
-    return eigenvalues, modes
+    return eigenvalues[:count], modes[:, :count]
 
 
 def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
