@@ -10,7 +10,7 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 import spacemap_vtk.filters.modal_solver as module
-from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, cache
+from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource, cache
 from spacemap_vtk.modal import model as models
 
 
@@ -67,6 +67,36 @@ def test_modulus_and_density_only_scale(calls):
     np.testing.assert_allclose(scaled[1], shapes * np.sqrt(300 / 700), rtol=1e-12)
 
 
+def test_the_same_modes_are_the_same_arrays():
+    made, response = solver(), ModalResponse()
+    response.SetInputConnection(made.GetOutputPort())
+
+    def arrays():
+        response.update(0.1)
+        data = response.GetOutputDataObject(0).GetPointData()
+        return [data.GetArray(f"mode_{k:03d}") for k in range(8)], data.GetArray("displacement")
+
+    first, before = arrays()
+    table = response.cage_modes().shapes
+    made.youngs_modulus = 3e6
+    again, after = arrays()
+    assert all(a is b for a, b in zip(first, again, strict=True))
+    assert response.cage_modes().shapes is table
+    assert not np.array_equal(vtk_to_numpy(before), vtk_to_numpy(after))
+    shapes = np.array([vtk_to_numpy(array) for array in first])
+    for change in ({"density": 700.0}, {"poissons_ratio": 0.2}, {"modes": 10}):
+        made.configure(**change)
+        other, _ = arrays()
+        assert not any(a is b for a, b in zip(again, other, strict=True))
+        table = np.array([vtk_to_numpy(array) for array in other])
+        np.testing.assert_array_equal(
+            response.cage_modes().shapes[:8], table.reshape(len(table), -1)
+        )
+        if change == {"density": 700.0}:
+            np.testing.assert_allclose(table, shapes * np.sqrt(300.0 / 700.0), rtol=1e-14)
+        again = other
+
+
 def test_a_new_support_ratio_or_mass_reuses_the_assembly(calls):
     made = solver()
     for change in ({"fixed": "-x"}, {"poissons_ratio": 0.2}, {"mass": "lumped"}):
@@ -108,6 +138,22 @@ def test_what_changes_the_modes_is_another_entry(place, calls):
     ):
         result(solver(**settings))
         assert calls["solved"] == number + 1
+
+
+def test_a_drag_writes_hardly_anything(place, calls, monkeypatch):
+    # Whatever else the machine does meanwhile.
+    monkeypatch.setattr(module, "_QUICK", np.inf)
+    monkeypatch.setattr(module, "_PAUSE", 60.0)
+    made = solver()
+    for number in range(5):
+        made.poissons_ratio = 0.2 + 0.01 * number
+        result(made)
+    assert calls["solved"] == 5
+    assert len(list(place.iterdir())) == 1
+    # The value that it ended with is no worse for it, nor is another stage's.
+    result(solver(poissons_ratio=0.24))
+    assert calls["solved"] == 6
+    assert len(list(place.iterdir())) == 2
 
 
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "text", "other", "few"])

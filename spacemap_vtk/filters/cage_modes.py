@@ -66,6 +66,8 @@ class CageModes:
     ----------
     grid : vtkUnstructuredGrid
         ModalSolver's output.
+    former : CageModes, optional
+        Of another output: while the modes are the same VTK objects, their table is its.
 
     Raises
     ------
@@ -73,11 +75,17 @@ class CageModes:
         If an array is missing.
     """
 
-    def __init__(self, grid: vtkUnstructuredGrid) -> None:
+    def __init__(self, grid: vtkUnstructuredGrid, former: CageModes | None = None) -> None:
         data = grid.GetPointData()
         self.eigenvalues: FloatArray = array_of(grid.GetFieldData(), "eigenvalues", _OWNER)
-        shapes = [array_of(data, MODE_NAME.format(k), _OWNER) for k in range(len(self.eigenvalues))]
-        self.shapes: FloatArray = np.stack(shapes).reshape(len(shapes), -1)
+        names = [MODE_NAME.format(k) for k in range(len(self.eigenvalues))]
+        self._arrays = [data.GetArray(name) for name in names]
+        self._times = [array.GetMTime() for array in self._arrays if array is not None]
+        if former is not None and self._same_modes(former):
+            self.shapes: FloatArray = former.shapes
+        else:
+            shapes = [array_of(data, name, _OWNER) for name in names]
+            self.shapes = np.stack(shapes).reshape(len(shapes), -1)
         self.nodal_mass: FloatArray = array_of(data, "nodal_mass", _OWNER)
         self.model: Model = model_of(grid)
         self._tetrahedra = tetrahedra_of(grid)
@@ -86,6 +94,14 @@ class CageModes:
         self._statics: dict[str, FloatArray] = {}
         self._rounding: dict[str, float] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
+
+    def _same_modes(self, former: CageModes) -> bool:
+        # One by one: VTK's arrays compare as numpy's do.
+        return (
+            len(self._arrays) == len(former._arrays)
+            and self._times == former._times
+            and all(a is b for a, b in zip(self._arrays, former._arrays, strict=True))
+        )
 
     def away(self, place: ArrayLike) -> float:
         """Return how far a place is from the cage's bounding box.

@@ -290,7 +290,8 @@ class ModalResponse(Stage):
     def _modes(self, grid: vtkUnstructuredGrid) -> CageModes:
         changed = grid.GetMTime()
         if self._kept_modes is None or self._kept_modes[0] != changed:
-            self._kept_modes = changed, CageModes(grid)
+            former = None if self._kept_modes is None else self._kept_modes[1]
+            self._kept_modes = changed, CageModes(grid, former)
         return self._kept_modes[1]
 
     def _motion(self, grid: vtkUnstructuredGrid) -> _Prepared:

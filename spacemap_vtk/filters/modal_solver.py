@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import time as clock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports
@@ -37,6 +39,10 @@ BENDS_ALIKE = 2.0
 #: Above this ratio (see `spacemap_vtk.modal.materials.volume_ratio`) linear tetrahedra lock in
 #: volume too.
 NEARLY_INCOMPRESSIBLE = 0.45
+
+#: What a stage solves in fewer seconds is kept on disk no more often than once in so many: in a
+#: drag, writing takes as long as solving.
+_QUICK, _PAUSE = 0.05, 1.0
 
 FloatArray = NDArray[np.float64]
 
@@ -145,6 +151,9 @@ class ModalSolver(Stage):
     _model: Model | None = None
     #: Digest, eigenvalues and shapes of the last solution, for unit modulus and density.
     _kept: tuple[str, FloatArray, FloatArray] | None = None
+    #: The output's arrays, with the shapes and the density that they are of.
+    _arrays: tuple[FloatArray, float, list[vtkDataArray]] | None = None
+    _stored: float = -math.inf
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
@@ -170,8 +179,8 @@ class ModalSolver(Stage):
 
         output.ShallowCopy(grid)
         attach(output, model)
-        for k, shape in enumerate(shapes / math.sqrt(model.density)):
-            add_array(output.GetPointData(), MODE_NAME.format(k), shape)
+        for array in self._mode_arrays(shapes, model.density):
+            output.GetPointData().AddArray(array)
         eigenvalues = eigenvalues * (model.modulus / model.density)
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
@@ -239,8 +248,12 @@ class ModalSolver(Stage):
         def solve() -> tuple[FloatArray, FloatArray]:
             found = _read(digest, count, len(model.points))
             if found is None:
+                begun = clock.perf_counter()
                 found = lowest(model.structure.pencil, count, self.report)
-                cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
+                now = clock.perf_counter()
+                if now - begun > _QUICK or now - self._stored > _PAUSE:
+                    cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
+                    self._stored = now
             return found
 
         missing = self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count
@@ -253,6 +266,22 @@ class ModalSolver(Stage):
         assert self._kept is not None
         self.report(1.0)
         return self._kept[1][:count], self._kept[2][:count]
+
+    def _mode_arrays(self, shapes: FloatArray, density: float) -> list[vtkDataArray]:
+        """Return the mode shapes as VTK has them: the same objects for the same modes."""
+        kept = self._arrays
+        if (
+            kept is None
+            or kept[0].base is not shapes.base
+            or len(kept[0]) != len(shapes)
+            or kept[1] != density
+        ):
+            made = [
+                to_array(shape, MODE_NAME.format(k))
+                for k, shape in enumerate(shapes / math.sqrt(density))
+            ]
+            self._arrays = kept = shapes, density, made
+        return kept[2]
 
     def _warn_of_thickness(self, plate: float, extent: float) -> None:
         times = (extent / plate) ** 2
