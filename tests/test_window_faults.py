@@ -13,6 +13,7 @@ require_display()
 from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 
 from spacemap_vtk.app.document import Document  # noqa: E402
+from spacemap_vtk.errors import InputError  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 SMALL = "[weave]\nends = 3\npicks = 3\n"
@@ -118,3 +119,37 @@ def test_a_stage_that_undo_takes_away_is_off_again(open_window: Any, tmp_path: P
         "surface",
     ]
     assert window.stages.states["modal"] == "off"
+
+
+def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> None:
+    document = Document()
+    document.open("plain_weave")
+    begin, changes, crowded = document.text, [], [False]
+    document.changed.connect(lambda: changes.append(document.written("response", "alpha")))
+    document.crowded = lambda: crowded[0]
+    document.set("response", "alpha", 5.0, burst=1)
+    crowded[0] = True
+    for value in (6.0, 7.0, 8.0):
+        document.set("response", "alpha", value, burst=1)
+    assert changes == [5.0]
+    # A refused value is refused at once, and takes nothing along.
+    with pytest.raises(InputError, match="out of range") as refused:
+        document.set("response", "alpha", -1.0, burst=1)
+    assert refused.value.section == "response"
+    assert document.scene.response.alpha == 8.0  # whoever looks sees the newest
+    assert changes == [5.0, 8.0]
+    document.set("response", "alpha", 9.0, burst=1)
+    qtbot.waitUntil(lambda: changes == [5.0, 8.0, 9.0], timeout=2000)  # at rest, in any case
+    document.set("response", "alpha", 10.0, burst=1)
+    document.set("modal", "youngs_modulus", 1500.0)  # another change comes after it
+    assert changes == [5.0, 8.0, 9.0, 10.0, 10.0]
+    end = document.text
+    assert document.undo.count() == 2
+    document.undo.undo()
+    assert document.written("response", "alpha") == 10.0
+    document.undo.undo()
+    assert document.text == begin
+    document.undo.redo()
+    document.undo.redo()
+    assert document.text == end
+    document.changed.disconnect()  # which keeps the document

@@ -62,6 +62,7 @@ class Director(QObject):
         self._settings: dict[str, dict[str, Any]] = {}
         self._rest = _timer(self, _REST, self._refine)
         self._notice = _timer(self, _NOTICE, self._show_running)
+        document.crowded = lambda: engine.crowded
         document.changed.connect(self._changed)
         document.replaced.connect(self._replaced)
         times.moved.connect(self._moved)
@@ -179,6 +180,8 @@ class Director(QObject):
 
     def _ready(self) -> None:
         self._times.waiting = False
+        # Before it is drawn: the engine has the next one to do meanwhile.
+        self._document.catch_up()
         frame = self._engine.take()
         if frame is None or frame.generation != self.generation:
             return

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import tomlkit
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtGui import QUndoStack
 from tomlkit.items import AoT, Array
 
@@ -24,6 +24,10 @@ from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: A longer list is written with a line for each value.
 _LINE = 8
+#: Milliseconds that a change of a drag waits at most.
+_LATEST = 50
+#: Section, values, burst and name, as for `Document.set_many`.
+_Change = tuple[str, dict[str, Any], int, str]
 
 
 def values_of(path: Path) -> dict[str, Any]:
@@ -90,6 +94,14 @@ class Document(QObject):
         # Made when they are asked for, once for each change.
         self._text: str | None = None
         self._values: dict[str, Any] | None = None
+        #: Whether more frames are asked for than are made: the changes of a drag then wait, and
+        #: of those that come meanwhile the last one counts. Each would cost a tenth of a frame.
+        self.crowded: Callable[[], bool] = lambda: False
+        self._waiting: _Change | None = None
+        self._latest = QTimer(self)
+        self._latest.setSingleShot(True)
+        self._latest.setInterval(_LATEST)
+        self._latest.timeout.connect(self.catch_up)
         self._load("")
 
     def open(self, name: str | Path) -> None:
@@ -146,7 +158,7 @@ class Document(QObject):
             self._move_from(self._folder, target.parent)
             with whole_folder(target.parent) as folder:
                 self._save_draft(target, folder)
-                self.scene = Scene(self.values, target)
+                self._scene = Scene(self.values, target)
                 (folder / target.name).write_text(self.text, encoding="utf-8")
         except BaseException:
             self._load(before.text)
@@ -159,8 +171,15 @@ class Document(QObject):
             self.changed.emit()
 
     @property
+    def scene(self) -> Scene:
+        """The scene as the text describes it."""
+        self.catch_up()
+        return self._scene
+
+    @property
     def text(self) -> str:
         """The scene as TOML."""
+        self.catch_up()
         if self._text is None:
             self._text = tomlkit.dumps(self._toml)
         return self._text
@@ -173,6 +192,7 @@ class Document(QObject):
     @property
     def values(self) -> dict[str, Any]:
         """The scene as plain dictionaries; others after each change, and not to be changed."""
+        self.catch_up()
         if self._values is None:
             self._values = self._toml.unwrap()
         return self._values
@@ -242,13 +262,29 @@ class Document(QObject):
         InputError
             If the scene refuses one; nothing has changed then.
         """
+        change = section, dict(written), burst, name
+        if self._waiting is not None and not _replaces(change, self._waiting):
+            self.catch_up()
+        if burst and self.crowded() and self._accepts(section, written):
+            self._waiting = change
+            if not self._latest.isActive():
+                self._latest.start()
+            return
+        waiting, self._waiting = self._waiting, None
         if all(self.written(section, k) == v and v is not None for k, v in written.items()):
             return
+        try:
+            self._make(section, written, burst, name)
+        except InputError:
+            self._waiting = waiting  # it had been accepted
+            raise
+
+    def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
         before, former = self.version, self.values
         for key, value in written.items():
             self._put(section, key, value)
         try:
-            self.scene = Scene(self.values, self.base)
+            self._scene = Scene(self.values, self.base)
         except InputError:
             self._parse(before.text)
             self._values = former
@@ -258,6 +294,17 @@ class Document(QObject):
             self.undo.push(Edit(self, names, before, self.version, burst))
             self.changed.emit()
 
+    def catch_up(self) -> None:
+        """Make the change that waits, if one does; whoever reads the document need not ask."""
+        if self._waiting is None:
+            return
+        waiting, self._waiting = self._waiting, None
+        section, written, burst, name = waiting
+        try:
+            self._make(section, written, burst, name)
+        except InputError as error:  # it had been checked, but a file can go
+            self.failed.emit(error)
+
     def restore(self, version: Version) -> None:
         """Take an earlier text; for undo and redo. Its paths lead to what they led to.
 
@@ -266,6 +313,8 @@ class Document(QObject):
         version : Version
             Of this document.
         """
+        # What waits is part of what is undone.
+        self._waiting = None
         before = self.text
         self._parse(version.text)
         draft = self.values.get("weave", {}).get("draft")
@@ -275,7 +324,7 @@ class Document(QObject):
                 break
         self._move_from(version.folder, self._folder)
         try:
-            self.scene = Scene(self.values, self.base)
+            self._scene = Scene(self.values, self.base)
         except InputError as error:  # a file that it names is gone
             self._parse(before)
             self.failed.emit(error)
@@ -300,7 +349,23 @@ class Document(QObject):
         if draft.exists():
             self._overwritten.append((draft, self.drafts.keep_file(draft)))
 
+    def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
+        """Whether a scene surely takes values that are not yet in it."""
+        if section not in SECTIONS or None in written.values():
+            return False
+        values = self._values if self._values is not None else self._toml.unwrap()
+        if section not in values:
+            return False  # it may exclude another one
+        try:
+            for key, value in written.items():
+                parameter = SECTIONS[section].parameter(key)
+                parameter.check(parameter.within(value, self._folder))
+        except InputError:
+            return False
+        return True
+
     def _replace(self, text: str, folder: Path | None) -> None:
+        self._waiting = None
         self._folder = folder or Path.cwd()
         self._load(text)
         self._saved_draft = self.scene.weave.draft if self.file else None
@@ -314,7 +379,7 @@ class Document(QObject):
 
     def _load(self, text: str) -> None:
         self._parse(text)
-        self.scene = Scene(self.values, self.base)
+        self._scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
         self._text = self._values = None
@@ -397,6 +462,12 @@ def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
         keys = parameter.record.parameters
         return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
     return value
+
+
+def _replaces(change: _Change, former: _Change) -> bool:
+    """Whether the newer of two changes of a drag makes the former needless."""
+    section, written, *rest = change
+    return section == former[0] and written.keys() == former[1].keys() and rest == [*former[2:]]
 
 
 def _unwrapped(item: Any) -> Any:

@@ -19,6 +19,8 @@ from spacemap_vtk.scenes.scene import Scene
 #: A run that takes longer is given up for a newer wish; a shorter one ends, or a drag whose
 #: wishes come faster than runs end would show nothing.
 PATIENCE = 0.5
+#: A run that has taken no longer is one of a drag's.
+_SHORT = 0.1
 
 
 class Engine(QThread):
@@ -111,6 +113,15 @@ class Engine(QThread):
     def busy(self) -> bool:
         """Whether a job waits or runs."""
         return self._job is not None or self._begun is not None
+
+    @property
+    def crowded(self) -> bool:
+        """Whether a job waits for a run that will end soon: newer wishes can wait, too."""
+        with self._condition:
+            begun = self._begun
+            return (
+                self._job is not None and begun is not None and time.perf_counter() - begun < _SHORT
+            )
 
     def cancel(self) -> None:
         """Give up what is asked for and what runs."""
