@@ -86,8 +86,10 @@ class Menus(QObject):
         tools = window.tools
         menu.addActions([*tools.shown.values()])
         menu.addSeparator()
+        menu.addActions(tools.keys.looks)
+        menu.addSeparator()
         for name, choices in (
-            ("Camera", [*tools.cameras.values(), tools.orthographic]),
+            ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Background", [*tools.backgrounds.values()]),
         ):
