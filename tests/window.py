@@ -42,6 +42,9 @@ def settled(window: Any) -> bool:
         and frame.generation == director.generation
         and (not frame.coarse or director.swing is not None)
         and not window.engine.busy
+        # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
+        # "busy": the thread hands the frame over first.
+        and window.engine._frame is None
         and not director._rest.isActive()
     )
 
