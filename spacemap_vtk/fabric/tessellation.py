@@ -6,7 +6,7 @@ the speed hangs on), several at once in threads.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from math import log2
@@ -23,6 +23,9 @@ from spacemap_vtk.fabric.normals import robust_normals
 from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_chunks, multiply
 from spacemap_vtk.parallel import for_each
 from spacemap_vtk.recycler import Recycler
+
+# Normals that a thread evaluates again at once: few calls, and yet work for all threads.
+_MANY_NORMALS = 500
 
 
 class Tessellation:
@@ -153,22 +156,31 @@ class Tessellation:
         stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
         positions = self._recycler.empty((self.point_count, 3), kind)
         normals = self._recycler.empty((self.point_count, 3), kind)
-        suspects: list[tuple[Chunk, NDArray[np.intp]]] = []
-
         samples = len(stacked) // 3
         with_origin = _with_ones(stacked[:samples])
         if points.dtype not in (np.float32, np.float64):
             points = points.astype(np.float64)
         bicubic = self._bicubic if rational is None else None
 
-        def do(chunk: Chunk) -> None:
-            surface, across = self._part(positions, chunk), self._part(normals, chunk)
-            if bicubic is not None:
-                found = bicubic.evaluate(chunk, points, scale, surface, across)
-            else:
-                found = by_products(chunk, surface, across)
-            if len(found):
-                suspects.append((chunk, found))
+        unsure: list[list[tuple[Chunk, NDArray[np.intp]]]] = []  # normals, for each thread
+
+        def worker() -> Callable[[Chunk], None]:
+            mine: list[tuple[Chunk, NDArray[np.intp]]] = []
+            unsure.append(mine)
+
+            def do(chunk: Chunk) -> None:
+                surface, across = self._part(positions, chunk), self._part(normals, chunk)
+                if bicubic is not None:
+                    found = bicubic.evaluate(chunk, points, scale, surface, across)
+                else:
+                    found = by_products(chunk, surface, across)
+                if len(found):
+                    mine.append((chunk, found))
+                    if sum(len(places) for _, places in mine) > _MANY_NORMALS:
+                        self._repair(normals, points, rational, mine)
+                        mine.clear()
+
+            return do
 
         def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
@@ -183,9 +195,10 @@ class Tessellation:
                     _add_origin(values[:, :samples], net, surface)
                 return scratch.normals(apart, slopes, across, self._corners, scale)
 
-        for_each(self._chunks, lambda: do, self._threads)
-        if suspects:
-            self._repair(normals, points, rational, suspects)
+        for_each(self._chunks, worker, self._threads)
+        rest = [some for mine in unsure for some in mine]
+        if rest:
+            self._repair(normals, points, rational, rest)
         return positions, normals
 
     def interpolate(
@@ -329,7 +342,7 @@ class Tessellation:
         weights: NDArray[Any] | None,
         suspects: list[tuple[Chunk, NDArray[np.intp]]],
     ) -> None:
-        """Evaluate some normals again, with care: all at once, for each call costs 0.3 ms."""
+        """Evaluate some normals again, with care: many at once, for each call costs 0.3 ms."""
         nets, places, samples = [], [], []
         for chunk, found in suspects:
             sample, patch = np.divmod(found, chunk.patch_count)
