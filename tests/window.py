@@ -20,8 +20,12 @@ def require_display() -> None:
         pytest.skip(str(error), allow_module_level=True)
 
 
-def wait_until(done: Callable[[], Any], seconds: float = 30.0) -> None:
-    """Let the window live until something holds."""
+def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
+    """Let the window live until something holds.
+
+    The usual limit is for a machine whose cores ten others share: there a scene of modes takes
+    longer to open than half a minute.
+    """
     from PySide6.QtCore import QEventLoop, QTimer
 
     end = time.monotonic() + seconds
