@@ -73,3 +73,15 @@ def test_the_table_follows_the_scene(open_window: Any, tmp_path: Path) -> None:
     window.document.set("modal", "modes", 5)
     wait_until(lambda: settled(window))
     assert window.modes.table.rowCount() == 5
+
+
+def test_the_table_fills_its_width_with_other_modes_too(open_window: Any) -> None:
+    window = open_window()
+    window.tabs.setCurrentWidget(window.modes)
+    # Wide: in a narrow tab the columns need more than there is.
+    window.splitter.setSizes([290, 400, 510])
+    table = window.modes.table
+    first = table.item(0, 1).text()
+    window.document.set("weave", "warp_diameter", "0.2 mm")
+    wait_until(lambda: settled(window) and table.item(0, 1).text() != first)
+    assert table.horizontalHeader().length() == table.viewport().width()

@@ -57,7 +57,8 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
     window = open_window()
     look = window.view._fabric.GetProperty()
     for azimuth in (0, 70, 110):
-        window.view.plotter.camera.azimuth += azimuth
+        window.view.plotter.camera.Azimuth(azimuth)
+        window.view.render()
         assert look.GetBackfaceCulling()
         near = image(window)
         look.BackfaceCullingOff()

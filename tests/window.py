@@ -20,8 +20,12 @@ def require_display() -> None:
         pytest.skip(str(error), allow_module_level=True)
 
 
-def wait_until(done: Callable[[], Any], seconds: float = 30.0) -> None:
-    """Let the window live until something holds."""
+def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
+    """Let the window live until something holds.
+
+    The usual limit is for a machine whose cores ten others share: there a scene of modes takes
+    longer to open than half a minute.
+    """
     from PySide6.QtCore import QEventLoop, QTimer
 
     end = time.monotonic() + seconds
@@ -42,6 +46,9 @@ def settled(window: Any) -> bool:
         and frame.generation == director.generation
         and (not frame.coarse or director.swing is not None)
         and not window.engine.busy
+        # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
+        # "busy": the thread hands the frame over first.
+        and window.engine._frame is None
         and not director._rest.isActive()
     )
 

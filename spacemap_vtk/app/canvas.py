@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtGui import QImage
+from PySide6.QtGui import QImage, QKeyEvent
 from PySide6.QtWidgets import QWidget
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkRenderingCore import (
@@ -79,6 +79,14 @@ class Canvas(_Widget):
         self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         self.interactor.Initialize()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Keep keys from VTK: the window's own mean something else, see `ViewKeys`."""
+        event.ignore()
+
+    def keyReleaseEvent(self, event: QKeyEvent) -> None:
+        """As `keyPressEvent`."""
+        event.ignore()
 
     @property
     def camera(self) -> vtkCamera:

@@ -48,6 +48,8 @@ class ClipPlane:
         self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
         self._widget = vtkImplicitPlaneWidget2()
+        # No key of its own: I would bring up the plane of a cut that is none.
+        self._widget.KeyPressActivationOff()
         self._widget.SetInteractor(interactor)
         self._widget.SetRepresentation(self._shape)
         me = weakref.ref(self)

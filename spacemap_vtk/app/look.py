@@ -13,7 +13,10 @@ class Look:
     ----------
     fabric, cage : bool
         Whether each is drawn.
+    wireframe : bool
+        Whether of the fabric only the facets' edges are drawn.
     """
 
     fabric: bool = True
     cage: bool = True
+    wireframe: bool = False

@@ -86,8 +86,10 @@ class Menus(QObject):
         tools = window.tools
         menu.addActions([*tools.shown.values()])
         menu.addSeparator()
+        menu.addActions(tools.keys.looks)
+        menu.addSeparator()
         for name, choices in (
-            ("Camera", [*tools.cameras.values(), tools.orthographic]),
+            ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Background", [*tools.backgrounds.values()]),
         ):
@@ -103,9 +105,16 @@ class Menus(QObject):
     @property
     def keys(self) -> str:
         """Every action that has a key, a line each."""
-        window = self.parent()
-        named = [*self.actions.values(), *window.tools.choices]
-        return "\n".join(_told(action) for action in named if action.shortcuts())
+        return "\n".join(self._columns)
+
+    @property
+    def _columns(self) -> tuple[str, str]:
+        """The keys of the menus, and those of the view."""
+        menus, view = (
+            "\n".join(_told(action) for action in actions if action.shortcuts())
+            for actions in (self.actions.values(), self.parent().tools.choices)
+        )
+        return menus, view
 
     def _menu(self, title: str) -> QMenu:
         return self.parent().menuBar().addMenu(title)
@@ -160,7 +169,12 @@ class Menus(QObject):
     def _tell_keys(self) -> None:
         box = QMessageBox(self.parent())
         box.setWindowTitle("Keys and mouse")
-        box.setText(f"<pre>{self.keys}\n\n{MOUSE}</pre>")
+        menus, view = self._columns
+        # Side by side: one over the other they are higher than a small screen.
+        box.setText(
+            f"<table><tr><td><pre>{menus}</pre></td>"
+            f"<td style='padding-left: 32px'><pre>{view}\n\n{MOUSE}</pre></td></tr></table>"
+        )
         box.exec()
 
 

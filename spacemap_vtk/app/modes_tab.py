@@ -123,7 +123,9 @@ class ModesTab(QWidget):
                         Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
                     )
                 self.table.setItem(row, column, item)
-        self.table.resizeColumnsToContents()
+        # Not the last one, which Qt would take back from the room that is left.
+        for column in range(self.table.columnCount() - 1):
+            self.table.resizeColumnToContents(column)
         if self._mode is not None and self._mode >= len(values):
             self.stop()
 

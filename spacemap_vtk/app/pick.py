@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.units import format_quantity
 
 Point = tuple[float, float, float]
@@ -41,3 +47,53 @@ class Pick:
         if self.number is not None and self.family is not None:
             of = f"{('end', 'pick')[self.family]} {self.number}   "
         return f"{of}at ({where})   moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
+
+
+def read_point(surface: vtkPolyData, cell: int, point: int) -> Pick:
+    """Read what a surface says of one of its points.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        The fabric.
+    cell : int
+        A facet at the point.
+    point : int
+        The point.
+
+    Returns
+    -------
+    Pick
+        What is known of it.
+    """
+    position = points_of(surface)[point].astype(float)
+    moved = surface.GetPointData().GetArray("displacement")
+    displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
+    yarn, family = _number(surface, "yarn", cell), _number(surface, "family", cell)
+    return Pick(
+        yarn=yarn,
+        family=family,
+        number=_number_in_family(surface, yarn, family),
+        position=_three(position),
+        rest=_three(position - displacement),
+        displacement=_three(displacement),
+    )
+
+
+def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
+    array = surface.GetCellData().GetArray(name)
+    return None if array is None else int(array.GetTuple1(cell))
+
+
+def _number_in_family(surface: vtkPolyData, yarn: int | None, family: int | None) -> int | None:
+    """Count from the family's first yarn, which is 1."""
+    if yarn is None or family is None:
+        return None
+    cells = surface.GetCellData()
+    of_family = vtk_to_numpy(cells.GetArray("family")) == family
+    return yarn - int(vtk_to_numpy(cells.GetArray("yarn"))[of_family].min()) + 1
+
+
+def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z

@@ -10,15 +10,14 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
+from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkCamera, vtkCellPicker
 
 from spacemap_vtk.app.actors import CageActor, PickActor, moved_points
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
-from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
@@ -83,7 +82,7 @@ class View3D(QWidget):
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
-        self._aimed: tuple[str, dict[str, Any]] | None = None
+        self._aimed: tuple[str | None, dict[str, Any]] | None = None
         #: Share of the width that the scale takes.
         self._room = 0.0
 
@@ -144,6 +143,8 @@ class View3D(QWidget):
             frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
         )
         self._fabric.SetVisibility(look.fabric)
+        drawn = VTK_WIREFRAME if look.wireframe else VTK_SURFACE
+        self._fabric.GetProperty().SetRepresentation(drawn)
         self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
         room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
         self.plotter.camera.SetWindowCenter(room, 0.0)
@@ -178,13 +179,13 @@ class View3D(QWidget):
             # Not plotter.render(): the widget would draw a second time when Qt paints it.
             self.plotter.update()
 
-    def reset_camera(self, name: str = "three-quarter") -> None:
-        """Look at the whole from one of the camera presets.
+    def reset_camera(self, name: str | None = "three-quarter") -> None:
+        """Look at the whole.
 
         Parameters
         ----------
-        name : str
-            A key of `spacemap_vtk.scenes.picture.CAMERAS`.
+        name : str or None, optional
+            From where: a key of `spacemap_vtk.scenes.camera.CAMERAS`; None: from this side.
         """
         points = self._extent()
         if points is None:
@@ -195,6 +196,21 @@ class View3D(QWidget):
         self._aimed = name, self.place
         # The scale of a parallel projection that shows as much as the perspective does.
         camera.SetParallelScale(_half_height(camera))
+        self.render()
+
+    def zoom(self, factor: float) -> None:
+        """Look from nearer.
+
+        Parameters
+        ----------
+        factor : float
+            How much larger things look; below 1 they look smaller.
+        """
+        camera = self.plotter.camera
+        if camera.GetParallelProjection():
+            camera.SetParallelScale(camera.GetParallelScale() / factor)
+        else:
+            camera.Dolly(factor)
         self.render()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
@@ -294,21 +310,23 @@ class View3D(QWidget):
         height = self.plotter.height()
         if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
             return None
-        surface, cell, point = self.frame.surface, picker.GetCellId(), picker.GetPointId()
-        if cell < 0 or point < 0:
-            return None
-        position = points_of(surface)[point].astype(float)
-        moved = surface.GetPointData().GetArray("displacement")
-        displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
-        yarn, family = _number(surface, "yarn", cell), _number(surface, "family", cell)
-        return Pick(
-            yarn=yarn,
-            family=family,
-            number=_number_in_family(surface, yarn, family),
-            position=_three(position),
-            rest=_three(position - displacement),
-            displacement=_three(displacement),
-        )
+        cell, point = picker.GetCellId(), picker.GetPointId()
+        return None if cell < 0 or point < 0 else read_point(self.frame.surface, cell, point)
+
+    def click(self, at: QPointF, adding: bool = False) -> None:
+        """Pick what lies under a point of the widget, if anything does.
+
+        Parameters
+        ----------
+        at : QPointF
+            In Qt's pixels, from the upper left.
+        adding : bool, optional
+            Whether it joins those picked before.
+        """
+        found = self.pick(at.x(), at.y())
+        if found is not None:
+            self.add_pick(found, alone=not adding)
+            self.picked.emit(found)
 
     def image(self) -> NDArray[np.uint8]:
         """Return what is seen.
@@ -338,11 +356,7 @@ class View3D(QWidget):
             at, start = event.position(), self._pressed
             self._pressed = None
             if (at - start).manhattanLength() <= _STEADY:
-                found = self.pick(at.x(), at.y())
-                if found is not None:
-                    adding = event.modifiers() & Qt.KeyboardModifier.ShiftModifier
-                    self.add_pick(found, alone=not adding)
-                    self.picked.emit(found)
+                self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         return False
 
     def _color(self, view: View) -> None:
@@ -389,22 +403,3 @@ class View3D(QWidget):
 def _half_height(camera: vtkCamera) -> float:
     """Return half the height of what a camera shows in perspective, at its focus."""
     return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
-
-
-def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
-    array = surface.GetCellData().GetArray(name)
-    return None if array is None else int(array.GetTuple1(cell))
-
-
-def _number_in_family(surface: vtkPolyData, yarn: int | None, family: int | None) -> int | None:
-    """Count from the family's first yarn, which is 1."""
-    if yarn is None or family is None:
-        return None
-    cells = surface.GetCellData()
-    of_family = vtk_to_numpy(cells.GetArray("family")) == family
-    return yarn - int(vtk_to_numpy(cells.GetArray("yarn"))[of_family].min()) + 1
-
-
-def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

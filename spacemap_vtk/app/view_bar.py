@@ -8,6 +8,7 @@ from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.view_keys import ViewKeys
 from spacemap_vtk.scenes.camera import CAMERAS
 from spacemap_vtk.scenes.coloring import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
@@ -90,6 +91,11 @@ class ViewBar(QToolBar):
             action.triggered.connect(self._aimed)
             cameras.addAction(action)
             self.cameras[name] = action
+        # PyVista's key for it.
+        self.cameras["three-quarter"].setShortcuts([QKeySequence("1"), QKeySequence("V")])
+        self.keys = ViewKeys(view, self)
+        cameras.addSeparator()
+        cameras.addActions(self.keys.cameras)
         cameras.addSeparator()
         self.orthographic = self._switch("Orthographic", "O", "Parallel projection (O)")
         self.orthographic.toggled.connect(view.set_orthographic)
@@ -139,7 +145,9 @@ class ViewBar(QToolBar):
         return [
             *self.shown.values(),
             *self.cameras.values(),
+            *self.keys.cameras,
             self.orthographic,
+            *self.keys.looks,
             self.clip,
             *self.clip_sides,
             *self.backgrounds.values(),

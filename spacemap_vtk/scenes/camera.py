@@ -43,7 +43,7 @@ def add_lights(renderer: vtkRenderer) -> None:
 
 
 def aim(
-    camera: vtkCamera, points: NDArray[np.float64], aspect: float, name: str, zoom: float
+    camera: vtkCamera, points: NDArray[np.float64], aspect: float, name: str | None, zoom: float
 ) -> None:
     """Place the camera so that the points just fill the picture.
 
@@ -55,12 +55,16 @@ def aim(
         What is to be seen.
     aspect : float
         The picture's width over its height.
-    name : str
-        A key of `CAMERAS`.
+    name : str or None
+        A key of `CAMERAS`; None: from the side where it stands.
     zoom : float
         Above 1: nearer.
     """
-    direction, up = (np.array(v) / np.linalg.norm(v) for v in CAMERAS[name])
+    if name is None:
+        seen_from = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
+    else:
+        seen_from = CAMERAS[name]
+    direction, up = (np.array(v) / np.linalg.norm(v) for v in seen_from)
     right = np.cross(up, direction)
     right /= np.linalg.norm(right)
     up = np.cross(direction, right)

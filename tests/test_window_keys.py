@@ -1,0 +1,232 @@
+"""The view's keys, pressed as a person presses them: with the mouse over it and the keyboard in it.
+
+Where xdotool is, the X server sends them; elsewhere Qt does.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import QEvent, QPoint, Qt  # noqa: E402
+from PySide6.QtGui import QCursor, QGuiApplication, QKeyEvent, QKeySequence  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QApplication  # noqa: E402
+
+from spacemap_vtk.scenes.camera import VIEW_ANGLE  # noqa: E402
+
+Press = Callable[..., None]
+#: X's names, where they are not Qt's.
+X_NAMES = {"+": "plus", "-": "minus"}
+
+
+@pytest.fixture(params=["Qt", "X"])
+def hand(request: pytest.FixtureRequest) -> Press:
+    """What presses a key of the focused widget."""
+    if request.param == "X":
+        if shutil.which("xdotool") is None or QGuiApplication.platformName() != "xcb":
+            pytest.skip("xdotool is not here")
+        return lambda key: subprocess.run(["xdotool", "key", X_NAMES.get(key, key)], check=True)
+
+    def press(key: str) -> None:
+        pressed = QKeySequence(key)[0]
+        QTest.keyClick(QApplication.focusWidget(), pressed.key(), pressed.keyboardModifiers())
+
+    return press
+
+
+@pytest.fixture
+def view_of(open_window: Any) -> Iterator[Callable[[], Any]]:
+    """Open a window whose view has the keyboard, with the mouse over the cloth."""
+    before = QCursor.pos()
+
+    def open_() -> Any:
+        window = open_window()
+        window.activateWindow()
+        wait_until(window.isActiveWindow)
+        window.view.plotter.setFocus()
+        point(window, QPoint(0, 0))
+        return window
+
+    yield open_
+    QCursor.setPos(before)
+
+
+def point(window: Any, off: QPoint) -> None:
+    """Bring the mouse to a place beside the view's middle."""
+    plotter = window.view.plotter
+    at = plotter.mapToGlobal(plotter.rect().center() + off)
+    QCursor.setPos(at)
+    wait_until(lambda: QCursor.pos() == at)
+
+
+def distance(window: Any) -> float:
+    return float(window.view.plotter.camera.GetDistance())
+
+
+def direction(window: Any) -> np.ndarray:
+    return np.array(window.view.plotter.camera.GetDirectionOfProjection())
+
+
+def image(window: Any) -> np.ndarray:
+    return window.view.image().astype(int)
+
+
+def test_arrows_zoom_in_the_view_and_choose_elsewhere(view_of: Any, hand: Press) -> None:
+    window = view_of()
+    start = distance(window)
+    hand("Up")
+    wait_until(lambda: distance(window) == pytest.approx(start / 1.05))
+    hand("Down")
+    hand("Down")
+    wait_until(lambda: distance(window) == pytest.approx(start * 1.05))
+    window.tools.orthographic.trigger()
+    scale = window.view.plotter.camera.GetParallelScale()
+    hand("Up")
+    wait_until(lambda: window.view.plotter.camera.GetParallelScale() == pytest.approx(scale / 1.05))
+    window.stages.setFocus()
+    item = window.stages.currentItem()
+    hand("Down")
+    wait_until(lambda: window.stages.currentItem() is not item)
+    assert distance(window) == pytest.approx(start * 1.05)
+
+
+def test_r_shows_the_whole_from_this_side_and_v_from_three_quarters(
+    view_of: Any, hand: Press
+) -> None:
+    window = view_of()
+    whole, at_first = image(window), direction(window)
+    camera = window.view.plotter.camera
+    camera.Azimuth(25.0)
+    camera.Dolly(4.0)
+    window.view.render()
+    turned = direction(window)
+    near = distance(window)
+    hand("r")
+    wait_until(lambda: distance(window) > 2 * near)
+    np.testing.assert_allclose(direction(window), turned, atol=1e-9)
+    # The lens of the pictures that are saved.
+    assert camera.GetViewAngle() == VIEW_ANGLE
+    # All in sight, and not small: it fills the height or the width.
+    seen = np.abs(np.diff(image(window), axis=1)).max(axis=2) > 30
+    rows, columns = np.nonzero(seen.any(axis=1))[0], np.nonzero(seen.any(axis=0))[0]
+    shares = [(lot[-1] - lot[0]) / n for lot, n in zip((rows, columns), seen.shape, strict=True)]
+    assert 0.7 < max(shares) < 0.98
+    hand("v")
+    wait_until(lambda: np.allclose(direction(window), at_first))
+    assert np.abs(image(window) - whole).max() < 8
+
+
+def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
+    window = view_of()
+    before = image(window)
+    # So near that the facets' edges do not touch.
+    camera = window.view.plotter.camera
+    camera.Dolly(8.0)
+    window.view.render()
+    near = image(window)
+    hand("w")
+    wait_until(lambda: window.tools.keys.wireframe.isChecked())
+    holes = np.abs(image(window) - near).max(axis=2) > 30
+    assert holes.mean() > 0.3
+    # A later frame stays one of edges.
+    window.times.go(0.1)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
+    assert window.view._fabric.GetProperty().GetRepresentationAsString() == "Wireframe"
+    window.times.go(0.02)
+    hand("w")
+    wait_until(lambda: settled(window) and not window.tools.keys.wireframe.isChecked())
+    hand("v")
+    wait_until(lambda: np.abs(image(window) - before).max() < 8)
+
+
+def test_plus_and_minus_change_lines(view_of: Any, hand: Press) -> None:
+    window = view_of()
+    before = image(window)
+    line = window.view._cage.GetProperty()
+    width = line.GetLineWidth()
+    for _ in range(4):
+        hand("+")
+    wait_until(lambda: line.GetLineWidth() == pytest.approx(width + 4))
+    assert (np.abs(image(window) - before).max(axis=2) > 60).mean() > 0.01
+    for _ in range(4):
+        hand("-")
+    wait_until(lambda: line.GetLineWidth() == pytest.approx(width))
+    assert np.abs(image(window) - before).max() < 8
+    for _ in range(3):
+        hand("-")
+    wait_until(lambda: line.GetLineWidth() == 1.0)
+
+
+def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand: Press) -> None:
+    window = view_of()
+    window.tools.cameras["front"].trigger()
+    QTest.qWait(100)
+    off = next(
+        QPoint(x, 60)
+        for x in range(0, 100, 10)
+        if window.view.pick(
+            window.view.plotter.width() // 2 + x, window.view.plotter.height() // 2 + 60
+        )
+    )
+    point(window, off)
+    hand("p")
+    wait_until(lambda: window.view.picks)
+    (picked,) = window.view.picks
+    assert window.told.text() == picked.text
+    before, far, way = np.array(window.view.place["focus"]), distance(window), direction(window)
+    assert np.linalg.norm(before - picked.position) > 1e-4
+    hand("Shift+f")
+    wait_until(lambda: distance(window) == pytest.approx(far / 1.3))
+    np.testing.assert_allclose(window.view.place["focus"], picked.position, atol=1e-12)
+    np.testing.assert_allclose(direction(window), way, atol=1e-9)
+    # Beside the cloth there is nothing to pick or to fly to.
+    window.tools.cameras["front"].trigger()
+    place = window.view.place
+    point(window, QPoint(0, 5 - window.view.plotter.height() // 2))
+    hand("p")
+    hand("Shift+f")
+    QTest.qWait(200)
+    assert window.view.picks == [picked]
+    assert window.view.place == place
+
+
+def test_no_other_key_changes_the_view(view_of: Any) -> None:
+    window = view_of()
+    taken = {
+        key[0].key()
+        for action in [*window.menus.actions.values(), *window.tools.choices]
+        for key in action.shortcuts()
+    }
+    before, props = image(window), window.view.plotter.renderer.GetViewProps().GetNumberOfItems()
+    for code in (*range(Qt.Key.Key_A, Qt.Key.Key_Z + 1), Qt.Key.Key_Left, Qt.Key.Key_Eacute):
+        if code not in taken:
+            key = Qt.Key(code)
+            QTest.keyClick(window.view.plotter, key)
+            text = QKeySequence(key).toString()
+            # As VTK's styles take them: with their letter.
+            for kind in (QEvent.Type.KeyPress, QEvent.Type.KeyRelease):
+                QApplication.sendEvent(
+                    window.view.plotter,
+                    QKeyEvent(kind, code, Qt.KeyboardModifier.NoModifier, text.lower()),
+                )
+    QTest.qWait(100)
+    assert window.isVisible()
+    assert window.view.plotter.renderer.GetViewProps().GetNumberOfItems() == props
+    assert np.abs(image(window) - before).max() < 8
+
+
+def test_the_help_tells_every_key_of_the_view(open_window: Any) -> None:
+    window = open_window()
+    lines = {line.split()[0]: line for line in window.menus.keys.splitlines()}
+    for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P"):
+        assert key in lines
+    assert "or V" in lines["1"]
