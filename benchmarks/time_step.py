@@ -53,7 +53,8 @@ def milliseconds(run: Callable[..., object], *arguments: object) -> float:
 def main() -> None:
     """Print the table."""
     compiled = loops("spacemap_vtk.fabric.patch_loops") is not None
-    print("Large fabrics:", "loops compiled by Numba" if compiled else "NumPy")
+    without = "NumPy alone; pip install '.[fast]' brings loops that Numba compiles"
+    print("Large fabrics:", "loops compiled by Numba" if compiled else without)
     print(
         f"{'plain weave':<14}{'patches':>10}{'points':>12}{'set-up':>10}{'response':>10}"
         f"{'warp':>8}{'surface':>9}{'step':>8}{'copy':>8}{'again':>8}  [ms]"
