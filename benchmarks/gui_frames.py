@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QApplication
 
 import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
 from spacemap_vtk.app.main_window import MainWindow
+from spacemap_vtk.cli.window import begin_collecting
 
 SECONDS = 4.0
 
@@ -108,6 +109,7 @@ def playing(window: MainWindow) -> str:
 
 def main() -> None:
     """Print a table."""
+    begin_collecting()  # as `spacemap gui` does
     app = QApplication([])
     window = MainWindow()
     window.resize(1100, 700)

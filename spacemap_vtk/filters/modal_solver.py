@@ -171,7 +171,8 @@ class ModalSolver(Stage):
         elasticity, density = self.constants(extent)
         linear = elements.shape[1] == 4
         corners = elements[:, :4]
-        self._check_size(int((~held).sum()), layers_through_thickness(vertices, corners), linear)
+        layers = layers_through_thickness(vertices, corners)
+        self._check_size(int((~held).sum()), layers, linear)
         self._model = model = Model(
             vertices, elements, elasticity, density, held, self.mass == "lumped"
         )
@@ -187,7 +188,7 @@ class ModalSolver(Stage):
         if self.material in FABRICS and self.youngs_moduli is None:
             self._warn_of_thickness(FABRICS[self.material].plate, extent)
         if linear:
-            self._warn_of_stiffness(vertices, corners, elasticity)
+            self._warn_of_stiffness(layers, bending_stiffness(vertices, corners), elasticity)
 
     def constants(self, extent: float) -> tuple[FloatArray, float]:
         """Return the material's constants.
@@ -296,11 +297,7 @@ class ModalSolver(Stage):
                 f"and shear_moduli {times:.2g} times if bending matters more"
             )
 
-    def _warn_of_stiffness(
-        self, vertices: FloatArray, corners: NDArray[np.int64], elasticity: FloatArray
-    ) -> None:
-        layers = layers_through_thickness(vertices, corners)
-        times = bending_stiffness(vertices, corners)
+    def _warn_of_stiffness(self, layers: float, times: float, elasticity: FloatArray) -> None:
         off = (
             f"bends about {times:.2g} times too stiffly, its bending frequencies are about "
             f"{math.sqrt(times):.2g} times too high"
