@@ -9,6 +9,7 @@ Many points take neither where Numba is installed: one compiled loop does all, w
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from types import ModuleType
 from typing import Any
 
@@ -74,7 +75,7 @@ class Interpolation:
         self.vertex_count = vertex_count
         self._threads = threads
         self._recycler = Recycler()
-        self._blocks: list[tuple[slice, _Sparse | _Sorted | _Compiled]] = []
+        self._blocks: list[tuple[slice, _Product]] = []
         many = self.point_count > WORTHWHILE
         ride = loops("spacemap_vtk.embedding.ride_loops") if many else None
         for begin in range(0, self.point_count, _BLOCK):
@@ -115,7 +116,7 @@ class Interpolation:
         columns = table.reshape(len(table), -1)
         result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
 
-        def do(block: tuple[slice, _Sparse | _Sorted | _Compiled]) -> None:
+        def do(block: tuple[slice, _Product]) -> None:
             rows, product = block
             product.write(columns, result[rows])
 
@@ -154,14 +155,9 @@ class Interpolation:
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
 
-        def do(block: tuple[slice, _Sparse | _Sorted | _Compiled]) -> None:
+        def do(block: tuple[slice, _Product]) -> None:
             rows, product = block
-            if isinstance(product, _Compiled):
-                product.displace(table, points[rows], moved[rows], shift[rows])
-                return
-            product.write(table, shift[rows])
-            # while the block is in the cache
-            np.add(points[rows], shift[rows], out=moved[rows])
+            product.displace(table, points[rows], moved[rows], shift[rows])
 
         for_each(self._blocks, lambda: do, self._threads)
         return moved, shift
@@ -201,7 +197,7 @@ def _product(
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
     vertex_count: int,
-) -> _Sparse | _Sorted:
+) -> _Product:
     """Prepare the product that is fastest for some points."""
     order = np.argsort(tetrahedron, kind="stable")
     ordered = tetrahedron[order]
@@ -213,7 +209,26 @@ def _product(
     return _Sorted(weights[order], order, begins, corners[ordered[begins]])
 
 
-class _Sparse:
+class _Product(ABC):
+    """Values at the points of a block, of values at the vertices."""
+
+    @abstractmethod
+    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
+        """Write the values at the points, (n, k), of those at the vertices, (V, k)."""
+
+    def displace(
+        self,
+        values: NDArray[np.float64],
+        points: NDArray[Any],
+        moved: NDArray[Any],
+        shift: NDArray[Any],
+    ) -> None:
+        """Write displacement and new position of the points, of displacements at the vertices."""
+        self.write(values, shift)
+        np.add(points, shift, out=moved)  # while the block is in the cache
+
+
+class _Sparse(_Product):
     """One sparse product."""
 
     def __init__(
@@ -229,11 +244,10 @@ class _Sparse:
         )
 
     def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        """Write the values at the points, of those at the vertices."""
         out[...] = self._matrix @ values
 
 
-class _Sorted:
+class _Sorted(_Product):
     """A dense product for each tetrahedron, over points that are sorted by it."""
 
     def __init__(
@@ -250,7 +264,6 @@ class _Sorted:
         self._place[order] = np.arange(len(order))
 
     def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        """Write the values at the points, of those at the vertices."""
         result = np.empty((len(self._place), values.shape[1]))
         for run, corners in zip(self._runs, values[self._vertices], strict=True):
             np.matmul(self._weights[run], corners, out=result[run])
@@ -261,7 +274,7 @@ class _Sorted:
             out[...] = result[self._place]
 
 
-class _Compiled:
+class _Compiled(_Product):
     """One compiled loop over the points in the order that they have."""
 
     def __init__(
@@ -280,7 +293,6 @@ class _Compiled:
         )
 
     def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        """Write the values at the points, of those at the vertices."""
         self._ride.apply(*self._tables, values, out)
 
     def displace(
@@ -290,5 +302,5 @@ class _Compiled:
         moved: NDArray[Any],
         shift: NDArray[Any],
     ) -> None:
-        """Write displacement and new position of the points, of displacements at the vertices."""
+        """Write both in one pass."""
         self._ride.displace(*self._tables, values, np.ascontiguousarray(points), moved, shift)

@@ -151,8 +151,8 @@ class ModalSolver(Stage):
     _model: Model | None = None
     #: Digest, eigenvalues and shapes of the last solution, for unit modulus and density.
     _kept: tuple[str, FloatArray, FloatArray] | None = None
-    #: The output's arrays, with the shapes and the density that they are of.
-    _arrays: tuple[FloatArray, float, list[vtkDataArray]] | None = None
+    #: Digest, number and density of the modes that the output's arrays hold, and these.
+    _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
     _stored: float = -math.inf
 
     def run(
@@ -270,19 +270,13 @@ class ModalSolver(Stage):
 
     def _mode_arrays(self, shapes: FloatArray, density: float) -> list[vtkDataArray]:
         """Return the mode shapes as VTK has them: the same objects for the same modes."""
-        kept = self._arrays
-        if (
-            kept is None
-            or kept[0].base is not shapes.base
-            or len(kept[0]) != len(shapes)
-            or kept[1] != density
-        ):
-            made = [
-                to_array(shape, MODE_NAME.format(k))
-                for k, shape in enumerate(shapes / math.sqrt(density))
-            ]
-            self._arrays = kept = shapes, density, made
-        return kept[2]
+        assert self._kept is not None
+        modes = self._kept[0], len(shapes), density
+        if self._arrays is None or self._arrays[0] != modes:
+            scaled = shapes / math.sqrt(density)
+            made = [to_array(shape, MODE_NAME.format(k)) for k, shape in enumerate(scaled)]
+            self._arrays = modes, made
+        return self._arrays[1]
 
     def _warn_of_thickness(self, plate: float, extent: float) -> None:
         times = (extent / plate) ** 2
