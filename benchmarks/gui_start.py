@@ -2,17 +2,20 @@
 
 Run on a display: xvfb-run -a -s "-screen 0 1600x1000x24" python benchmarks/gui_start.py [SCENE]
 Each round is a process of its own that runs the real command, from the interpreter's start on, and
-is told by the window when it has drawn. The modes are found in the user's cache from the second on.
+is told by the window when it has drawn. A first round that is not shown leaves what every later
+start finds: the modules compiled, as pip does, and the modes in the user's cache.
 "processor" is the time that all threads worked: on a busy machine it says more than the others.
 """
 
 from __future__ import annotations
 
+import os
+import statistics
 import subprocess
 import sys
 import time
 
-ROUNDS = 5
+ROUNDS = 9
 
 
 def one(begun: float, scene: list[str]) -> None:
@@ -55,11 +58,22 @@ def one(begun: float, scene: list[str]) -> None:
 
 
 def main() -> None:
-    """Print a line for each round."""
-    for _ in range(ROUNDS):
+    """Print a line for each round, and one of their medians."""
+    # A machine that is told to keep no bytecode would compile every module at every start.
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    rounds = []
+    for number in range(ROUNDS + 1):
         command = [sys.executable, __file__, "--one", str(time.time()), *sys.argv[1:]]
-        done = subprocess.run(command, capture_output=True, text=True)
-        print(done.stdout.strip() or done.stderr)
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        if not done.stdout.strip():
+            sys.exit(done.stderr)
+        if number > 0:
+            print(done.stdout.strip(), flush=True)
+            rounds.append(done.stdout.split())
+    # Words and numbers take turns.
+    columns = zip(*(map(float, words[1::2]) for words in rounds), strict=True)
+    medians = (f"{statistics.median(column):.2f}" for column in columns)
+    print("median:", *(f"{n} {m}" for n, m in zip(rounds[0][::2], medians, strict=True)))
 
 
 if __name__ == "__main__":

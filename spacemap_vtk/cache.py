@@ -50,18 +50,14 @@ def folder() -> Path | None:
     if chosen:
         return Path(chosen)
     try:
-        import platformdirs
-    except ImportError:  # ParaView's own Python
-        try:
-            home = Path.home()
-        except RuntimeError:
-            return None
-        if sys.platform == "win32":
-            return Path(os.environ.get("LOCALAPPDATA", home)) / "spacemap_vtk" / "Cache"
-        if sys.platform == "darwin":
-            return home / "Library" / "Caches" / "spacemap_vtk"
-        return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "spacemap_vtk"
-    return Path(platformdirs.user_cache_dir("spacemap_vtk", appauthor=False))
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", home)) / "spacemap_vtk" / "Cache"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "spacemap_vtk"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "spacemap_vtk"
 
 
 def load(key: str) -> dict[str, NDArray[Any]] | None:

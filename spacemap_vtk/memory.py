@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-import time
-from functools import lru_cache
 
 from spacemap_vtk.errors import SizeError
+
+#: What takes less [bytes] is not refused: a machine that lacks it runs no program at all, and to
+#: ask takes 1 ms beside another thread, a tenth of a frame while a slider is dragged.
+SMALL = 2**24
 
 
 def available() -> int | None:
@@ -15,14 +17,8 @@ def available() -> int | None:
     Returns
     -------
     int or None
-        Bytes, as half a second ago at most; None where the system does not tell.
+        Bytes; None where the system does not tell.
     """
-    # To ask takes 1 ms beside another thread, a tenth of a frame while a slider is dragged.
-    return _free(int(2 * time.monotonic()))
-
-
-@lru_cache(maxsize=1)
-def _free(_half_second: int) -> int | None:
     try:
         import psutil  # not in ParaView's own Python
     except ImportError:
@@ -52,7 +48,7 @@ def require(
     SizeError
         If less than `size` bytes are available.
     """
-    free = available()
+    free = available() if size > SMALL else None
     if free is not None and size > free:
         raise SizeError(
             f"{what} would need about {size / 2**30:.3g} GiB of memory",

@@ -116,6 +116,7 @@ def test_what_does_not_fit_is_refused_first(monkeypatch):
 
     K, _, vertices = pencil((4, 4, 4))
     analysis = Analysis(K, vertices)
+    monkeypatch.setattr(memory, "SMALL", 0)
     monkeypatch.setattr(memory, "available", lambda: 1000)
     with pytest.raises(SizeError, match="factorising 300 degrees"):
         Cholesky(K, analysis)

@@ -14,9 +14,10 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal import loads
 from spacemap_vtk.modal.eigen import lowest
 from spacemap_vtk.modal.harmonic import steady
+from spacemap_vtk.modal.kinematics import MeanGradient, largest_rotation, strains
 from spacemap_vtk.modal.materials import isotropic
 from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.stress import strain_operator, symmetric_tensors, von_mises
+from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
 from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
 
 
@@ -144,7 +145,9 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     if quadratic:
         points, cells = with_middles(points, cells)
     slope = np.random.default_rng(1).standard_normal((3, 3))
-    strain = (strain_operator(points, cells) @ (points @ slope.T).ravel()).reshape(-1, 6)
+    gradients = MeanGradient(points, cells).of(points @ slope.T)
+    np.testing.assert_allclose(gradients, np.tile(slope[..., None], len(cells)), atol=1e-12)
+    strain = strains(gradients)
     x = slope + slope.T
     expected = [slope[0, 0], slope[1, 1], slope[2, 2], x[1, 2], x[2, 0], x[0, 1]]
     np.testing.assert_allclose(strain, np.tile(expected, (len(cells), 1)), atol=1e-12)
@@ -153,6 +156,19 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     # Uniaxial stress: von Mises is its size. Pure shear: √3 times it.
     np.testing.assert_allclose(von_mises(np.array([[0, -7.0, 0, 0, 0, 0]])), 7.0)
     np.testing.assert_allclose(von_mises(np.array([[0, 0, 0, 0, 2.0, 0]])), 2 * math.sqrt(3))
+
+
+def test_rotation_is_half_the_curl_and_that_of_its_largest_tetrahedron():
+    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
+    axis = np.array([0.1, -0.2, 0.3])
+    turned = np.cross(axis, points)
+    size = np.linalg.norm(axis)
+    gradient = MeanGradient(points, cells)
+    assert largest_rotation(gradient.of(turned)) == pytest.approx(size)
+    np.testing.assert_allclose(strains(gradient.of(turned)), 0.0, atol=1e-14)
+    # Twisted along y: most where the twist is.
+    twist = np.cross(points[:, 1:2] ** 2 * [0.0, 1.0, 0.0], points)
+    assert 2.0 < largest_rotation(gradient.of(twist)) < 4.5
 
 
 def test_a_free_body_keeps_its_residual_apart_from_rigid_motion():

@@ -98,4 +98,6 @@ def _dots(points: NDArray[np.float64]) -> vtkPolyData:
 
 def _edges(tetrahedra: NDArray[np.int64]) -> NDArray[np.int64]:
     pairs = tetrahedra[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2)
-    return np.unique(np.sort(pairs, axis=1), axis=0)
+    pairs = np.sort(pairs, axis=1)
+    pairs = pairs[np.lexsort(pairs.T)]
+    return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]

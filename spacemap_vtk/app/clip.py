@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPlane
-from vtkmodules.vtkInteractionWidgets import vtkImplicitPlaneRepresentation, vtkImplicitPlaneWidget2
 from vtkmodules.vtkRenderingCore import vtkActor, vtkRenderWindowInteractor
 
 from spacemap_vtk.scenes.glyphs import Cut
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.clip_handle import ClipHandle
 
 
 class ClipPlane:
@@ -34,39 +36,9 @@ class ClipPlane:
         self.plane = vtkPlane()
         #: Normal and origin of the plane that was shown last, if it was one of this scene's.
         self.last: Cut | None = None
-        self._actors, self._told = list(actors), told
-        self._shape = vtkImplicitPlaneRepresentation()
-        self._shape.SetPlaceFactor(1.15)
-        self._shape.DrawOutlineOff()
-        self._shape.OutlineTranslationOff()
-        self._shape.ScaleEnabledOff()
-        self._shape.SetDrawPlane(True)
-        self._shape.GetPlaneProperty().SetOpacity(0.10)
-        self._shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
-        self._shape.SetEdgeColor(0.30, 0.61, 0.78)
-        self._shape.GetEdgesProperty().SetLineWidth(2.0)
-        self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
-        self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
-        self._widget = vtkImplicitPlaneWidget2()
-        # No key of its own: I would bring up the plane of a cut that is none.
-        self._widget.KeyPressActivationOff()
-        self._widget.SetInteractor(interactor)
-        self._widget.SetRepresentation(self._shape)
-        me = weakref.ref(self)
-
-        def moved(_caller: Any, event: str) -> None:
-            here = me()
-            if here is None:
-                return
-            here._shape.GetPlane(here.plane)
-            if event == "EndInteractionEvent":
-                here._tell()
-
-        self._observers = [
-            self._widget.AddObserver(event, moved)
-            for event in ("InteractionEvent", "EndInteractionEvent")
-        ]
         self.on = False
+        self._interactor, self._actors, self._told = interactor, list(actors), told
+        self._handle: ClipHandle | None = None
 
     def show(self, cut: Cut | None, points: NDArray[np.float64] | None) -> None:
         """Cut, or show the whole.
@@ -80,14 +52,9 @@ class ClipPlane:
         """
         if cut is not None and points is not None:
             self.last = cut
-            low, high = points.min(axis=0), points.max(axis=0)
-            # A flat cloth too gets a box that the mouse can take hold of.
-            slack = 0.15 * float(np.linalg.norm(high - low))
-            bounds = np.stack([low - slack, high + slack], axis=1).ravel()
-            self._shape.PlaceWidget(bounds.tolist())
-            self._shape.SetNormal(*cut[0])
-            self._shape.SetOrigin(*cut[1])
-            self._shape.GetPlane(self.plane)
+            self._handle = self._handle or self._made()
+            self._handle.place(cut, points)
+            self._handle.read(self.plane)
         on = cut is not None
         if on != self.on:
             self.on = on
@@ -96,7 +63,24 @@ class ClipPlane:
                     actor.GetMapper().AddClippingPlane(self.plane)
                 else:
                     actor.GetMapper().RemoveAllClippingPlanes()
-            self._widget.SetEnabled(on)
+            if self._handle is not None:
+                self._handle.show(on)
+
+    def _made(self) -> ClipHandle:
+        # With VTK's widgets: most windows never cut anything.
+        from spacemap_vtk.app.clip_handle import ClipHandle
+
+        me = weakref.ref(self)
+
+        def moved(done: bool) -> None:
+            here = me()
+            if here is None or here._handle is None:
+                return
+            here._handle.read(here.plane)
+            if done:
+                here._tell()
+
+        return ClipHandle(self._interactor, moved)
 
     def _tell(self) -> None:
         """Tell where the plane is, to six digits, if it is not where it was."""
@@ -109,7 +93,5 @@ class ClipPlane:
 
     def close(self) -> None:
         """Let go of the interactor, before it is freed."""
-        self._widget.SetEnabled(False)
-        for observer in self._observers:
-            self._widget.RemoveObserver(observer)
-        self._widget.SetInteractor(None)
+        if self._handle is not None:
+            self._handle.close()

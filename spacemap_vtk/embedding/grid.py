@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
 
 from spacemap_vtk.embedding.frames import Frames
 from spacemap_vtk.parallel import for_each
@@ -117,6 +116,8 @@ class Grid:
 
         for_each(blocks, lambda: do, self._threads)
         cells, tetrahedra = (np.concatenate(part) for part in zip(*found, strict=True))
+        from scipy.sparse import coo_matrix  # with all it brings: a tenth of a second
+
         # rows of cells, each with its tetrahedra in the order given: a sort by counting
         there = np.ones(len(cells), dtype=np.int8)
         shape = int(prod(self._shape.tolist())), int(usable[-1]) + 1

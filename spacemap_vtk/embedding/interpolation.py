@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
 
 from spacemap_vtk.compiled import WORTHWHILE, loops
 from spacemap_vtk.embedding.locate import Location
@@ -234,6 +233,8 @@ class _Sparse(_Product):
     def __init__(
         self, weights: NDArray[np.float64], vertices: NDArray[np.int32], vertex_count: int
     ) -> None:
+        from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
+
         count, nodes = weights.shape
         # A view of the location's weights, and 32 bits for vertex numbers: what is read counts.
         starts = np.arange(0, nodes * count + 1, nodes, dtype=np.int32)

@@ -10,16 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
 
 from spacemap_vtk.embedding.interpolation import Interpolation, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.parallel import for_each
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 #: Weight of second derivatives against the data, where these are of order 1.
 _DAMPING = 1e-2
@@ -241,6 +243,8 @@ def vertex_gradients(
         Row 3 v + i: the derivative along axis i at vertex v. Exact for affine functions, and nearly
         so for quadratic ones where there are enough vertices to tell.
     """
+    from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
+
     count = len(vertices)
     cells = np.asarray(tetrahedra)[has_volume(vertices, tetrahedra)]
     member = csr_matrix(

@@ -8,21 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import array_of, tetrahedra_of, vectors_of
+from spacemap_vtk.filters.arrays import array_of, vectors_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.processes import Processes
 from spacemap_vtk.modal import loads as forces
 from spacemap_vtk.modal.elements import shape_functions
-from spacemap_vtk.modal.kinematics import rotation_operator
+from spacemap_vtk.modal.kinematics import MeanGradient
 from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.stress import strain_operator
 from spacemap_vtk.modal.timefunctions import TimeFunction
 from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
 from spacemap_vtk.units import format_quantity
@@ -88,7 +86,6 @@ class CageModes:
             self.shapes = np.stack(shapes).reshape(len(shapes), -1)
         self.nodal_mass: FloatArray = array_of(data, "nodal_mass", _OWNER)
         self.model: Model = model_of(grid)
-        self._tetrahedra = tetrahedra_of(grid)
         self._grid = data
         self._forces: dict[str, FloatArray] = {}
         self._statics: dict[str, FloatArray] = {}
@@ -127,14 +124,9 @@ class CageModes:
         return len(self.eigenvalues) >= int(self.model.free.sum())
 
     @cached_property
-    def rotation(self) -> csr_matrix:
-        """Displacements to the rotation of each tetrahedron, (3T, 3V)."""
-        return rotation_operator(self.model.points, self._tetrahedra)
-
-    @cached_property
-    def strain(self) -> csr_matrix:
-        """Displacements to the strain of each tetrahedron, (6T, 3V)."""
-        return strain_operator(self.model.points, self.model.cells)
+    def gradient(self) -> MeanGradient:
+        """Displacements to their gradient in each tetrahedron."""
+        return MeanGradient(self.model.points, self.model.cells)
 
     @cached_property
     def effective_masses(self) -> FloatArray:

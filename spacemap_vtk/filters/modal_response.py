@@ -18,7 +18,7 @@ from spacemap_vtk.filters.response_parameters import DampingPairs
 from spacemap_vtk.modal.damping import Damping, rayleigh
 from spacemap_vtk.modal.energy import Account
 from spacemap_vtk.modal.harmonic import steady
-from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation
+from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation, strains
 from spacemap_vtk.modal.motion import Drive, Motion, State
 from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
 from spacemap_vtk.modal.timefunctions import step
@@ -173,7 +173,8 @@ class ModalResponse(Stage):
         displacement, velocity, acceleration = prepared.fields(state, max(time, 0.0))
         for text in prepared.warnings:
             self.warn(text)
-        if largest_rotation(modes.rotation, displacement) > LARGE_ROTATION:
+        gradients = modes.gradient.of(displacement)
+        if largest_rotation(gradients) > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
                 "model stretches what turns: lower the load or raise the modulus to trust the shape"
@@ -186,7 +187,7 @@ class ModalResponse(Stage):
         field = output.GetFieldData()
         add_array(field, "modal_coordinates", state.position[: len(modes.eigenvalues)].copy())
         if self.stress:
-            strain = (modes.strain @ displacement.ravel()).reshape(-1, 6)
+            strain = strains(gradients)
             stress = strain @ modes.model.elasticity
             cells = output.GetCellData()
             add_array(cells, "strain", symmetric_tensors(strain, engineering=True))

@@ -19,7 +19,6 @@ from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.memory import require
 from spacemap_vtk.modal.bending import bending_stiffness, layers_through_thickness
-from spacemap_vtk.modal.eigen import estimate_bytes, lowest
 from spacemap_vtk.modal.fabrics import FABRICS
 from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic, volume_ratio
 from spacemap_vtk.modal.model import Model
@@ -172,11 +171,10 @@ class ModalSolver(Stage):
         linear = elements.shape[1] == 4
         corners = elements[:, :4]
         layers = layers_through_thickness(vertices, corners)
-        self._check_size(int((~held).sum()), layers, linear)
         self._model = model = Model(
             vertices, elements, elasticity, density, held, self.mass == "lumped"
         )
-        eigenvalues, shapes = self._solved(model)
+        eigenvalues, shapes = self._solved(model, layers if linear else 2 * layers)
 
         output.ShallowCopy(grid)
         attach(output, model)
@@ -232,17 +230,21 @@ class ModalSolver(Stage):
             raise _not_of("isotropic", key, given)
         return isotropic(self.youngs_modulus, self.poissons_ratio), density
 
-    def _check_size(self, dof: int, layers: float, linear: bool) -> None:
-        count = min(self.modes, dof)
+    def _solve(self, model: Model, count: int, layers: float) -> tuple[FloatArray, FloatArray]:
+        # With all of scipy that solves: what is kept on disk needs none of it.
+        from spacemap_vtk.modal.eigen import estimate_bytes, lowest
+
+        dof = int(model.free.sum())
         require(
-            estimate_bytes(dof, count, layers if linear else 2 * layers),
+            estimate_bytes(dof, count, layers),
             f"solving {count} modes of {dof} degrees of freedom",
             key="modes",
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
+        return lowest(model.structure.pencil, count, self.report)
 
-    def _solved(self, model: Model) -> tuple[FloatArray, FloatArray]:
+    def _solved(self, model: Model, layers: float) -> tuple[FloatArray, FloatArray]:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
         count, digest = min(self.modes, int(model.free.sum())), model.digest
 
@@ -250,7 +252,7 @@ class ModalSolver(Stage):
             found = _read(digest, count, len(model.points))
             if found is None:
                 begun = clock.perf_counter()
-                found = lowest(model.structure.pencil, count, self.report)
+                found = self._solve(model, count, layers)
                 now = clock.perf_counter()
                 if now - begun > _QUICK or now - self._stored > _PAUSE:
                     cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])

@@ -12,7 +12,6 @@ user's, and where a surface makes it crash, the crash is told in words.
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import importlib.util
 import sys
 import tempfile
@@ -81,7 +80,9 @@ def filled(
             cure='Run "pip install pytetwild", or use method = "carved".',
         )
     digest = hashlib.sha256()
-    settings = edge_length, _EPSILON, importlib.metadata.version("pytetwild")
+    from importlib.metadata import version  # with the parts of email and socket that it brings
+
+    settings = edge_length, _EPSILON, version("pytetwild")
     for part in (points.tobytes(), triangles.tobytes(), repr(settings).encode()):
         digest.update(hashlib.sha256(part).digest())
     key = f"tetwild-{digest.hexdigest()[:40]}"

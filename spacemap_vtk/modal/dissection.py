@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-
-from spacemap_vtk.modal.later import csgraph
+from scipy.sparse import csgraph
 
 IntArray = NDArray[np.int64]
 

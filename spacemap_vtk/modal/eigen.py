@@ -14,11 +14,11 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
+from scipy import linalg as la
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal import threads
 from spacemap_vtk.modal.lanczos import BLOCK, lowest_modes
-from spacemap_vtk.modal.later import linalg as la
 from spacemap_vtk.modal.multifrontal import negative_eigenvalues
 from spacemap_vtk.modal.pencil import Pencil, Piece
 

@@ -13,9 +13,9 @@ one product with its 81 elasticities, however many tetrahedra share a vertex.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
@@ -28,6 +28,9 @@ from spacemap_vtk.modal.tetrahedra import (
     edges_and_volumes,
     volumes,
 )
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 __all__ = [
     "Assembly",
@@ -182,7 +185,7 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
     return Assembly(indptr, pair % count, gradients, products, lumps)
 
 
-def stiffness(assembly: Assembly, elasticity: ArrayLike) -> sp.csr_matrix:
+def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
     """Return the stiffness matrix of one material.
 
     Parameters
@@ -202,6 +205,8 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> sp.csr_matrix:
     InputError
         If `elasticity` is not a symmetric matrix of six rows.
     """
+    from scipy.sparse import bsr_matrix  # with all it brings: a tenth of a second
+
     matrix = np.asarray(elasticity, dtype=np.float64)
     square = matrix.shape == (6, 6) and bool(np.isfinite(matrix).all())
     if not square or not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
@@ -216,10 +221,10 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> sp.csr_matrix:
     tensor = matrix[VOIGT[:, :, None, None], VOIGT].transpose(1, 3, 0, 2).reshape(9, 9)
     blocks = (assembly.gradients @ tensor).reshape(-1, 3, 3)
     size = 3 * (len(assembly.indptr) - 1)
-    return sp.bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
+    return bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
 
 
-def mass(assembly: Assembly, density: float, lumped: bool = False) -> sp.csr_matrix:
+def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
     """Return the mass matrix.
 
     Parameters
@@ -242,6 +247,8 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> sp.csr_mat
     InputError
         If the density is not positive.
     """
+    import scipy.sparse as sp  # with all it brings: a tenth of a second
+
     _check_density(density)
     if lumped:
         return sp.diags(np.repeat(density * assembly.lumps, 3), format="csr")
@@ -252,7 +259,7 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> sp.csr_mat
 
 def stiffness_and_mass(
     points: ArrayLike, tetrahedra: ArrayLike, elasticity: ArrayLike, density: float
-) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+) -> tuple[csr_matrix, csr_matrix]:
     """Return K and consistent M of a mesh of tetrahedra.
 
     Parameters

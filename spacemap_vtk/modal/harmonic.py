@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.later import special
 from spacemap_vtk.modal.oscillator import SHORT, TERMS, FloatArray, kernels
 
 ComplexArray = NDArray[np.complex128]
@@ -101,8 +100,10 @@ def steady(stiffness: FloatArray, half: FloatArray, omega: float) -> ComplexArra
 
 def _first(z: ComplexArray, t: FloatArray) -> ComplexArray:
     """Return φ₁(z t)."""
+    from scipy.special import expm1  # with all it brings: a tenth of a second
+
     x = z * t
-    return np.divide(special.expm1(x), x, out=np.ones_like(x), where=x != 0)
+    return np.divide(expm1(x), x, out=np.ones_like(x), where=x != 0)
 
 
 def _series(spring: FloatArray, h: FloatArray, p: complex, t: FloatArray) -> ComplexArray:

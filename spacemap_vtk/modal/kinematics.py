@@ -1,67 +1,102 @@
-"""How far a displacement field is from what a linear model can describe."""
+"""How a displacement field stretches and turns each tetrahedron."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.modal.elasticity import barycentric_gradients
+
+FloatArray = NDArray[np.float64]
 
 #: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
 LARGE_ROTATION = np.radians(20.0)
 
+#: The edges whose middles are the nodes 4 to 9 of a quadratic tetrahedron.
+_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 
-def rotation_operator(
-    vertices: NDArray[np.float64], tetrahedra: NDArray[np.int64]
-) -> sp.csr_matrix:
-    """Return the matrix that turns displacements into the rotation vector of each tetrahedron.
 
-    The rotation of a linear displacement field is half its curl, constant in a tetrahedron.
+class MeanGradient:
+    """The mean gradient of displacement fields in each tetrahedron.
+
+    It is constant in a linear tetrahedron and linear in a quadratic one, whose mean is that at its
+    centroid.
 
     Parameters
     ----------
-    vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
-    tetrahedra : ndarray of int, shape (T, 4)
-        Vertex numbers, of tetrahedra with a volume.
+    points : array_like of float, shape (V, 3)
+        Vertices [m].
+    cells : array_like of int, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
 
-    Returns
-    -------
-    scipy.sparse.csr_matrix, shape (3 T, 3 V)
-        For displacements (x, y and z of vertex 0, of vertex 1, …) in m; gives radians.
+    Raises
+    ------
+    GeometryError
+        If the mesh is none, or a tetrahedron flat.
     """
-    count = len(tetrahedra)
-    edges = vertices[tetrahedra[:, 1:]] - vertices[tetrahedra[:, :1]]
-    # Rows of the inverse's transpose are the gradients of the barycentric coordinates 1, 2, 3.
-    inner = np.linalg.inv(edges).transpose(0, 2, 1)
-    gradients = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
-    rows, columns, values = [], [], []
-    for axis in range(3):
-        # (curl u)_axis = d_next u_last - d_last u_next
-        following, last = (axis + 1) % 3, (axis + 2) % 3
-        for component, direction, sign in ((last, following, 0.5), (following, last, -0.5)):
-            rows.append(np.repeat(3 * np.arange(count) + axis, 4))
-            columns.append((3 * tetrahedra + component).ravel())
-            values.append(sign * gradients[:, :, direction].ravel())
-    return sp.csr_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(3 * count, 3 * len(vertices)),
-    )
+
+    def __init__(self, points: ArrayLike, cells: ArrayLike) -> None:
+        nodes = np.asarray(cells, dtype=np.int64)
+        slopes = barycentric_gradients(np.asarray(points, dtype=np.float64), nodes)[0]
+        if nodes.shape[1] == 10:
+            # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge; where all L are 1/4 the gradients of
+            # the corners vanish, and those of an edge are the sum of its corners'.
+            slopes = np.stack([slopes[:, a] + slopes[:, b] for a, b in _EDGES], axis=1)
+            nodes = nodes[:, 4:]
+        # The tetrahedra last, so that each sum runs along memory.
+        self._nodes = np.ascontiguousarray(nodes.T)
+        self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
+
+    def of(self, displacement: FloatArray) -> FloatArray:
+        """Return the gradients of a field.
+
+        Parameters
+        ----------
+        displacement : ndarray of float64, shape (V, 3)
+            u [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (3, 3, T)
+            ∂u_i/∂x_j.
+        """
+        result = np.empty((3, 3, self._nodes.shape[1]))
+        for i in range(3):
+            values = np.ascontiguousarray(displacement[:, i])[self._nodes]
+            for j in range(3):
+                np.einsum("nt,nt->t", values, self._slopes[j], out=result[i, j])
+        return result
 
 
-def largest_rotation(operator: sp.csr_matrix, displacement: NDArray[np.float64]) -> float:
-    """Return the largest rotation of any tetrahedron.
+def largest_rotation(gradients: FloatArray) -> float:
+    """Return the largest rotation of any tetrahedron, half the curl of the displacement.
 
     Parameters
     ----------
-    operator : scipy.sparse.csr_matrix, shape (3 T, 3 V)
-        From `rotation_operator`.
-    displacement : ndarray of float64, shape (V, 3)
-        In m.
+    gradients : ndarray of float64, shape (3, 3, T)
+        From `MeanGradient`.
 
     Returns
     -------
     float
         In rad.
     """
-    vectors = (operator @ displacement.ravel()).reshape(-1, 3)
-    return float(np.sqrt((vectors**2).sum(axis=1).max()))
+    curl = [gradients[j, i] - gradients[i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return 0.5 * float(np.sqrt(sum(part**2 for part in curl).max()))
+
+
+def strains(gradients: FloatArray) -> FloatArray:
+    """Return the strain of each tetrahedron.
+
+    Parameters
+    ----------
+    gradients : ndarray of float64, shape (3, 3, T)
+        From `MeanGradient`.
+
+    Returns
+    -------
+    ndarray of float64, shape (T, 6)
+        As xx, yy, zz, yz, zx, xy, shears in engineering measure (γ = 2ε).
+    """
+    shears = [gradients[i, j] + gradients[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.stack([*(gradients[i, i] for i in range(3)), *shears], axis=1)

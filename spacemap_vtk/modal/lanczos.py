@@ -19,10 +19,10 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy import linalg as la
+from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import SolverError
-from spacemap_vtk.modal.later import csgraph
-from spacemap_vtk.modal.later import linalg as la
 
 FloatArray = NDArray[np.float64]
 Solve = Callable[[FloatArray], FloatArray]

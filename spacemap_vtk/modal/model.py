@@ -10,18 +10,21 @@ from __future__ import annotations
 
 import hashlib
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
 from spacemap_vtk.modal.materials import check_sizes
-from spacemap_vtk.modal.pencil import Pencil
 from spacemap_vtk.modal.tetrahedra import checked_mesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from spacemap_vtk.modal.pencil import Pencil
 
 FloatArray = NDArray[np.float64]
 
@@ -104,12 +107,12 @@ class Model:
         return self.structure.free
 
     @cached_property
-    def stiffness(self) -> sp.csr_matrix:
+    def stiffness(self) -> csr_matrix:
         """K [N/m], shape (3V, 3V), of free and held components."""
         return self.modulus * self.structure.stiffness
 
     @cached_property
-    def mass(self) -> sp.csr_matrix:
+    def mass(self) -> csr_matrix:
         """M [kg], shape (3V, 3V), of free and held components."""
         return self.density * self.structure.mass
 
@@ -227,15 +230,17 @@ class _Structure:
         return found
 
     @cached_property
-    def stiffness(self) -> sp.csr_matrix:
+    def stiffness(self) -> csr_matrix:
         return stiffness(self.assembly, self._elasticity)
 
     @cached_property
-    def mass(self) -> sp.csr_matrix:
+    def mass(self) -> csr_matrix:
         return mass(self.assembly, 1.0, self._lumped)
 
     @cached_property
     def pencil(self) -> Pencil:
+        from spacemap_vtk.modal.pencil import Pencil  # with all of scipy that solves
+
         return Pencil(self.stiffness, self.mass, self.free, self.points)
 
 

@@ -235,7 +235,8 @@ class Motion:
         return np.divide(load, self.stiffness, out=np.zeros_like(load), where=~rigid)
 
     def _merged(self, parts: Sequence[tuple[Drive, Pieces]]) -> Linear:
-        times = np.unique(np.concatenate([[0.0], *(f.times for _, f in parts)]))
+        times = np.sort(np.concatenate([[0.0], *(f.times for _, f in parts)]))
+        times = times[np.diff(times, prepend=-np.inf) > 0.0]
         pushing = [(d, f) for d, f in parts if not d.moves_base]
         shape = len(times), len(pushing)
         values = np.reshape([[f.value(t) for _, f in pushing] for t in times], shape)

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import blas, lapack
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.memory import require
 from spacemap_vtk.modal.dissection import dissection
 from spacemap_vtk.modal.fronts import fronts
-from spacemap_vtk.modal.later import blas, lapack
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.later import special
 
 FloatArray = NDArray[np.float64]
 
@@ -200,12 +199,14 @@ def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[
 
 
 def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
+    from scipy.special import exprel  # with all it brings: a tenth of a second
+
     omega = np.sqrt(stiffness)
     d = np.sqrt(h - omega) * np.sqrt(h + omega)
     fast = h + d
     slow = stiffness / fast
     decay = np.exp(-slow * t)
-    impulse = t * decay * special.exprel(-2 * d * t)
+    impulse = t * decay * exprel(-2 * d * t)
     free = decay + slow * impulse
     # Ṡ + r₁ S = exp(-r₂ t): no other form of Ṡ is free of a difference of exponentials.
     impulse_rate = np.exp(-fast * t) - slow * impulse
@@ -267,7 +268,9 @@ def _early(
 
 def _exponential_integrals(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return φ₁, φ₂, φ₃ of -x, x ≥ 0: φₖ(z) = Σ zⁿ / (n + k)!, the integrals of the exponential."""
-    first = special.exprel(-x)
+    from scipy.special import exprel  # with all it brings: a tenth of a second
+
+    first = exprel(-x)
     small = x < 1.0
     safe = np.where(small, 1.0, x)
     second = (1.0 - first) / safe

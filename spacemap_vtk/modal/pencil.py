@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
+from scipy import linalg as la
+from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal import lanczos, threads
 from spacemap_vtk.modal.factors import Factors, Solve, factorise
-from spacemap_vtk.modal.later import csgraph
-from spacemap_vtk.modal.later import linalg as la
 from spacemap_vtk.modal.multifrontal import Analysis
 
 FloatArray = NDArray[np.float64]

@@ -8,11 +8,13 @@ Benchmarks Manual 1.4.14; the method is also known as modal truncation augmentat
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from spacemap_vtk.modal.later import linalg as la
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 FloatArray = NDArray[np.float64]
 
@@ -23,8 +25,8 @@ NEGLIGIBLE = 1e-11
 def residual_modes(
     shapes: FloatArray,
     eigenvalues: FloatArray,
-    stiffness: sp.csr_matrix,
-    mass: sp.csr_matrix,
+    stiffness: csr_matrix,
+    mass: csr_matrix,
     loads: FloatArray,
     statics: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -51,6 +53,8 @@ def residual_modes(
     shapes : ndarray of float64, shape (k, N)
         Mass-normalised, M-orthogonal to the modes, and M- and K-orthogonal to each other.
     """
+    from scipy import linalg as la  # with all it brings: a tenth of a second
+
     elastic = eigenvalues > 0.0
     kept, values = shapes[elastic], eigenvalues[elastic]
     inertia, springs = (mass @ shapes.T).T, (stiffness @ kept.T).T / values[:, None]
@@ -81,7 +85,7 @@ def residual_modes(
     return scale**2, (turn[:, order] * scale).T @ basis
 
 
-def movable_mass(mass: sp.csr_matrix, free: NDArray[np.bool_]) -> FloatArray:
+def movable_mass(mass: csr_matrix, free: NDArray[np.bool_]) -> FloatArray:
     """Return the mass that a uniform acceleration along each axis can set in motion.
 
     It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M r

@@ -113,7 +113,7 @@ class ParameterRow(QWidget):
         self.note.setText(text)
         self.note.setVisible(bool(text))
         for widget in (self.note, self.editor, self):
-            if widget.property("bad") != bad:
+            if bool(widget.property("bad")) != bad:
                 widget.setProperty("bad", bad)
                 # A style sheet looks at a property only when it is told to.
                 widget.style().unpolish(widget)

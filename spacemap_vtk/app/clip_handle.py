@@ -1,0 +1,88 @@
+"""What the mouse takes hold of to move and turn a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPlane
+from vtkmodules.vtkInteractionWidgets import vtkImplicitPlaneRepresentation, vtkImplicitPlaneWidget2
+from vtkmodules.vtkRenderingCore import vtkRenderWindowInteractor
+
+from spacemap_vtk.scenes.glyphs import Cut
+
+
+class ClipHandle:
+    """The plane as one sees it: its border, and an arrow along its normal.
+
+    Parameters
+    ----------
+    interactor : vtkRenderWindowInteractor
+        Of the view.
+    moved : callable
+        Told whether the mouse has let go, whenever it has moved the plane.
+    """
+
+    def __init__(
+        self, interactor: vtkRenderWindowInteractor, moved: Callable[[bool], object]
+    ) -> None:
+        self._shape = vtkImplicitPlaneRepresentation()
+        self._shape.SetPlaceFactor(1.15)
+        self._shape.DrawOutlineOff()
+        self._shape.OutlineTranslationOff()
+        self._shape.ScaleEnabledOff()
+        self._shape.SetDrawPlane(True)
+        self._shape.GetPlaneProperty().SetOpacity(0.10)
+        self._shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
+        self._shape.SetEdgeColor(0.30, 0.61, 0.78)
+        self._shape.GetEdgesProperty().SetLineWidth(2.0)
+        self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
+        self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
+        self._widget = vtkImplicitPlaneWidget2()
+        # No key of its own: I would bring up the plane of a cut that is none.
+        self._widget.KeyPressActivationOff()
+        self._widget.SetInteractor(interactor)
+        self._widget.SetRepresentation(self._shape)
+
+        def tell(_caller: Any, event: str) -> None:
+            moved(event == "EndInteractionEvent")
+
+        self._observers = [
+            self._widget.AddObserver(event, tell)
+            for event in ("InteractionEvent", "EndInteractionEvent")
+        ]
+
+    def place(self, cut: Cut, points: NDArray[np.float64]) -> None:
+        """Stand where a plane cuts what is seen.
+
+        Parameters
+        ----------
+        cut : tuple
+            Normal and origin [m].
+        points : ndarray, shape (n, 3)
+            What is seen.
+        """
+        low, high = points.min(axis=0), points.max(axis=0)
+        # A flat cloth too gets a box that the mouse can take hold of.
+        slack = 0.15 * float(np.linalg.norm(high - low))
+        bounds = np.stack([low - slack, high + slack], axis=1).ravel()
+        self._shape.PlaceWidget(bounds.tolist())
+        self._shape.SetNormal(*cut[0])
+        self._shape.SetOrigin(*cut[1])
+
+    def read(self, plane: vtkPlane) -> None:
+        """Write into a plane where this one is."""
+        self._shape.GetPlane(plane)
+
+    def show(self, on: bool) -> None:
+        """Be seen, or not."""
+        self._widget.SetEnabled(on)
+
+    def close(self) -> None:
+        """Let go of the interactor, before it is freed."""
+        self._widget.SetEnabled(False)
+        for observer in self._observers:
+            self._widget.RemoveObserver(observer)
+        self._widget.SetInteractor(None)
