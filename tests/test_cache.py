@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-import spacemap_vtk.filters.modal_solver as module
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource, cache
+from spacemap_vtk.filters import modal_solver
+from spacemap_vtk.modal import eigen
 from spacemap_vtk.modal import model as models
 
 
@@ -25,7 +26,7 @@ def place(monkeypatch, tmp_path):
 def calls(monkeypatch):
     """Count solutions and assemblies."""
     counted = {"solved": 0, "assembled": 0}
-    lowest, assemble = module.lowest, models.assemble
+    lowest, assemble = eigen.lowest, models.assemble
 
     def count(name, function):
         def counting(*arguments):
@@ -34,7 +35,7 @@ def calls(monkeypatch):
 
         return counting
 
-    monkeypatch.setattr(module, "lowest", count("solved", lowest))
+    monkeypatch.setattr(eigen, "lowest", count("solved", lowest))
     monkeypatch.setattr(models, "assemble", count("assembled", assemble))
     return counted
 
@@ -143,8 +144,8 @@ def test_what_changes_the_modes_is_another_entry(place, calls):
 
 def test_a_drag_writes_hardly_anything(place, calls, monkeypatch):
     # Whatever else the machine does meanwhile.
-    monkeypatch.setattr(module, "_QUICK", np.inf)
-    monkeypatch.setattr(module, "_PAUSE", 60.0)
+    monkeypatch.setattr(modal_solver, "_QUICK", np.inf)
+    monkeypatch.setattr(modal_solver, "_PAUSE", 60.0)
     made = solver()
     for number in range(5):
         made.poissons_ratio = 0.2 + 0.01 * number

@@ -200,11 +200,11 @@ def _product(
     """Prepare the product that is fastest for some points."""
     order = np.argsort(tetrahedron, kind="stable")
     ordered = tetrahedron[order]
-    begins = np.flatnonzero(np.diff(ordered, prepend=-1))
-    if len(begins) * _MANY > len(ordered):
+    begin = np.diff(ordered, prepend=-1) != 0
+    if np.count_nonzero(begin) * _MANY > len(ordered):
         return _Sparse(weights, corners[tetrahedron], vertex_count)
-    longest = BLAS_SERIAL // (3 * corners.shape[1])
-    begins = np.union1d(begins, np.arange(0, len(ordered), longest))
+    begin[:: BLAS_SERIAL // (3 * corners.shape[1])] = True  # none longer than this
+    begins = np.flatnonzero(begin)
     return _Sorted(weights[order], order, begins, corners[ordered[begins]])
 
 
