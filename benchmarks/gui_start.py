@@ -24,6 +24,7 @@ def one(begun: float, scene: list[str]) -> None:
 
     seen: dict[str, float] = {"command": time.time() - begun}
     # Only now, as the command does: what it imports is part of what is measured.
+    import spacemap_vtk.app.qt  # noqa: F401
     from spacemap_vtk.app import splash
 
     class Watched(splash.Splash):

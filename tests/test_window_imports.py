@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from window import require_display
@@ -31,9 +33,9 @@ def test_the_window_imports_neither_plotter_nor_solver() -> None:
         "import sys\n"
         "import spacemap_vtk.app.launch\n"
         "from spacemap_vtk.app.canvas import Canvas\n"
-        "heavy = ('pyvista', 'pyvistaqt', 'qtpy', 'matplotlib', 'PIL', 'cyclopts', 'mypy')\n"
-        "parts = ('scipy.linalg', 'scipy.spatial', 'scipy.special', 'scipy.sparse.linalg')\n"
-        "found = [m for m in sys.modules if m.split('.')[0] in heavy or m in parts]\n"
+        "heavy = ('pyvista', 'pyvistaqt', 'qtpy', 'matplotlib', 'PIL', 'cyclopts', 'mypy',"
+        " 'scipy', 'psutil')\n"
+        "found = [m for m in sys.modules if m.split('.')[0] in heavy]\n"
         "import pyvistaqt, pyvista, qtpy.QtCore\n"
         "whole = hasattr(pyvistaqt.QtInteractor, 'add_mesh')\n"
         "print(found, Canvas.__mro__[1].__module__, whole, pyvista._vtk.__name__)"
@@ -41,6 +43,34 @@ def test_the_window_imports_neither_plotter_nor_solver() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     # What comes after it gets the packages whole.
     assert done.stdout.strip() == "[] pyvistaqt.rwi True pyvista._vtk"
+
+
+def test_the_first_picture_of_kept_modes_needs_no_solver(tmp_path: Path) -> None:
+    require_display()
+    code = (
+        "import sys\n"
+        "from spacemap_vtk.cli.main import main\n"
+        "import spacemap_vtk.app.qt\n"
+        "from PySide6.QtWidgets import QApplication\n"
+        "from spacemap_vtk.app import splash\n"
+        "def watch(self, window):\n"
+        "    def told(frame):\n"
+        "        heavy = ('scipy', 'psutil', 'matplotlib', 'numpy.ma',"
+        " 'vtkmodules.vtkInteractionWidgets')\n"
+        "        print(frame.coarse, [m for m in heavy if m in sys.modules])\n"
+        "        QApplication.instance().quit()\n"
+        "    window.director.drawn.connect(told)\n"
+        "splash.Splash.give_way_to = watch\n"
+        "main(['gui', 'plain_weave'])"
+    )
+    environment = {**os.environ, "SPACEMAP_CACHE": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    first, again = (
+        subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+        for _ in range(2)
+    )
+    assert "scipy" in first.stdout
+    assert again.stdout.strip() == "False []"
 
 
 def test_without_the_extra_it_says_what_to_install(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import gc
 from typing import Annotated
 
@@ -26,12 +25,9 @@ def gui(
     gc.disable()
     # Qt and VTK's window take a second to import: only this command pays for it, and what will
     # come is on the screen meanwhile.
-    plain = builtins.__import__
+    import spacemap_vtk.app.qt  # noqa: F401  before all else that imports Qt
     from spacemap_vtk.app.splash import Splash
 
-    # PySide6 has put one of its own there, which reads the source of each module that imports
-    # anything: as long as all of Qt takes, to look for a feature that nothing here uses.
-    builtins.__import__ = plain
     splash = Splash(scene)
     from spacemap_vtk.app.launch import launch
 
