@@ -8,9 +8,13 @@ starts the window imports this module before any other part of it.
 from __future__ import annotations
 
 import builtins
+from importlib import import_module
 
-_plain = builtins.__import__
 
-import PySide6.QtCore  # noqa: E402, F401
+def _import() -> None:
+    plain = builtins.__import__
+    import_module("PySide6.QtCore")
+    builtins.__import__ = plain
 
-builtins.__import__ = _plain
+
+_import()
