@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from itertools import pairwise
 from typing import Any
 
@@ -32,6 +34,37 @@ def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() > 30
     window.tools.shown[name].trigger()
     assert np.abs(image(window) - before).max() < 8
+
+
+def test_python_works_on_while_software_draws(open_window: Any) -> None:
+    window = open_window()
+    canvas, wait, done, ticks = window.view.plotter, window.view.plotter._wait, [], []
+    ended = threading.Event()
+
+    def tick() -> None:
+        while not ended.wait(0.0005):
+            done.append(1)
+
+    def watched() -> None:
+        before = len(done)
+        wait()
+        ticks.append(len(done) - before)
+
+    canvas._wait = watched
+    thread = threading.Thread(target=tick)
+    usual = sys.getswitchinterval()
+    # Nobody is made to let go of Python's lock: who works has been let.
+    sys.setswitchinterval(60.0)
+    try:
+        thread.start()
+        for _ in range(10):
+            image(window)
+    finally:
+        sys.setswitchinterval(usual)
+        ended.set()
+        thread.join()
+    assert len(ticks) == 10
+    assert sum(ticks) > 10
 
 
 def test_every_colouring_is_another_picture(open_window: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from importlib import import_module, util
@@ -58,6 +59,10 @@ def _pyvistaqt_widget() -> Any:
 
 _Widget: Any = _pyvistaqt_widget()
 
+# Of OpenGL.
+_READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
+_COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
+
 
 class Canvas(_Widget):
     """Shows one renderer, lit, that the mouse turns as in every VTK program.
@@ -70,15 +75,54 @@ class Canvas(_Widget):
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
+        self._painting = False
         self.renderer = vtkRenderer()
         self.renderer.AutomaticLightCreationOff()
         add_lights(self.renderer)
         self.render_window: vtkRenderWindow = self.GetRenderWindow()
         self.render_window.SetMultiSamples(0)
+        # VTK would copy what it has drawn into a second buffer; Qt gets it from the first.
+        self.render_window.SwapBuffersOff()
         self.render_window.AddRenderer(self.renderer)
         self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         self.interactor.Initialize()
+
+    def initializeGL(self) -> None:
+        """Find the OpenGL function that waits, for the context that there is now."""
+        super().initializeGL()
+        place = int(self.context().getProcAddress(b"glFinish"))
+        self._wait = ctypes.CFUNCTYPE(None)(place)
+
+    def paintGL(self) -> None:
+        """Draw, and hand Qt what was drawn.
+
+        Software draws in threads of its own, and whoever wants the result waits for them: ctypes
+        lets the other threads of Python work meanwhile, where VTK's and Qt's functions do not.
+        """
+        window = self.render_window
+        if self._painting or not window.GetReadyForRendering():
+            return
+        state = window.GetState()
+        state.Reset()  # Qt has drawn since
+        state.Push()
+        state.vtkglDepthFunc(_LEQUAL)
+        self._painting = True
+        try:
+            self.interactor.Render()
+            self._wait()
+        finally:
+            self._painting = False
+        # What is told while drawing may have made another context current.
+        self.makeCurrent()
+        whole = 0, 0, *window.GetSize()
+        state.vtkglBindFramebuffer(_DRAW_FRAMEBUFFER, self.defaultFramebufferObject())
+        drawn = window.GetRenderFramebuffer()
+        drawn.Bind(_READ_FRAMEBUFFER)
+        drawn.ActivateReadBuffer(0)
+        state.vtkglDisable(_SCISSOR_TEST)
+        state.vtkglBlitFramebuffer(*whole, *whole, _COLOR_BUFFER, _NEAREST)
+        state.Pop()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Keep keys from VTK: the window's own mean something else, see `ViewKeys`."""
