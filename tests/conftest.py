@@ -26,6 +26,14 @@ else:
     pytest_plugins = ["pytestqt.plugin"]
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Give all windows to one of several processes: they take the keyboard from each other."""
+    if config.pluginmanager.has_plugin("xdist"):
+        for item in items:
+            if item.path.name.startswith("test_window"):
+                item.add_marker(pytest.mark.xdist_group("window"))
+
+
 @pytest.fixture(autouse=True)
 def silent_vtk() -> Iterator[vtkStringOutputWindow]:
     window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
