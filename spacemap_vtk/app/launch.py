@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Callable
+from importlib import import_module
 
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication
 
 from spacemap_vtk import __version__
@@ -37,12 +39,22 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
         made(window)
     window.start(scene)
     window.show()
+    window.director.drawn.connect(_prepare, Qt.ConnectionType.SingleShotConnection)
     # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.
     signal.signal(signal.SIGINT, lambda *_: window.close())
     timer = QTimer(window)
     timer.timeout.connect(_let_python_run)
     timer.start(200)
     app.exec()
+
+
+def _prepare(_frame: object) -> None:
+    """Bring what solves, which the first drag would wait for, once the first picture is there."""
+
+    def bring() -> None:
+        threading.Thread(target=import_module, args=("spacemap_vtk.modal.eigen",)).start()
+
+    QTimer.singleShot(500, bring)
 
 
 def _let_python_run() -> None:
