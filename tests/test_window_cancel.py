@@ -6,6 +6,8 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +21,12 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
+from spacemap_vtk.app.engine import Engine  # noqa: E402
 from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E402
+from spacemap_vtk.app.job import Job  # noqa: E402
 from spacemap_vtk.child import run_child  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import SECTIONS, Scene  # noqa: E402
 
 
 def slack() -> float:
@@ -166,3 +171,115 @@ def test_a_child_that_ends_gives_what_it_printed(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert len(done.stdout.strip()) == 100_000
     assert done.stderr == "wrong"
+
+
+def a_job(divisions: int, generation: int = 1) -> Job:
+    """Wish for a swatch in a cage that takes no time to solve."""
+    values = {
+        "weave": {"ends": 3, "picks": 3},
+        "cage": {"divisions": [divisions, 2, 1]},
+        "modal": {"modes": 3},
+        "response": {},
+    }
+    scene = Scene(values)
+    return Job(
+        values=values,
+        base=Path(),
+        settings={name: getattr(scene, name).settings for name in SECTIONS},
+        stages=tuple(stage.section for stage in scene.stages),
+        generation=generation,
+        time=0.0,
+    )
+
+
+@contextmanager
+def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
+    """Run an engine; the list has what becomes of its jobs: the values of a frame, "cancelled"."""
+    engine, told = Engine(), []
+    direct = Qt.ConnectionType.DirectConnection
+    engine.ready.connect(lambda: told.append(engine.take().values), direct)
+    engine.cancelled.connect(lambda: told.append("cancelled"), direct)
+    engine.start()
+    try:
+        yield engine, told
+    finally:
+        engine.finish()
+        engine.ready.disconnect()
+        engine.cancelled.disconnect()
+
+
+def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: Any) -> None:
+    with running_engine() as (engine, told):
+        first, second = a_job(2), a_job(3)
+        do, pending = engine._do, [engine.cancel]
+
+        def cancelled_first(job: Job) -> None:
+            # The job is taken, and nothing of it runs yet.
+            if pending:
+                pending.pop()()
+            do(job)
+
+        engine._do = cancelled_first
+        engine.ask(first)
+        wait_until(lambda: told and not engine.busy)
+        assert told == ["cancelled"]
+        engine.ask(second)
+        wait_until(lambda: len(told) == 2)
+        assert told[1] == second.values
+        # Nothing runs and nothing waits: it is for no job at all.
+        wait_until(lambda: not engine.busy)
+        engine.cancel()
+        engine.ask(first)
+        wait_until(lambda: len(told) == 3)
+        assert told[2] == first.values
+
+
+def test_closing_between_a_job_and_its_run_ends_it(qapp: Any) -> None:
+    with running_engine() as (engine, told):
+        do, taken = engine._do, threading.Event()
+
+        def late(job: Job) -> None:
+            taken.set()
+            while not engine._ending:
+                time.sleep(0.001)
+            time.sleep(0.2)
+            do(job)
+
+        engine._do = late
+        engine.ask(a_job(2))
+        assert taken.wait(30.0)
+        engine.finish()
+        assert told == ["cancelled"]
+
+
+def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
+    qapp: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A newer wish ends a run of some time; the run may end by itself in that very moment."""
+    with running_engine() as (engine, told):
+        first, second = a_job(2), a_job(3)
+        do, stop = engine._do, engine._pipeline.stop
+        begun, asked, taken = threading.Event(), threading.Event(), []
+
+        def slow(job: Job) -> None:
+            taken.append(job)
+            begun.set()
+            if job is first:
+                assert asked.wait(30.0)
+            do(job)
+
+        def late() -> None:
+            # The first run ends now; the second job is taken as soon as it can be.
+            asked.set()
+            end = time.monotonic() + 2.0
+            while len(taken) < 2 and time.monotonic() < end:
+                time.sleep(0.01)
+            stop()
+
+        monkeypatch.setattr("spacemap_vtk.app.engine.PATIENCE", 0.0)
+        engine._do, engine._pipeline.stop = slow, late
+        engine.ask(first)
+        assert begun.wait(30.0)
+        engine.ask(second)
+        wait_until(lambda: len(told) == 2)
+        assert told[1] == second.values

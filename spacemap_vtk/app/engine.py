@@ -80,8 +80,8 @@ class Engine(QThread):
                 and self._running_values != job.values
             )
             self._condition.notify()
-        if late:
-            self._pipeline.stop()
+            if late:
+                self._pipeline.stop()
 
     def ask_beside(self, work: Callable[[Scene], Generator[None, None, Any]] | None) -> None:
         """Ask for work on the present scene that is done while no frame is asked for.
@@ -127,7 +127,7 @@ class Engine(QThread):
         """Give up what is asked for and what runs."""
         with self._condition:
             self._job = None
-        self._pipeline.stop()
+            self._pipeline.stop()
 
     def finish(self) -> None:
         """Stop, and wait until the thread has ended."""
@@ -135,7 +135,7 @@ class Engine(QThread):
             self._ending = True
             self._job = self._beside = None
             self._condition.notify()
-        self._pipeline.stop()
+            self._pipeline.stop()
         self.wait()
         self._frame = None
 
@@ -152,6 +152,9 @@ class Engine(QThread):
                 if job is not None:
                     self._begun = time.perf_counter()
                     self._running_values = job.values
+                    # Here, not where the run begins: a stop holds for the job that is taken, from
+                    # this moment until the next one is. Whoever stops holds the condition, too.
+                    self._pipeline.stopped = False
             if job is None:
                 self._go_on(beside)
                 continue

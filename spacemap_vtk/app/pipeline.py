@@ -57,7 +57,8 @@ class Pipeline:
         self._swing = vtkTrivialProducer()
         self._swing_warp = BarycentricWarp()
         self._running: Stage | None = None
-        self._stopped = False
+        #: Whether the present job is given up; whoever takes the next one sets it back.
+        self.stopped = False
         self._interrupt = Interrupt()
 
     @property
@@ -85,7 +86,6 @@ class Pipeline:
         Cancelled
             After `stop`.
         """
-        self._stopped = False
         scene = self.prepared(job)
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
@@ -165,14 +165,14 @@ class Pipeline:
 
     def stop(self) -> None:
         """End the run, within a second if no library keeps it; called from another thread."""
-        self._stopped = True
+        self.stopped = True
         stage = self._running
         if stage is not None:
             stage.SetAbortExecute(1)
             self._interrupt.end()
 
     def _update(self, scene: Scene, stage: Stage, at: float) -> None:
-        if self._stopped:
+        if self.stopped:
             raise Cancelled("the run was stopped")
         section, before = stage.section, stage.executions
         progressed = self._progressed
@@ -200,7 +200,7 @@ class Pipeline:
 
     def _unless_stopped(self, scene: Scene, stage: Stage, at: float) -> None:
         # Once more: whoever stopped it may have looked before it was known what runs.
-        if self._stopped:
+        if self.stopped:
             raise Cancelled("the run was stopped")
         scene.update_stage(stage, at)
 
