@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -140,3 +141,29 @@ def test_what_cannot_be_written_is_told(open_window: Any, tmp_path: Path) -> Non
     wait_until(lambda: not window.exports.busy)
     assert "animation.stop" in window.errors.text
     assert list(tmp_path.glob("none*")) == []
+
+
+@pytest.mark.parametrize("kind", ["nothing there", "no program", "ends at once"])
+def test_a_process_that_does_not_start_is_told_and_the_next_one_runs(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    window = open_window()
+    done, folder = written(window), tmp_path / "pictures"
+    folder.mkdir()
+    program = tmp_path / "python"
+    if kind != "nothing there":
+        program.write_text("" if kind == "no program" else "#!/bin/sh\nexit 3\n")
+        program.chmod(0o644 if kind == "no program" else 0o755)
+    with monkeypatch.context() as changed:
+        changed.setattr(sys, "executable", str(program))
+        window.exports.start("picture", folder / "picture.png", (160, 120))
+    wait_until(lambda: not window.exports.busy, 20)
+    assert "picture.png could not be written: " in window.errors.text
+    assert (str(program) if kind != "ends at once" else "code 3") in window.errors.text
+    assert list(folder.iterdir()) == []
+    progress = window.findChild(QProgressDialog)
+    assert progress is None or not progress.isVisible()
+    window.exports.start("picture", folder / "picture.png", (160, 120))
+    wait_until(lambda: done or window.exports.busy is False)
+    assert done == [str(folder / "picture.png")]
+    assert [path.name for path in folder.iterdir()] == ["picture.png"]

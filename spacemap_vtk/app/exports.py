@@ -140,9 +140,11 @@ class Exports(QObject):
         process.setProcessEnvironment(environment)
         process.readyReadStandardOutput.connect(self._read)
         process.finished.connect(self._finished)
+        process.errorOccurred.connect(self._failed)
         process.start(sys.executable, ["-m", "spacemap_vtk.scenes.background"])
-        process.write(order.text.encode())
-        process.closeWriteChannel()
+        if process.state() != QProcess.ProcessState.NotRunning:
+            process.write(order.text.encode())
+            process.closeWriteChannel()
 
     @property
     def busy(self) -> bool:
@@ -207,16 +209,34 @@ class Exports(QObject):
                 progress.setMaximum(line["of"])
                 progress.setValue(line["done"])
 
+    def _failed(self, failure: QProcess.ProcessError) -> None:
+        # Of a process that has begun Qt tells the end, too, whatever else is wrong with it.
+        process = self._process
+        if process is not None and failure == QProcess.ProcessError.FailedToStart:
+            error = SpacemapError(
+                f"{self._target.name} could not be written: {process.program()} "
+                f"did not start ({process.errorString()})",
+                cure="See that this program is there, and that there is memory for it.",
+            )
+            self._end(self._error or error)
+
     def _finished(self, code: int, _status: object) -> None:
-        process, files, progress = self._process, self._files, self._progress
-        if process is None or files is None:
+        process = self._process
+        if process is None:
             return
         self._read()
-        error: BaseException | None = self._error
+        error = self._error
         if error is None and code != 0:
             said = bytes(process.readAllStandardError().data()).decode(errors="replace")
             last = said.strip().splitlines()[-1:] or [f"it ended with code {code}"]
             error = SpacemapError(f"{self._target.name} could not be written: {last[0]}")
+        self._end(error)
+
+    def _end(self, error: BaseException | None) -> None:
+        """Let the files appear, or go with the error; close the dialog, and tell."""
+        process, files, progress = self._process, self._files, self._progress
+        if process is None or files is None:
+            return
         try:
             if error is None:
                 files.close()
