@@ -55,6 +55,7 @@ class Director(QObject):
         self._document, self._engine, self._view = document, engine, view
         self._times, self._stages = times, stages
         self.generation = 0
+        self._asked: Job | None = None
         self.swing: Swing | None = None
         self._running = ""
         self._share = 0.0
@@ -84,18 +85,17 @@ class Director(QObject):
             Whether more will follow at once, so that speed counts.
         """
         document, scene = self._document, self._document.scene
-        self._engine.ask(
-            Job(
-                values=document.values,
-                base=document.base,
-                settings={name: getattr(scene, name).settings for name in SECTIONS},
-                stages=tuple(stage.section for stage in scene.stages),
-                generation=self.generation,
-                time=self._times.time,
-                coarse=coarse,
-                swing=self.swing,
-            )
+        self._asked = Job(
+            values=document.values,
+            base=document.base,
+            settings={name: getattr(scene, name).settings for name in SECTIONS},
+            stages=tuple(stage.section for stage in scene.stages),
+            generation=self.generation,
+            time=self._times.time,
+            coarse=coarse,
+            swing=self.swing,
         )
+        self._engine.ask(self._asked)
         if not self._notice.isActive():
             self._notice.start()
         if coarse:
@@ -185,13 +185,18 @@ class Director(QObject):
         frame = self._engine.take()
         if frame is None or frame.generation != self.generation:
             return
-        for stage in self._document.scene.stages:
+        scene = self._document.scene
+        # What a swing does not need has not run for it.
+        skipped = [scene.response, scene.warp] if frame.swing is not None else []
+        for stage in scene.stages:
+            if stage in skipped:
+                continue
             waits = frame.coarse and stage.section == "surface"
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
         self._end_notice()
         if not frame.coarse:
             self._stages.flush()
-        self._view.show_frame(frame, self._document.scene.view)
+        self._view.show_frame(frame, scene.view)
         self.drawn.emit(frame)
 
     def _stage_started(self, section: str) -> None:
@@ -221,10 +226,14 @@ class Director(QObject):
         else:
             self._notice.stop()
 
-    def _failed(self, error: BaseException) -> None:
+    def _failed(self, error: BaseException, job: Job) -> None:
         self._times.waiting = False
+        if job.generation != self.generation:
+            return  # that scene has been left
+        if job is self._asked:
+            # Of a newer wish the smooth frame is still to come.
+            self._rest.stop()
         self._times.pause()
-        self._rest.stop()
         section = getattr(error, "section", None) or self._running
         below = False
         for stage in self._document.scene.stages:

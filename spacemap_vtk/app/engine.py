@@ -38,8 +38,8 @@ class Engine(QThread):
     #: Section, seconds, executions.
     stage_ran = Signal(str, float, int)
     progressed = Signal(str, float)
-    #: The exception; its `section` names the stage.
-    failed = Signal(object)
+    #: The exception, whose `section` names the stage, and the job.
+    failed = Signal(object, object)
     cancelled = Signal()
     #: Nothing is left to do.
     idle = Signal()
@@ -172,7 +172,7 @@ class Engine(QThread):
             self.cancelled.emit()
         except Exception as error:
             # Without its traceback, which would keep the frames of the run and all that is in them.
-            self.failed.emit(error.with_traceback(None))
+            self.failed.emit(error.with_traceback(None), job)
         else:
             with self._condition:
                 self._frame = frame

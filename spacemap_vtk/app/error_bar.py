@@ -9,7 +9,10 @@ from spacemap_vtk.errors import SpacemapError, shown
 
 
 class ErrorBar(QWidget):
-    """Hidden while all is well."""
+    """Hidden while all is well.
+
+    What it says stays until that is put right, another takes its place, or the user closes it.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,33 +30,44 @@ class ErrorBar(QWidget):
         layout.setContentsMargins(10, 6, 6, 6)
         layout.addWidget(self.label, 1)
         layout.addWidget(close)
+        self._about = ""
         self.hide()
 
-    def say(self, error: BaseException) -> None:
+    def say(self, error: BaseException, about: str) -> None:
         """Show an error.
 
         Parameters
         ----------
         error : BaseException
             What was raised.
+        about : str
+            What has gone wrong, as "run": whatever puts that right clears it by this word.
         """
-        self.label.setText(_words(error))
-        self.show()
+        self.warn(_words(error), about)
 
-    def warn(self, text: str) -> None:
+    def warn(self, text: str, about: str) -> None:
         """Show a sentence.
 
         Parameters
         ----------
         text : str
             What the user should know.
+        about : str
+            As for `say`.
         """
+        self._about = about
         self.label.setText(text)
         self.show()
 
-    def clear(self) -> None:
-        """All is well."""
-        if self.isVisible():
+    def clear(self, about: str | None = None) -> None:
+        """Say nothing any more.
+
+        Parameters
+        ----------
+        about : str, optional
+            What has been put right: what is said of other things stays. By default, all.
+        """
+        if about in (None, self._about) and not self.isHidden():
             self.hide()
 
     @property

@@ -74,7 +74,7 @@ class Files(QObject):
         try:
             self._document.open(name)
         except (SpacemapError, OSError) as error:
-            self._errors.say(error)
+            self._errors.say(error, "file")
             return False
         if self._document.source is not None:
             self._remember(self._document.source)
@@ -131,7 +131,9 @@ class Files(QObject):
             with whole_file(path) as file:
                 Image.fromarray(view.image()).save(file)
         except (SpacemapError, OSError) as error:
-            self._errors.say(error)
+            self._errors.say(error, "picture")
+        else:
+            self._errors.clear("picture")
 
     def may_leave(self) -> bool:
         """Ask what becomes of unsaved changes.
@@ -157,8 +159,9 @@ class Files(QObject):
         try:
             self._document.save(path)
         except (SpacemapError, OSError) as error:
-            self._errors.say(error)
+            self._errors.say(error, "file")
             return False
+        self._errors.clear("file")
         if self._document.file is not None:
             self._remember(self._document.file)
         return True

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import QObject, QSettings, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QLabel,
@@ -99,15 +99,17 @@ class MainWindow(QMainWindow):
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
 
-    def report(self, error: BaseException) -> None:
+    def report(self, about: str, error: BaseException) -> None:
         """Show an error, and mark the field that it names.
 
         Parameters
         ----------
+        about : str
+            As `ErrorBar.say` has it.
         error : BaseException
             What was raised.
         """
-        self.errors.say(error)
+        self.errors.say(error, about)
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: its slider would go from under the hand.
             section = error.section or ""
@@ -195,27 +197,22 @@ class MainWindow(QMainWindow):
 
     def _connect(self) -> None:
         self.stages.chosen.connect(self.properties.choose)
-        self.properties.refused.connect(self.report)
-        self.properties.accepted.connect(self._accepted)
         self.properties.held.connect(self.director.hold)
-        self.times.refused.connect(self.errors.say)
-        self.director.failed.connect(self.report)
+        self._connect_errors()
         self.director.drawn.connect(self._drawn)
         self.director.progress.connect(self._show_progress)
+        # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
+        self.director.failed.connect(self.modes.stop)
         self.cancel.clicked.connect(self.director.cancel)
         self.modes.swung.connect(self.director.swing_mode)
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
         self.view.picked.connect(self._picked)
         self.plots.asked.connect(self._asked)
-        self.plots.failed.connect(self.errors.say)
         self.view.picks_changed.connect(self.plots.show_points)
         self.plots.cleared.connect(self.view.forget_picks)
         self.director.drawn.connect(self.plots.follow)
-        self.draft.failed.connect(self.report)
-        self.draft.accepted.connect(self.errors.clear)
         self.draft.held.connect(self.director.hold)
-        self.document.failed.connect(self.report)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
@@ -230,10 +227,32 @@ class MainWindow(QMainWindow):
         self.document.replaced.connect(self._begin)
         self.files.remembered.connect(self._show_recent)
         self.gallery.chosen.connect(self.files.leave_for)
-        self.exports.failed.connect(self.report)
         self.exports.written.connect(self._tell_written)
         self.gallery.new.connect(self.files.new)
         self.gallery.browse.connect(self.files.open)
+
+    def _connect_errors(self) -> None:
+        """Let each thing that can go wrong be told, until it goes well."""
+        document, draft, plots = self.document, self.draft, self.plots
+        for about, failing, righting in (
+            ("run", [self.director.failed], []),  # until a frame is drawn
+            (
+                "value",
+                [self.properties.refused, document.failed, draft.failed],
+                [self.properties.accepted, document.changed, draft.accepted],
+            ),
+            ("time", [self.times.refused], [self.times.chosen]),
+            ("draft file", [draft.unwritten], [draft.written]),
+            ("plot", [plots.failed], [plots.shown]),
+            ("plot file", [plots.unwritten], [plots.written]),
+            ("export", [self.exports.failed], [self.exports.written]),
+        ):
+            matter = Matter(about, self)
+            for signal in failing:
+                signal.connect(matter.report)
+            for signal in righting:
+                signal.connect(matter.clear)
+        document.replaced.connect(self.errors.clear)
 
     def _recolor(self, color: str) -> None:
         self._try(self.document.set, "view", "color", None if color == "own" else color)
@@ -272,17 +291,16 @@ class MainWindow(QMainWindow):
         try:
             change(*arguments)
         except InputError as error:
-            self.report(error)
+            self.report("value", error)
 
     def _name(self, *_: Any) -> None:
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
         self.setWindowModified(not self.document.undo.isClean())
 
-    def _accepted(self, _burst: int) -> None:
-        self.errors.clear()
-
     def _drawn(self, frame: Frame) -> None:
-        self.errors.clear()
+        # A swing runs less than the motion does.
+        if frame.swing is None:
+            self.errors.clear("run")
         if not frame.coarse:
             self.modes.show_modes(frame.cage, self.document.scene.response)
             note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
@@ -306,6 +324,36 @@ class MainWindow(QMainWindow):
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))
+
+
+class Matter(QObject):
+    """Something that can go wrong. Not a `partial`, which would keep the window.
+
+    Parameters
+    ----------
+    about : str
+        As `ErrorBar.say` has it.
+    window : MainWindow
+        Qt's owner, where it is told.
+    """
+
+    def __init__(self, about: str, window: MainWindow) -> None:
+        super().__init__(window)
+        self._about = about
+
+    def report(self, error: BaseException) -> None:
+        """Tell what has gone wrong.
+
+        Parameters
+        ----------
+        error : BaseException
+            What was raised.
+        """
+        self.parent().report(self._about, error)
+
+    def clear(self) -> None:
+        """It goes well."""
+        self.parent().errors.clear(self._about)
 
 
 def _column(*widgets: QWidget) -> QWidget:

@@ -159,7 +159,8 @@ class Menus(QObject):
         window = self.parent()
         if not window.document.drafts.holds(window.document.scene.weave.draft):
             return True
-        window.errors.warn("The draft is edited and in no file yet: save the scene, then copy.")
+        words = "The draft is edited and in no file yet: save the scene, then copy."
+        window.errors.warn(words, "value")
         return False
 
     def _theme(self) -> None:

@@ -37,6 +37,8 @@ class TimeBar(QWidget):
     moved = Signal(float, bool)
     #: What the user typed is no time.
     refused = Signal(object)
+    #: The user has chosen a time: one that was refused is of no interest any more.
+    chosen = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -136,8 +138,8 @@ class TimeBar(QWidget):
         going_on : bool, optional
             Whether more will follow at once.
         """
-        self._show(at)
-        self.moved.emit(self.time, going_on)
+        self.chosen.emit()
+        self._move(at, going_on)
 
     def to_start(self) -> None:
         """Go to the first time."""
@@ -159,18 +161,24 @@ class TimeBar(QWidget):
         """Stop playing."""
         self.play.setChecked(False)
 
+    def _move(self, at: float, going_on: bool) -> None:
+        self._show(at)
+        self.moved.emit(self.time, going_on)
+
     def _show(self, at: float) -> None:
         self.time = at
         share = (at - self._start) / (self._stop - self._start)
         self.slider.blockSignals(True)
         self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
         self.slider.blockSignals(False)
-        if not self.line.hasFocus() or self.playing:
+        # What is being typed stays.
+        if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
 
     def _toggled(self, on: bool) -> None:
         self.play.setText("❚❚" if on else "▶")
         if on:
+            self.line.setModified(False)
             if self.time >= self._stop:
                 self._show(self._start)
             self._clock = time.perf_counter()
@@ -192,9 +200,10 @@ class TimeBar(QWidget):
                 self.pause()
                 return
             at = self._start + (at - self._start) % (self._stop - self._start)
-        self.go(at, going_on=True)
+        self._move(at, going_on=True)
 
     def _scrubbed(self, step: int) -> None:
+        self.chosen.emit()
         self.time = self._start + step / _STEPS * (self._stop - self._start)
         self._show(self.time)
         self.moved.emit(self.time, self.slider.isSliderDown())

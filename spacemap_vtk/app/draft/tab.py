@@ -57,8 +57,11 @@ class DraftTab(QWidget):
         What is shown and edited.
     """
 
-    #: What went wrong.
+    #: What went wrong with an edit.
     failed = Signal(object)
+    #: What went wrong with the draft's file, and that it is written.
+    unwritten = Signal(object)
+    written = Signal()
     #: A number was changed or a stroke ended: errors of before are of no interest.
     accepted = Signal()
     #: Whether a stroke goes on.
@@ -150,8 +153,9 @@ class DraftTab(QWidget):
             with whole_file(path) as file:
                 file.write_bytes(data)
         except (SpacemapError, OSError) as error:
-            self.failed.emit(error)
+            self.unwritten.emit(error)
             return
+        self.written.emit()
         if self._document.drafts.holds(weave.draft):
             self._change({"draft": str(path)}, "draft's file")
 

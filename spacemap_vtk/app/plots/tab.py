@@ -56,8 +56,12 @@ class PlotsTab(QWidget):
     asked = Signal(float, bool)
     #: No point shall be plotted any more.
     cleared = Signal()
-    #: What went wrong.
+    #: What went wrong with the curves, and that there are others.
     failed = Signal(object)
+    shown = Signal()
+    #: What went wrong with a file of them, and that it is written.
+    unwritten = Signal(object)
+    written = Signal()
 
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
@@ -218,6 +222,7 @@ class PlotsTab(QWidget):
             return
         if result is not None and result.key != self._key:
             return
+        self.shown.emit()
         self.curves = result
         hint = _HINT if self.points else _TIP
         self.hint.setText(f"{hint} {result.note}" if result else "This scene does not move.")
@@ -277,4 +282,6 @@ class PlotsTab(QWidget):
             else:
                 write(path)
         except (SpacemapError, OSError) as error:
-            self.failed.emit(error)
+            self.unwritten.emit(error)
+        else:
+            self.written.emit()
