@@ -57,6 +57,10 @@ def test_a_picture_is_seen_as_in_the_window(open_window: Any, tmp_path: Path) ->
         assert window.errors.text == ""
         pictures.append(np.asarray(Image.open(file)).astype(int))
         assert pictures[-1].shape == (240, 320, 3)
+    # Told for a while, whatever is drawn meanwhile.
+    window.times.go(0.1)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
+    assert window.statusBar().currentMessage() == f"Written: {file}"
     # From the side a cloth is narrow.
     coloured = [(np.ptp(picture, axis=2) > 40).any(axis=0).sum() for picture in pictures]
     assert coloured[1] < 0.6 * coloured[0]

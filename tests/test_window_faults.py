@@ -276,3 +276,34 @@ def wait_without_window(done: Callable[[], bool]) -> None:
     while not done():
         assert time.monotonic() < end
         time.sleep(0.01)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_undo_takes_in_what_a_drag_has_left_waiting(open_window: Any, alone: bool) -> None:
+    window = open_window()
+    document, undo = window.document, window.menus.actions["Undo"]
+    document.set("modal", "youngs_modulus", 1500.0)
+    assert (undo.text(), undo.isEnabled()) == ("Undo modal.youngs_modulus", True)
+    begin = document.text
+    if not alone:
+        document.set("response", "alpha", 5.0, burst=1)
+    document.crowded = lambda: True
+    for value in (6.0, 7.0):
+        document.set("response", "alpha", value, burst=1)
+    # Within the twentieth of a second that it may wait.
+    undo.trigger()
+    assert document.text == begin
+    assert undo.text() == "Undo modal.youngs_modulus"
+    window.menus.actions["Redo"].trigger()
+    assert document.written("response", "alpha") == 7.0
+    # What waits is a change like any other: nothing is left to be done again after it.
+    undo.trigger()
+    document.set("response", "alpha", 8.0, burst=2)
+    document.undo.redo()
+    assert document.written("response", "alpha") == 8.0
+    assert not window.menus.actions["Redo"].isEnabled()
+    assert (undo.text(), undo.isEnabled()) == ("Undo response.alpha", True)
+    document.undo.undo()
+    undo.trigger()
+    assert not undo.isEnabled()
+    assert document.undo.isClean()

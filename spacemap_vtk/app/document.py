@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import tomlkit
 from PySide6.QtCore import QObject, QTimer, Signal
-from PySide6.QtGui import QUndoStack
 from tomlkit.items import AoT, Array
 
-from spacemap_vtk.app.edit import Edit
+from spacemap_vtk.app.edit import Edit, History
 from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.reading import OBJECT_ENDINGS
@@ -80,7 +79,7 @@ class Document(QObject):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self.undo = QUndoStack(self)
+        self.undo = History(self)
         #: The file that "save" writes; None before the first "save as".
         self.file: Path | None = None
         #: The file that the scene was read from, a draft or a scene of the program's among them.
@@ -313,8 +312,6 @@ class Document(QObject):
         version : Version
             Of this document.
         """
-        # What waits is part of what is undone.
-        self._waiting = None
         before = self.text
         self._parse(version.text)
         draft = self.values.get("weave", {}).get("draft")

@@ -1,11 +1,11 @@
-"""A change of the document that can be undone."""
+"""Changes of the document that can be undone."""
 
 from __future__ import annotations
 
 import weakref
 from typing import TYPE_CHECKING
 
-from PySide6.QtGui import QUndoCommand
+from PySide6.QtGui import QUndoCommand, QUndoStack
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.document import Document, Version
@@ -62,3 +62,22 @@ class Edit(QUndoCommand):
         document = self._document()
         if document is not None:
             document.restore(version)
+
+
+class History(QUndoStack):
+    """The edits of a `Document`, its parent: what still waits there is taken in before."""
+
+    def undo(self) -> None:
+        """Go a step back."""
+        self.parent().catch_up()
+        super().undo()
+
+    def redo(self) -> None:
+        """Go a step on again."""
+        self.parent().catch_up()
+        super().redo()
+
+    def isClean(self) -> bool:
+        """Return whether the document is as it was saved."""
+        self.parent().catch_up()
+        return super().isClean()

@@ -43,6 +43,9 @@ from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
 from spacemap_vtk.scenes.settings import View
 
+#: Milliseconds that a deed is told.
+_TOLD = 10_000
+
 
 class MainWindow(QMainWindow):
     """Pipeline and properties on the left, the view with its time bar in the middle."""
@@ -277,7 +280,8 @@ class MainWindow(QMainWindow):
         self.view.adopt(self.document.scene.view)
 
     def _tell_written(self, file: str) -> None:
-        self.told.setText(f"Written: {file}")
+        # Not as the view's own words, which the next frame replaces.
+        self.statusBar().showMessage(f"Written: {file}", _TOLD)
 
     def _show_recent(self) -> None:
         self.gallery.show_recent(self.files.recent)

@@ -66,13 +66,16 @@ class Menus(QObject):
         menu.addSeparator()
         self._add(menu, "Close", keys.Close, window.close, keys.Quit)
         menu = self._menu("&Edit")
-        for name, wanted, action in (
-            ("Undo", (keys.Undo,), document.undo.createUndoAction(self, "Undo")),
-            ("Redo", (keys.Redo, "Ctrl+Y"), document.undo.createRedoAction(self, "Redo")),
-        ):
-            _give_keys(action, *wanted)
-            menu.addAction(action)
-            self.actions[name] = action
+        # Not those of Qt's stack, which know nothing of a change that still waits.
+        history = document.undo
+        undo = self._add(menu, "Undo", keys.Undo, history.undo)
+        redo = self._add(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
+        for action in (undo, redo):
+            action.setEnabled(False)
+        history.canUndoChanged.connect(undo.setEnabled)
+        history.canRedoChanged.connect(redo.setEnabled)
+        history.undoTextChanged.connect(self._name_undo)
+        history.redoTextChanged.connect(self._name_redo)
         menu.addSeparator()
         self._add(menu, "Copy as command line", None, self._copy_command)
         self._add(menu, "Copy as Python script", None, self._copy_script)
@@ -129,6 +132,12 @@ class Menus(QObject):
         menu.addAction(action)
         self.actions[name] = action
         return action
+
+    def _name_undo(self, what: str) -> None:
+        self.actions["Undo"].setText(f"Undo {what}".strip())
+
+    def _name_redo(self, what: str) -> None:
+        self.actions["Redo"].setText(f"Redo {what}".strip())
 
     def _fill_recent(self) -> None:
         self.recent.clear()
