@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from window import require_display, settled, wait_until
 
 require_display()
@@ -75,13 +76,20 @@ def test_the_table_follows_the_scene(open_window: Any, tmp_path: Path) -> None:
     assert window.modes.table.rowCount() == 5
 
 
-def test_the_table_fills_its_width_with_other_modes_too(open_window: Any) -> None:
+# Wide, as at first, and as narrow as it gets.
+@pytest.mark.parametrize("width", [510, 360, 1])
+def test_the_table_fills_its_width_with_other_modes_too(open_window: Any, width: int) -> None:
     window = open_window()
     window.tabs.setCurrentWidget(window.modes)
-    # Wide: in a narrow tab the columns need more than there is.
-    window.splitter.setSizes([290, 400, 510])
+    window.splitter.setSizes([290, 910 - width, width])
     table = window.modes.table
     first = table.item(0, 1).text()
     window.document.set("weave", "warp_diameter", "0.2 mm")
     wait_until(lambda: settled(window) and table.item(0, 1).text() != first)
     assert table.horizontalHeader().length() == table.viewport().width()
+    # Nothing scrolls sideways, and every word is there at least by half.
+    assert table.horizontalScrollBar().maximum() == 0
+    for column in range(4):
+        needed = table.sizeHintForColumn(column)
+        assert table.columnWidth(column) >= needed * (0.5 if column == 3 else 1.0)
+    assert table.item(0, 3).toolTip() == "underdamped"

@@ -29,6 +29,9 @@ from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 
 _HEADINGS = ("Mode", "Frequency", "Damping", "Regime")
+_LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
+_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+_SIDES = (_RIGHT, _RIGHT, _RIGHT, _LEFT)
 #: Seconds that a swing takes on the screen, whatever its frequency.
 _PERIOD = 1.2
 _TICK = 15
@@ -43,12 +46,15 @@ class ModesTab(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.table = QTableWidget(0, len(_HEADINGS))
+        self.table.setObjectName("modes")
         self.table.setHorizontalHeaderLabels(_HEADINGS)
+        for column, side in enumerate(_SIDES):
+            self.table.horizontalHeaderItem(column).setTextAlignment(side)
         self.table.verticalHeader().hide()
         header = self.table.horizontalHeader()
         # Not ResizeToContents, which would measure all rows anew at every single cell.
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
-        header.setStretchLastSection(True)
+        header.setSectionResizeMode(len(_HEADINGS) - 1, QHeaderView.ResizeMode.Stretch)
         self.table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -68,6 +74,7 @@ class ModesTab(QWidget):
         below.addWidget(QLabel("Amplitude"))
         below.addWidget(self.amplitude, 1)
         layout = QVBoxLayout(self)
+        layout.setContentsMargins(6, 6, 6, 6)
         layout.addWidget(self.hint)
         layout.addWidget(self.table, 1)
         layout.addLayout(below)
@@ -118,12 +125,11 @@ class ModesTab(QWidget):
             )
             for column, text in enumerate(texts):
                 item = QTableWidgetItem(text)
-                if column < 3:
-                    item.setTextAlignment(
-                        Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-                    )
+                item.setTextAlignment(_SIDES[column])
                 self.table.setItem(row, column, item)
-        # Not the last one, which Qt would take back from the room that is left.
+            # In a narrow window its end is cut off.
+            item.setToolTip(text)
+        # Not the last one, which takes the room that is left.
         for column in range(self.table.columnCount() - 1):
             self.table.resizeColumnToContents(column)
         if self._mode is not None and self._mode >= len(values):

@@ -56,6 +56,7 @@ QToolButton::menu-indicator {{ image: none; }}
 QSplitter::handle {{ background: {line}; }}
 QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
+QTableWidget#modes QHeaderView::section {{ padding: 4px 2px; }}
 """
 
 
