@@ -307,3 +307,16 @@ def test_undo_takes_in_what_a_drag_has_left_waiting(open_window: Any, alone: boo
     undo.trigger()
     assert not undo.isEnabled()
     assert document.undo.isClean()
+
+
+def test_a_drag_ends_with_its_slider(open_window: Any) -> None:
+    window = open_window()
+    window.stages.choose("modal")
+    slider = window.properties.rows["youngs_modulus"].editor.slider
+    slider.setSliderDown(True)
+    assert window.director.held
+    # By a key, while the mouse is still down: the smooth frame must not be put off for ever.
+    window.stages.choose("weave")
+    assert not window.director.held
+    window.document.set("weave", "warp_diameter", "0.24 mm")
+    wait_until(lambda: settled(window))

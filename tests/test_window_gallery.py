@@ -125,6 +125,23 @@ def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> N
     assert np.isfinite(window.view.frame.time)
 
 
+def test_the_first_picture_goes_when_the_first_run_is_given_up(
+    open_window: Any, tmp_path: Path
+) -> None:
+    scene = tmp_path / "large.toml"
+    scene.write_text(
+        "[weave]\n[cage]\ndivisions = [24, 24, 2]\norder = 2\n[modal]\nmodes = 400\n[response]\n"
+    )
+    splash = Splash(str(scene))
+    screen = splash._screen
+    window = open_window(str(scene), wait=False)
+    splash.give_way_to(window)
+    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
+    assert screen.isVisible()
+    window.cancel.click()
+    wait_until(lambda: not screen.isVisible(), 30)
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_the_gallerys_scroll_bar_is_drawn_whole(open_window: Any, dark: bool) -> None:
     window = open_window()

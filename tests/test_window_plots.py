@@ -14,6 +14,7 @@ from window import require_display, settled, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
 from spacemap_vtk.filters.arrays import points_of  # noqa: E402
@@ -284,3 +285,24 @@ def test_titles_and_legends_leave_each_other_room(plots_of: Any, qtbot: Any, poi
             assert box.y1 <= canvas.height(), size
             for other in boxes[:number]:
                 assert not box.overlaps(other), size
+
+
+def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
+    window = plots_of()
+    plots, before = window.plots, window.plots.curves
+    window.document.set_many("cage", {"divisions": [24, 24, 2], "order": 2})
+    wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())
+    window.cancel.click()
+    wait_until(lambda: not window.engine.busy)
+    # The engine's scene has the old modes still: what is asked of it would be no answer.
+    plots.show_points([])
+    wait_until(lambda: not plots._rest.isActive())
+    QTest.qWait(500)
+    assert plots.curves is before
+    assert plots.hint.text() != "Computing…"
+    # The scene before: its curves are still right. Another one: they follow.
+    window.document.undo.undo()
+    wait_until(lambda: settled(window) and plotted(window))
+    window.document.set("cage", "divisions", [3, 3, 1])
+    wait_until(lambda: settled(window) and plotted(window))
+    assert not np.allclose(plots.curves.modes[:5], before.modes[:5], rtol=1e-3)

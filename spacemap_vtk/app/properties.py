@@ -59,6 +59,8 @@ class Properties(QScrollArea):
         section : str
             A key of ``SECTIONS``.
         """
+        # A slider that goes while it is held is never let go.
+        self.held.emit(False)
         self.section = section
         self.rows = {}
         self._shown = None

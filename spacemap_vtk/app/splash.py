@@ -40,7 +40,7 @@ class Splash:
         self._screen: QLabel | None = label
 
     def give_way_to(self, window: Any) -> None:
-        """Go at the window's first picture, or when something is wrong.
+        """Go at the window's first picture, or when there will be none.
 
         Parameters
         ----------
@@ -49,8 +49,9 @@ class Splash:
         """
         window.director.drawn.connect(self._gone)
         window.director.failed.connect(self._gone)
+        window.engine.cancelled.connect(self._gone)
 
-    def _gone(self, _what: Any) -> None:
+    def _gone(self, *_: Any) -> None:
         self.close()
 
     def close(self) -> None:

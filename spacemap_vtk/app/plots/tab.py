@@ -71,6 +71,8 @@ class PlotsTab(QWidget):
         self._key = ""
         self._time = 0.0
         self._moved = False
+        #: The scene that was drawn last, as a file has it.
+        self._drawn: dict[str, Any] = {}
         #: Made when it is first seen: matplotlib takes a while to import.
         self.canvas: PlotCanvas | None = None
         self.quantity = QComboBox()
@@ -140,6 +142,7 @@ class PlotsTab(QWidget):
             return
         self._time = frame.time
         self._moved = frame.cage is not None
+        self._drawn = frame.values
         if self.canvas is not None and self.isVisible():
             self.canvas.set_time(frame.time)
         if self.isVisible() and not self._rest.isActive() and self._wish().key != self._key:
@@ -208,6 +211,8 @@ class PlotsTab(QWidget):
         if self._engine.busy:
             self._rest.start()
             return
+        if self._drawn != self._document.values:
+            return  # its run has failed or was given up: what the engine has is another scene's
         self._key = wish.key
         if self._moved:
             self.hint.setText("Computing…")
