@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +10,7 @@ from window import require_display, settled, type_into, wait_until
 
 require_display()
 
-from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QFileDialog, QMessageBox, QToolButton  # noqa: E402
+from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
 
 from spacemap_vtk.app.document import Document  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
@@ -156,167 +153,3 @@ def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> N
     document.undo.redo()
     assert document.text == end
     document.changed.disconnect()  # which keeps the document
-
-
-def frames_drawn(window: Any, count: int) -> None:
-    """Wait for some more frames."""
-    drawn: list[Any] = []
-    link = window.director.drawn.connect(drawn.append)
-    wait_until(lambda: len(drawn) >= count)
-    window.director.drawn.disconnect(link)
-
-
-def play(window: Any) -> None:
-    window.times.play.click()
-    frames_drawn(window, 3)
-
-
-def test_while_time_plays_messages_stay_until_they_are_put_right(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    window = open_window()
-    play(window)
-    # A refused value, until the field is right.
-    window.stages.choose("weave")
-    line = window.properties.rows["warp_diameter"].editor.line
-    type_into(line, "wide")
-    frames_drawn(window, 5)
-    assert "wide" in window.errors.text
-    type_into(line, "0.24 mm")
-    frames_drawn(window, 5)
-    assert window.errors.text == ""
-    # A time that is none, until one is typed.
-    type_into(window.times.line, "soon")
-    frames_drawn(window, 5)
-    assert "soon" in window.errors.text
-    window.document.set("view", "ghost", True)
-    frames_drawn(window, 5)
-    assert "soon" in window.errors.text
-    type_into(window.times.line, "10 ms")
-    assert window.errors.text == ""
-    # A file that cannot be saved, until it is; what is changed meanwhile is another matter.
-    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(names.pop(0)), ""))
-    names = [tmp_path / "no" / "scene.toml", tmp_path / "scene.toml"]
-    window.menus.actions["Save as…"].trigger()
-    window.document.set("view", "ghost", None)
-    frames_drawn(window, 5)
-    assert "nothing can be written" in window.errors.text
-    window.menus.actions["Save as…"].trigger()
-    assert window.errors.text == ""
-    # An export, likewise.
-    window.exports.start("cage", tmp_path / "no" / "cage.vtu")
-    frames_drawn(window, 5)
-    assert "does not exist" in window.errors.text
-    window.exports.start("cage", tmp_path / "cage.vtu")
-    wait_until(lambda: (tmp_path / "cage.vtu").exists() and not window.exports.busy)
-    assert window.errors.text == ""
-    # What the user has closed stays closed.
-    window.exports.start("cage", tmp_path / "no" / "cage.vtu")
-    window.errors.findChild(QToolButton).click()
-    frames_drawn(window, 5)
-    assert window.errors.text == ""
-    assert window.times.playing
-
-
-def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_window: Any) -> None:
-    window = open_window()
-    window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
-    wait_until(lambda: "damping_ratio" in window.errors.text)
-    # A swing needs no damping: its frames say nothing of it.
-    window.tabs.setCurrentWidget(window.modes)
-    window.modes.table.cellClicked.emit(1, 0)
-    frames_drawn(window, 5)
-    assert "damping_ratio" in window.errors.text
-    assert window.stages.states["response"] == "failed"
-    window.modes.stop()
-    window.document.set("response", "alpha", None)
-    wait_until(lambda: settled(window) and window.errors.text == "")
-    assert window.stages.states["response"] == "fresh"
-
-
-def test_a_swing_that_cannot_go_on_ends(open_window: Any) -> None:
-    window = open_window()
-    window.modes.table.cellClicked.emit(1, 0)
-    frames_drawn(window, 3)
-    told: list[Any] = []
-    window.director.failed.connect(told.append)
-    window.document.set("weave", "warp_diameter", "1.9 mm")
-    wait_until(lambda: told and window.modes.mode is None and not window.engine.busy)
-    assert window.errors.text != ""
-    QTest.qWait(300)
-    # The user can look for the cure elsewhere.
-    window.stages.choose("surface")
-    QTest.qWait(300)
-    assert window.properties.section == "surface"
-    assert len(told) < 4
-
-
-def test_a_failure_of_before_stops_no_later_wish(open_window: Any) -> None:
-    window = open_window()
-    told: list[Any] = []
-    window.director.failed.connect(told.append)
-    window.document.set("weave", "warp_diameter", "1.9 mm")
-    wait_without_window(lambda: not window.engine.busy)
-    # It has failed, and the window has not yet heard of it.
-    window.document.set("weave", "warp_diameter", "0.24 mm")
-    wait_until(lambda: settled(window))
-    assert len(told) == 1
-    assert window.errors.text == ""
-    # Nor is it told of a scene that is no longer there.
-    window.document.set("weave", "warp_diameter", "1.9 mm")
-    wait_without_window(lambda: not window.engine.busy)
-    window.document.new()
-    wait_until(lambda: settled(window))
-    assert len(told) == 1
-
-
-def wait_without_window(done: Callable[[], bool]) -> None:
-    """Wait as `wait_until` does, but let nothing arrive in the window."""
-    end = time.monotonic() + 60.0
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
-@pytest.mark.parametrize("alone", [True, False])
-def test_undo_takes_in_what_a_drag_has_left_waiting(open_window: Any, alone: bool) -> None:
-    window = open_window()
-    document, undo = window.document, window.menus.actions["Undo"]
-    document.set("modal", "youngs_modulus", 1500.0)
-    assert (undo.text(), undo.isEnabled()) == ("Undo modal.youngs_modulus", True)
-    begin = document.text
-    if not alone:
-        document.set("response", "alpha", 5.0, burst=1)
-    document.crowded = lambda: True
-    for value in (6.0, 7.0):
-        document.set("response", "alpha", value, burst=1)
-    # Within the twentieth of a second that it may wait.
-    undo.trigger()
-    assert document.text == begin
-    assert undo.text() == "Undo modal.youngs_modulus"
-    window.menus.actions["Redo"].trigger()
-    assert document.written("response", "alpha") == 7.0
-    # What waits is a change like any other: nothing is left to be done again after it.
-    undo.trigger()
-    document.set("response", "alpha", 8.0, burst=2)
-    document.undo.redo()
-    assert document.written("response", "alpha") == 8.0
-    assert not window.menus.actions["Redo"].isEnabled()
-    assert (undo.text(), undo.isEnabled()) == ("Undo response.alpha", True)
-    document.undo.undo()
-    undo.trigger()
-    assert not undo.isEnabled()
-    assert document.undo.isClean()
-
-
-def test_a_drag_ends_with_its_slider(open_window: Any) -> None:
-    window = open_window()
-    window.stages.choose("modal")
-    slider = window.properties.rows["youngs_modulus"].editor.slider
-    slider.setSliderDown(True)
-    assert window.director.held
-    # By a key, while the mouse is still down: the smooth frame must not be put off for ever.
-    window.stages.choose("weave")
-    assert not window.director.held
-    window.document.set("weave", "warp_diameter", "0.24 mm")
-    wait_until(lambda: settled(window))

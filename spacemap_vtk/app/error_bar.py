@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QObject, Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QWidget
 
 from spacemap_vtk.errors import SpacemapError, shown
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.main_window import MainWindow
 
 
 class ErrorBar(QWidget):
@@ -74,6 +79,36 @@ class ErrorBar(QWidget):
     def text(self) -> str:
         """What it says; empty while it is hidden."""
         return "" if self.isHidden() else self.label.text()
+
+
+class Matter(QObject):
+    """Something that can go wrong. Not a `partial`, which would keep the window.
+
+    Parameters
+    ----------
+    about : str
+        As `ErrorBar.say` has it.
+    window : MainWindow
+        Qt's owner, where it is told.
+    """
+
+    def __init__(self, about: str, window: MainWindow) -> None:
+        super().__init__(window)
+        self._about = about
+
+    def report(self, error: BaseException) -> None:
+        """Tell what has gone wrong.
+
+        Parameters
+        ----------
+        error : BaseException
+            What was raised.
+        """
+        self.parent().report(self._about, error)
+
+    def clear(self) -> None:
+        """It goes well."""
+        self.parent().errors.clear(self._about)
 
 
 def _words(error: BaseException) -> str:

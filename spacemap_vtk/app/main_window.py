@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QObject, QSettings, Qt
+from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QLabel,
@@ -23,7 +23,7 @@ from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.draft.tab import DraftTab
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.error_bar import ErrorBar, Matter
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
@@ -328,36 +328,6 @@ class MainWindow(QMainWindow):
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))
-
-
-class Matter(QObject):
-    """Something that can go wrong. Not a `partial`, which would keep the window.
-
-    Parameters
-    ----------
-    about : str
-        As `ErrorBar.say` has it.
-    window : MainWindow
-        Qt's owner, where it is told.
-    """
-
-    def __init__(self, about: str, window: MainWindow) -> None:
-        super().__init__(window)
-        self._about = about
-
-    def report(self, error: BaseException) -> None:
-        """Tell what has gone wrong.
-
-        Parameters
-        ----------
-        error : BaseException
-            What was raised.
-        """
-        self.parent().report(self._about, error)
-
-    def clear(self) -> None:
-        """It goes well."""
-        self.parent().errors.clear(self._about)
 
 
 def _column(*widgets: QWidget) -> QWidget:
