@@ -45,8 +45,6 @@ class Parameter(Generic[T]):
         One sentence for every surface that shows the parameter.
     unit : str, optional
         SI unit, a key of `spacemap_vtk.units.UNITS`.
-    label : str, optional
-        Name shown to people; made from the attribute's name where it is not given.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
         write `AUTOMATIC`.
@@ -63,21 +61,18 @@ class Parameter(Generic[T]):
         help: str,
         *,
         unit: str = "",
-        label: str = "",
         automatic: str = "",
         group: str = "",
     ) -> None:
         self.group = group
         self.help = help
         self.unit = unit
-        self.label = label
         self.automatic = automatic
         self.name = ""
         self._default = default
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
-        self.label = self.label or name.replace("_", " ").capitalize()
         self.default: T = self.check(self._default)
         self.__doc__ = self.describe()
 
@@ -160,6 +155,12 @@ class Parameter(Generic[T]):
             The value itself where it is no path.
         """
         return value
+
+    @property
+    def label(self) -> str:
+        """The name as people read it, with the apostrophe and the spelling that a key has not."""
+        words = self.name.replace("_", " ").replace("color", "colour").capitalize()
+        return words.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
 
     @property
     def optional(self) -> bool:

@@ -38,7 +38,7 @@ class ParameterRow(QWidget):
         self.reset.setText("↺")
         self.reset.setAutoRaise(True)
         self.reset.setToolTip(f"Back to the default: {parameter.show(parameter.default)}")
-        label = QLabel(_name(parameter))
+        label = QLabel(parameter.label)
         label.setBuddy(self.editor)
         head = QHBoxLayout()
         head.setSpacing(4)
@@ -139,11 +139,6 @@ class ParameterRow(QWidget):
             self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
         else:
             self.editor.setFocus()
-
-
-def _name(parameter: Parameter[Any]) -> str:
-    """Return a parameter's label with the apostrophe that its name cannot have."""
-    return parameter.label.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
 
 
 def _plain(value: Any, text: str) -> Any:
