@@ -84,12 +84,13 @@ def animate(
     output : Path
         A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
-    numbered = re.search(r"%0?\d*d", output.name)
     check_output(output, FILM_FORMATS)
-    if output.suffix.lower() == ".png" and numbered is None:
+    numbered = output.suffix.lower() == ".png"
+    if numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", output.name):
+        example = re.sub("%[0-9]*[a-z]?", "", output.stem) + "-%04d.png"
         raise InputError(
-            f"{output}: frames need a number in their name",
-            allowed=f"for example {output.with_name(output.stem + '-%04d.png')}",
+            f"{output}: frames need one number in their name",
+            allowed=f"for example {output.with_name(example)}",
         )
     opened_scene = opened(scene, set_, size=size, color=color)
     from spacemap_vtk.scenes.film import write_film, write_frames

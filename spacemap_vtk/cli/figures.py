@@ -126,7 +126,11 @@ def scenes(
     if name is not None:
         if name not in library.names():
             raise InputError(
-                "no such scene", key="scenes", value=name, allowed=", ".join(library.names())
+                "no such scene",
+                key="scenes",
+                value=name,
+                allowed=", ".join(library.names()),
+                cure=suggestion(name, library.names()),
             )
         print(library.find(name).read_text(encoding="utf-8"), end="")
         return

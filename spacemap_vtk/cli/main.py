@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
 
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError
@@ -68,7 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.environ[VARIABLE] = "off"
     try:
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, InputError) as error:
+    except CycloptsError as error:
+        _say(_plain(error))
+        sys.exit(2)
+    except InputError as error:
         _say(error)
         sys.exit(2)
     except KeyboardInterrupt:
@@ -82,5 +85,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(0)
 
 
-def _say(error: BaseException) -> None:
+def _plain(error: CycloptsError) -> str:
+    """Return what is wrong with the command line, and where its help is."""
+    command = " ".join(["spacemap", *(error.command_chain or ())])
+    text, argument = str(error), error.argument
+    if isinstance(error, UnusedCliTokensError):
+        text = f'"{" ".join(error.unused_tokens or ())}" is more than "{command}" takes.'
+    elif isinstance(error, MissingArgumentError) and argument and not error.keyword:
+        text = f'"{command}" needs {argument.name}.'
+    return f'{text} See "{command} --help".'
+
+
+def _say(error: BaseException | str) -> None:
     print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)

@@ -123,10 +123,17 @@ def plot(
     chosen = opened(scene, set_)
     place = None
     if point is not None:
-        words = point.split(",")
-        if len(words) != 3:
-            raise InputError("not a point", key="--point", value=point, allowed="x,y,z")
-        place = [parse_quantity(word, "m") for word in words]
+        try:
+            place = [parse_quantity(word, "m") for word in point.split(",")]
+        except InputError:
+            place = []
+        if len(place) != 3 or not all(map(math.isfinite, place)):
+            raise InputError(
+                "not a point",
+                key="--point",
+                value=point,
+                allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
+            )
     from spacemap_vtk.scenes.plots import motion_plot
 
     with progress(chosen, "Plotting", 1, quiet), whole_file(output) as file:

@@ -300,8 +300,9 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
             if isinstance(error, SpacemapError):
                 error.section = self.section
-                if isinstance(error.value, float) and error.key in self.parameters:
-                    error.value = self.parameters[error.key].show(error.value)  # with its unit
+                parameter = self.parameters.get(error.key or "")
+                if isinstance(error.value, float) and parameter is not None and parameter.unit:
+                    error.value = parameter.show(error.value)  # with its unit
             if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
                 # The others would wait for this process in vain: it is told when all run.
                 self._untold = error

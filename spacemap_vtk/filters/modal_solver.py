@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
@@ -161,11 +161,12 @@ class ModalSolver(Stage):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-        held = held_components(
-            vertices,
-            self.fixed,
-            lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
-        )
+        with naming("fixed"):
+            held = held_components(
+                vertices,
+                self.fixed,
+                lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
+            )
         extent = float(np.ptp(vertices[:, 2]))
         elasticity, density = self.constants(extent)
         linear = elements.shape[1] == 4

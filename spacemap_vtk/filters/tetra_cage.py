@@ -16,7 +16,7 @@ from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
 from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.cage.split import mended
-from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import bounds_of_whole
@@ -221,7 +221,8 @@ class TetraCage(Stage):
             raise InputError(
                 'method "file" needs a file', key="file", allowed=type(self).file.allowed
             )
-        volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
+        with naming("file"):
+            volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)

@@ -305,6 +305,13 @@ class WeaveSource(Stage):
                 value=self.pattern,
                 cure=f"Leave out the pattern, or the draft {self.draft}",
             )
+        if not self.draft.is_file():
+            raise InputError(
+                "a folder" if self.draft.is_dir() else "no such file",
+                key="draft",
+                value=self.draft,
+                allowed="a WIF, a text of 0 and 1 (.txt, .csv) or a picture (.png and others)",
+            )
         return read_draft(self.draft)
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
