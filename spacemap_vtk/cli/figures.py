@@ -210,7 +210,8 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
         print(f"[{name}]  {summary}\n")
         for key, parameter in SECTIONS[name].parameters.items():
             print(f"{key} = {parameter.show(parameter.default)}")
-            print(textwrap.indent(textwrap.fill(parameter.help, 76), "    "))
+            when = f" Counts where {parameter.counts}." if parameter.counts else ""
+            print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()
 

@@ -373,6 +373,11 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         if self._untold is not None:
             raise self._untold
         self.run(inputs, output, time)
+        for name, value in self._values.items():
+            # A zero, or what is off, contradicts nothing.
+            if value and (why := self.idle(name)):
+                counts = self.parameter(name).counts
+                self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
         if self.replicated and self._piece.of > 1:
             mark_owner(output, self._piece)
 

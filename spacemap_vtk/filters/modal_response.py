@@ -33,6 +33,10 @@ ROUNDING = 1e-4
 ENOUGH = 0.9
 
 
+#: alpha and beta damp where no ratio is asked for.
+_RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
+
+
 class ModalResponse(Stage):
     """Move a cage by its vibration modes, at any time, without stepping.
 
@@ -69,10 +73,18 @@ class ModalResponse(Stage):
     replicated = True
 
     alpha = Real(
-        1.0, "Damping proportional to mass; slows every mode alike.", unit="1/s", minimum=0.0
+        1.0,
+        "Damping proportional to mass; slows every mode alike.",
+        unit="1/s",
+        minimum=0.0,
+        when=_RAYLEIGH,
     )
     beta = Real(
-        0.0, "Damping proportional to stiffness; stills the high modes.", unit="s", minimum=0.0
+        0.0,
+        "Damping proportional to stiffness; stills the high modes.",
+        unit="s",
+        minimum=0.0,
+        when=_RAYLEIGH,
     )
     damping_ratio = Real(
         None,

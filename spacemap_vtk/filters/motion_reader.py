@@ -54,7 +54,11 @@ class MotionReader(Stage):
     file = FilePath(
         None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"
     )
-    array = Text("displacement", "Name of the point array with the displacement.")
+    array = Text(
+        "displacement",
+        "Name of the point array with the displacement.",
+        when={"moving_points": (False,)},
+    )
     moving_points = Flag(
         False, "Take the displacement from the coordinates, which move, and not from an array."
     )

@@ -65,9 +65,10 @@ class TetraCage(Stage):
     )
     divisions = Vector(
         (5, 5, 1),
-        "Number of hexahedra along x, y and z of the box (lattice, carved). At least two through "
-        "the thickness bend well.",
+        "Number of hexahedra along x, y and z of the box. At least two through the thickness bend "
+        "well.",
         component=Integer(1, "", minimum=1, maximum=100_000),
+        when={"method": ("lattice", "carved")},
     )
     order = Integer(
         1,
@@ -75,32 +76,39 @@ class TetraCage(Stage):
         "on their edges: they bend, with one layer as well as linear ones with ten.",
         minimum=1,
         maximum=2,
+        when={"method": ("lattice", "carved", "tetwild")},
     )
     padding = Real(
         0.0,
-        "Room between the object and the box on each side, as a share of that side's length "
-        "(lattice, carved).",
+        "Room between the object and the box on each side, as a share of that side's length.",
         minimum=0.0,
         maximum=10.0,
+        when={"method": ("lattice", "carved")},
     )
     margin = Integer(
-        0, "Layers of hexahedra round those that are touched (carved).", minimum=0, maximum=100
+        0,
+        "Layers of hexahedra round those that are touched.",
+        minimum=0,
+        maximum=100,
+        when={"method": ("carved",)},
     )
-    fill = Flag(True, "Keep the hexahedra that the object encloses (carved).")
+    fill = Flag(True, "Keep the hexahedra that the object encloses.", when={"method": ("carved",)})
     edge_length = Real(
         None,
-        "Length of the tetrahedra's edges to aim for (tetwild).",
+        "Length of the tetrahedra's edges to aim for.",
         unit="m",
         above=0.0,
+        when={"method": ("tetwild",)},
         automatic="a tenth of the object's diagonal",
     )
     inflate = Real(
         0.0,
-        "Distance of the envelope that is filled; 0: the object's own surface (tetwild).",
+        "Distance of the envelope that is filled; 0: the object's own surface.",
         unit="m",
         minimum=0.0,
+        when={"method": ("tetwild",)},
     )
-    file = FilePath(None, "A volume mesh (file).", automatic="no file")
+    file = FilePath(None, "A volume mesh to read.", automatic="no file", when={"method": ("file",)})
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
