@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import json
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +16,7 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
-from spacemap_vtk.cli.main import main
+from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.scenes.scene import SECTIONS
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -199,6 +203,9 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         "validate",
         "scenes",
         "keys",
+        "materials",
+        "paraview",
+        "gui",
     ],
 )
 def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -208,7 +215,14 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(out) > 200
     for noise in ("[default: ()]", "[default: False]", "File to write"):
         assert noise not in out
+    # The function's docstring, whose first line the list of commands repeats.
+    name, _ = _COMMANDS[command]
+    module, function = name.split(":")
+    doc = getattr(importlib.import_module(f"spacemap_vtk.cli.{module}"), function).__doc__
+    told = inspect.cleandoc(doc).partition("\n\nParameters\n")[0]
+    assert " ".join(told.split()) in " ".join(out.split())
     summary = out.strip().splitlines()[2].strip()
+    assert summary == _COMMANDS[command][1] == told.splitlines()[0]
     assert run("--help") == 0
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert command in listed
@@ -243,6 +257,19 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
     out = capsys.readouterr().out
     assert "divisions" in out
     assert "[weave]" not in out
+
+
+def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever copies a line out of it has written TOML, and changed nothing."""
+    assert run("keys") == 0
+    lines = capsys.readouterr().out.splitlines()
+    file = "\n".join(re.sub(r"^(\[\w+\]).*", r"\1", x) for x in lines if re.match(r"\S", x))
+    values = tomllib.loads(file)
+    assert values.pop("title") == "..."
+    assert list(values) == list(SECTIONS)
+    for section, cls in SECTIONS.items():
+        assert cls(**values[section]).settings == cls().settings
+    assert 'Counts where method is "carved".' in " ".join(" ".join(lines).split())
 
 
 def test_what_a_scene_gives_can_be_automatic_again(

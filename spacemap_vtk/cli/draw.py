@@ -37,12 +37,12 @@ def render(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a scene or a draft at one time.
+    """Draw a scene, a draft or a mesh at one time.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .png or .jpg file.
     """
@@ -75,12 +75,12 @@ def animate(
     """Make a film of a scene, or numbered frames.
 
     The section [animation] says which times it shows, and how many frames a second. Without
-    --size, a GIF is drawn at half the scene's size.
+    --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie].
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
@@ -132,12 +132,14 @@ def storyboard(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a motion as the paper's figure 6 does: cage (a) above fabric (b), time to the right.
+    """Draw a motion as the paper's figure 6 does.
+
+    The cage (a) above, the fabric (b) below, time to the right.
 
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     output : Path
         A .png or .jpg file.
     """
@@ -173,18 +175,24 @@ def export(
     output: Output,
     what: Annotated[
         str | None,
-        Parameter(help="patches, cage, surface or draft; by default what the format holds first."),
+        Parameter(
+            help="patches, cage, surface or draft; by default what the ending stands for first: "
+            "patches for .vtu."
+        ),
     ] = None,
     time: Time = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene's patches or cage (.vtu), surface (.vtp, .stl, .ply) or draft (.wif).
+    """Write a scene's data for other programs.
+
+    The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, or
+    the draft: the output's ending tells which.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """

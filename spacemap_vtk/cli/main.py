@@ -21,19 +21,21 @@ app = App(
     name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
     their unit: "0.3 mm".
 
+    Begin with "spacemap render plain_weave -o cloth.png", or with "spacemap gui".
+
     Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
 
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
 )
 _COMMANDS = {
-    "render": ("draw:render", "Draw a scene or a draft at one time."),
+    "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "modes": ("motion:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("motion:plot", "Plot how a point moves over time, and its frequency response."),
-    "info": ("figures:info", "Print a fabric's figures."),
+    "info": ("figures:info", "Print the figures of a fabric, or of an object."),
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "materials": ("figures:materials", "List the measured fabrics a cage can be made of."),
@@ -67,6 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words.remove("--no-cache")
         os.environ[VARIABLE] = "off"
     try:
+        if words and words[0] in _COMMANDS:
+            # The sentence of the table is for lists of commands: a command's own help says all.
+            app[words[0]].help = None
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _say(_plain(error))

@@ -33,15 +33,16 @@ def modes(
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the vibration modes of a scene's cage: frequency, damping, and the mass each moves.
+    """Print the vibration modes of a scene's cage.
 
-    The effective masses along x, y and z are shares of the mass that can move; a column Σ adds
-    them up. Where the modes hold less than 90 % along an axis with a load, take more of them.
+    For each its frequency, damping ratio, and the mass it moves: the effective masses along x, y
+    and z are shares of the mass that can move, and a column Σ adds them up. Where the modes hold
+    less than 90 % along an axis with a load, take more of them.
 
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     """
     if plot is not None:
         check_output(plot, SHEET_FORMATS)
@@ -107,7 +108,7 @@ def plot(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Plot how a point of the cage moves over time, and its frequency response below.
+    """Plot how a point moves over time, and its frequency response.
 
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
     scene as sines in phase.
@@ -115,7 +116,7 @@ def plot(
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     output : Path
         A .png, .jpg, .pdf or .svg file.
     """

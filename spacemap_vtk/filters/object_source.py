@@ -48,7 +48,7 @@ class ObjectSource(Stage):
     section = "object"
     output = "vtkPointSet"
 
-    file = FilePath(None, "The mesh to read.", automatic="none, which is an error")
+    file = FilePath(None, "The mesh to read.", automatic="no file")
     texture = FilePath(
         None,
         "A picture to paint the object with, by its texture coordinates.",

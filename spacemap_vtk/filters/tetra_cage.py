@@ -29,7 +29,7 @@ from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vecto
 
 
 class TetraCage(Stage):
-    """Enclose a data set in a coarse cage of tetrahedra.
+    """Enclose the fabric or object in a coarse cage of tetrahedra.
 
     ``"lattice"`` cuts the bounding box into hexahedra, and each of these into five tetrahedra; the
     cut is mirrored from one hexahedron to the next, so that the mesh conforms. ``"carved"`` keeps
