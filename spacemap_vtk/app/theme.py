@@ -57,6 +57,11 @@ QSplitter::handle {{ background: {line}; }}
 QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
 """
+#: Fusion draws an empty box darker than the window, where nobody sees it.
+_DARK_SHEET = """
+QCheckBox::indicator:unchecked:enabled { border: 1px solid #7d8998; border-radius: 2px;
+    width: 12px; height: 12px; }
+"""
 
 
 def apply_theme(app: QApplication, dark: bool) -> None:
@@ -91,4 +96,5 @@ def apply_theme(app: QApplication, dark: bool) -> None:
             text="#e6eaf0" if dark else "#1f2730",
             check="#35546a" if dark else "#cfe3ef",
         )
+        + (_DARK_SHEET if dark else "")
     )
