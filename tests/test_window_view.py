@@ -14,6 +14,7 @@ from window import require_display, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtGui import QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QLabel  # noqa: E402
 
@@ -147,6 +148,47 @@ def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
         middle.x() + 20, middle.y()
     )
     assert np.abs(still.displacement).max() == 0.0
+
+
+def seen(window: Any) -> np.ndarray:
+    """Return what the screen shows of the view, which nobody draws anew for that."""
+    view = window.view.plotter
+    place = view.mapToGlobal(QPoint(0, 0))
+    grabbed = window.screen().grabWindow(0, place.x(), place.y(), view.width(), view.height())
+    drawn = grabbed.toImage().convertToFormat(QImage.Format.Format_RGB888)
+    rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), -1)
+    return rows[:, : 3 * drawn.width()].astype(int)
+
+
+def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_window: Any) -> None:
+    window = open_window()
+    widget, at = window.view.plotter, QPoint(300, 300)
+    QTest.qWait(300)
+    pictures = [seen(window)]
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+    for _ in range(3):
+        at += QPoint(30, 12)
+        QTest.mouseMove(widget, at)
+        wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
+        pictures.append(seen(window))
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+    QTest.wheelEvent(window.windowHandle(), widget.mapTo(window, at), QPoint(0, 120))
+    wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
+
+
+def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_window: Any) -> None:
+    window = open_window()
+    widget, at, drawn = window.view.plotter, QPoint(300, 300), []
+    widget.render_window.AddObserver("EndEvent", lambda *_: drawn.append(1))
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+    QTest.qWait(100)
+    drawn.clear()
+    for _ in range(20):
+        at += QPoint(5, 2)
+        QTest.mouseMove(widget, at, 0)
+    QTest.qWait(300)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+    assert 1 <= len(drawn) < 20
 
 
 def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
