@@ -192,3 +192,18 @@ def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_window: Any)
     type_into(line, "later")
     window.times.to_start()
     assert (line.text(), line.property("bad")) == ("0 s", False)
+
+
+def test_a_draft_that_is_none_is_marked_before_a_clear_background(
+    open_window: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.wif").write_text("junk")
+    window = open_window(str(tmp_path / "bad.wif"), wait=False)
+    wait_until(lambda: "no section of a draft" in window.errors.text)
+    assert window.properties.section == "weave"
+    assert window.properties.rows["draft"].property("bad")
+    assert window.view.image().min() > 200
+    window.document.set("weave", "draft", None)
+    wait_until(lambda: settled(window))
+    assert not window.properties.rows["draft"].property("bad")
+    assert window.view.image().min() < 100

@@ -34,7 +34,7 @@ from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
-from spacemap_vtk.app.stage_list import StageList
+from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
@@ -108,6 +108,10 @@ class MainWindow(QMainWindow):
             What was raised.
         """
         self.errors.say(error)
+        draft = self.document.scene.weave.draft
+        if isinstance(error, SpacemapError) and draft and error.file == str(draft):
+            # What is wrong inside the file has no field but the file's.
+            error.section, error.key = "weave", "draft"
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: its slider would go from under the hand.
             section = error.section or ""
@@ -302,7 +306,7 @@ class MainWindow(QMainWindow):
         for widget in (self.bar, self.cancel, self.running):
             widget.setVisible(bool(section))
         if section:
-            self.running.setText(SECTIONS[section].__name__)
+            self.running.setText(words_of(SECTIONS[section].__name__))
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))
