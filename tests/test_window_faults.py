@@ -207,3 +207,13 @@ def test_a_draft_that_is_none_is_marked_before_a_clear_background(
     wait_until(lambda: settled(window))
     assert not window.properties.rows["draft"].property("bad")
     assert window.view.image().min() < 100
+
+
+def test_the_table_of_modes_follows_a_change_while_time_runs(open_window: Any) -> None:
+    window = open_window()
+    window.times.play.click()
+    before = window.modes.table.item(0, 1).text()
+    window.document.set("modal", "youngs_modulus", "20 kPa")
+    wait_until(lambda: window.modes.table.item(0, 1).text() != before)
+    assert window.times.playing
+    window.times.play.click()

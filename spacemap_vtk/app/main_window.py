@@ -288,8 +288,10 @@ class MainWindow(QMainWindow):
 
     def _drawn(self, frame: Frame) -> None:
         self.errors.clear()
-        if not frame.coarse:
+        if not (frame.coarse and self.director.held):
+            # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.response)
+        if not frame.coarse:
             note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
