@@ -16,7 +16,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtGui import QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QLabel  # noqa: E402
+from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 
 from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
 from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
@@ -248,3 +248,25 @@ def test_a_stages_figures_stand_beside_its_name(open_window: Any) -> None:
     for item in window.stages.items.values():
         for column in (1, 2):
             assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
+
+
+def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_window: Any) -> None:
+    window = open_window()
+    window.resize(1000, 700)
+    QTest.qWait(100)
+    arrow = window.tools.findChild(QToolButton, "qt_toolbar_ext_button")
+    assert arrow.isVisible()
+    # It was empty, and did nothing.
+    behind = {action.text(): action for action in arrow.menu().actions()}
+    assert {"Camera", "Clip", "Background"} <= behind.keys()
+    before = image(window)
+    next(a for a in behind["Background"].menu().actions() if a.text() == "Black").trigger()
+    assert np.abs(image(window) - before).max() > 200
+    # The colours' box is in the menu "View".
+    stress = window.tools.colorings["stress"]
+    assert not stress.isChecked()
+    stress.trigger()
+    assert window.tools.coloring.currentData() == window.document.scene.view.color == "stress"
+    assert stress.isChecked()
+    window.document.undo.undo()
+    assert not stress.isChecked()
