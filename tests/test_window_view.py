@@ -262,6 +262,16 @@ def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_window: Any) -> None
     before = image(window)
     next(a for a in behind["Background"].menu().actions() if a.text() == "Black").trigger()
     assert np.abs(image(window) - before).max() > 200
+    # In the dark, too, it is seen.
+    window.menus.dark.trigger()
+    arrow_drawn = arrow.grab().toImage()
+    window.menus.dark.trigger()
+    pixels = [
+        arrow_drawn.pixelColor(x, y).lightness()
+        for x in range(arrow_drawn.width())
+        for y in range(arrow_drawn.height())
+    ]
+    assert max(pixels) > 150
     # The colours' box is in the menu "View".
     stress = window.tools.colorings["stress"]
     assert not stress.isChecked()

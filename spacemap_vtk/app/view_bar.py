@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QAction, QActionGroup, QKeySequence
+from PySide6.QtGui import QAction, QActionGroup, QIcon, QKeySequence
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
@@ -55,6 +55,11 @@ class ViewBar(QToolBar):
         self.setObjectName("view bar")
         self.setIconSize(QSize(16, 16))
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        # Qt's own arrow is black, and not seen in the dark.
+        more = self.findChild(QToolButton, "qt_toolbar_ext_button")
+        more.setIcon(QIcon())
+        more.setText("»")
+        more.setToolTip("What has no room here")
         self._view = view
         self._possible: list[str] = []
         self.shown: dict[str, QAction] = {}
