@@ -42,7 +42,9 @@ QLabel#about, QLabel#note {{ color: {faint}; }}
 QLabel#note[bad="true"] {{ color: {bad}; }}
 QLabel#heading {{ font-size: 20px; font-weight: 600; }}
 ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
-Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
+Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{
+    border: 2px solid {bad}; border-radius: 4px;
+}}
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
