@@ -93,3 +93,30 @@ def test_the_table_fills_its_width_with_other_modes_too(open_window: Any, width:
         assert table.columnWidth(column) >= needed * (0.5 if column == 3 else 1.0)
     assert table.item(0, 3).toolTip() == "underdamped"
     assert table.horizontalHeader().length() == table.viewport().width()
+
+
+def test_without_modes_the_tab_says_how_to_get_them(open_window: Any) -> None:
+    window = open_window("handweaving")
+    assert window.modes.table.rowCount() == 0
+    assert "modal solver" in window.modes.hint.text()
+    window.files.load("plain_weave")
+    wait_until(lambda: window.modes.table.rowCount() > 0)
+    assert "Click a mode" in window.modes.hint.text()
+    window.files.load("calculix_fabric")
+    wait_until(lambda: window.modes.table.rowCount() == 0)
+    assert "from a file" in window.modes.hint.text()
+
+
+def test_arrow_keys_go_from_mode_to_mode(open_window: Any) -> None:
+    window = open_window()
+    window.tabs.setCurrentWidget(window.modes)
+    table = window.modes.table
+    at = table.visualItemRect(table.item(1, 1)).center()
+    QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    assert window.modes.mode == 1
+    QTest.keyClick(table, Qt.Key.Key_Down)
+    assert window.modes.mode == 2
+    wait_until(lambda: window.director.swing is not None and window.director.swing.mode == 2)
+    window.modes.stop()
+    QTest.keyClick(table, Qt.Key.Key_Down)
+    assert window.modes.mode is None

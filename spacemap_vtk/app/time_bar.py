@@ -174,6 +174,7 @@ class TimeBar(QWidget):
         # What is being typed stays.
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
+            self._mark(bad=False)
 
     def _toggled(self, on: bool) -> None:
         self.play.setText("❚❚" if on else "▶")
@@ -221,9 +222,17 @@ class TimeBar(QWidget):
                 raise InputError("not a time to show", allowed="at least 0 s")
         except InputError as error:
             error.key, error.value = "time", self.line.text()
+            self._mark(bad=True)
             self.refused.emit(error)
         else:
             self.go(at)
+
+    def _mark(self, bad: bool) -> None:
+        if bool(self.line.property("bad")) != bad:
+            self.line.setProperty("bad", bad)
+            # A style sheet looks at a property only when it is told to.
+            self.line.style().unpolish(self.line)
+            self.line.style().polish(self.line)
 
 
 def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:
