@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
 from spacemap_vtk.scenes.offscreen import Offscreen
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.shading import averaged, contact_shade
+from spacemap_vtk.scenes.shading import averaged, contact_shade, strips
 from spacemap_vtk.scenes.surface_actor import (
     Span,
     SurfaceActor,
@@ -138,15 +138,23 @@ class Picture:
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
     def _drawn(self, window: Offscreen, shaded: bool) -> Image:
-        light = window.draw().astype(np.float32)
+        pixels = window.draw()
+        height, width = pixels.shape[:2]
+        shade = None
         if shaded:
             camera = window.camera
             half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
             if camera.GetParallelProjection():
                 half = camera.GetParallelScale()
-            pixel = 2 * half / light.shape[0]
-            light *= contact_shade(window.depth(), self._relief, self._relief / pixel)[:, :, None]
-        return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
+            shade = contact_shade(window.depth(), self._relief, self._relief / (2 * half / height))
+        image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
+        for rows in strips(height):
+            light = pixels[rows].astype(np.float32)
+            if shade is not None:
+                light *= shade[rows, :, None]
+            mean = np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255)
+            image[rows.start // _SAMPLES : rows.stop // _SAMPLES] = mean
+        return image
 
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
