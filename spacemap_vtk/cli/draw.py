@@ -47,8 +47,7 @@ def render(
     """
     check_output(output, STILL_FORMATS)
     opened_scene = opened(scene, set_, time=time, size=size, color=color)
-    from PIL import Image as PILImage
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.picture import Picture
 
     at = opened_scene.view.time
@@ -57,7 +56,7 @@ def render(
         image = picture.draw(at)
         picture.close()
     with whole_file(output) as file:
-        PILImage.fromarray(image).save(file)
+        write_picture(file, image)
     tell_warnings(opened_scene, quiet)
 
 
@@ -152,15 +151,14 @@ def storyboard(
     else:
         first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
         moments = _seven(first, last)
-    from PIL import Image as PILImage
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.picture import storyboard as drawn
 
     chosen = (2240, 640) if size is None else tuple(opened_scene.view.size)
     with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:
         image = drawn(opened_scene, moments, chosen, tell)
     with whole_file(output) as file:
-        PILImage.fromarray(image).save(file)
+        write_picture(file, image)
     tell_warnings(opened_scene, quiet)
 
 

@@ -139,11 +139,10 @@ def plot(
 
 
 def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
-    from PIL import Image
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.mode_sheet import mode_sheet
 
     with progress(scene, "Drawing shapes", count, quiet) as tell:
         image = mode_sheet(scene, tell)
     with whole_file(file) as path:
-        Image.fromarray(image).save(path)
+        write_picture(path, image)

@@ -247,7 +247,7 @@ def storyboard(
 def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float64], Span | None]:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
-    chosen = [times[i] for i in np.unique(np.linspace(0, len(times) - 1, 9).astype(int))]
+    chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds, ends = [], []
     for time in chosen:
         scene.update(time)
