@@ -29,6 +29,9 @@ class Offscreen:
         Colours of the background; red, green, blue to 255.
     samples : int, optional
         Of a pixel, at the edges of what is drawn; 0: one.
+    beside : Offscreen, optional
+        Another one, drawn in turn with this one. Of the same size, they share the window: its
+        buffers, the largest thing there is, and its shaders.
 
     Raises
     ------
@@ -37,7 +40,12 @@ class Offscreen:
     """
 
     def __init__(
-        self, size: tuple[int, int], below: Sequence[int], above: Sequence[int], samples: int = 0
+        self,
+        size: tuple[int, int],
+        below: Sequence[int],
+        above: Sequence[int],
+        samples: int = 0,
+        beside: Offscreen | None = None,
     ) -> None:
         prepare_offscreen()
         self.renderer = vtkRenderer()
@@ -47,13 +55,10 @@ class Offscreen:
         self.renderer.GradientBackgroundOn()
         add_lights(self.renderer)
         self._size = size
-        self._window = vtkRenderWindow()
-        self._window.SetOffScreenRendering(True)
-        if hasattr(self._window, "SetConnectContextToNSView"):
-            # macOS: otherwise a window is made, though nothing shows it.
-            self._window.SetConnectContextToNSView(False)
-        self._window.SetMultiSamples(samples)
-        self._window.SetSize(*size)
+        if beside is not None and beside._size == size:
+            self._window: vtkRenderWindow = beside._window
+        else:
+            self._window = _window(size, samples)
         self._window.AddRenderer(self.renderer)
 
     @property
@@ -69,6 +74,8 @@ class Offscreen:
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue.
         """
+        for renderer in self._window.GetRenderers():
+            renderer.SetDraw(renderer is self.renderer)
         self.renderer.ResetCameraClippingRange()
         self._window.Render()
         width, height = self._size
@@ -101,3 +108,14 @@ class Offscreen:
     def close(self) -> None:
         """Free the window."""
         self._window.Finalize()
+
+
+def _window(size: tuple[int, int], samples: int) -> vtkRenderWindow:
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    if hasattr(window, "SetConnectContextToNSView"):
+        # macOS: otherwise a window is made, though nothing shows it.
+        window.SetConnectContextToNSView(False)
+    window.SetMultiSamples(samples)
+    window.SetSize(*size)
+    return window

@@ -99,13 +99,10 @@ class Picture:
             self._plane = vtkPlane()
             self._plane.SetNormal(cut[0])
             self._plane.SetOrigin(cut[1])
-        self._panels = [
-            (
-                self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
-                scene.view.shadows and panel != "cage",
-            )
-            for panel, w in zip(panels, widths, strict=True)
-        ]
+        self._panels: list[tuple[Offscreen, bool]] = []
+        for panel, w in zip(panels, widths, strict=True):
+            window = self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent)
+            self._panels.append((window, scene.view.shadows and panel != "cage"))
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -160,7 +157,8 @@ class Picture:
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
     ) -> Offscreen:
         view = scene.view
-        window = Offscreen(size, view.background, view.background_top, samples=4)
+        beside = self._panels[-1][0] if self._panels else None
+        window = Offscreen(size, view.background, view.background_top, 4, beside)
         solid = _solid() if panel in ("fabric", "both") else None
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)
