@@ -70,7 +70,9 @@ def test_a_command_imports_only(command: str, needs: set[str], tmp_path: Path) -
         ("animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.08", _PICTURES),
         ("export plain_weave -q -o a.vtu", _FILTERS),
         ("export plain_weave -q -o a.ply", _FILTERS),
-        ("plot plain_weave -q -o a.png", {*_FILTERS, "scipy", "matplotlib"}),
+        ("modes plain_weave -q --json", _FILTERS),
+        ("modes plain_weave -q --plot a.png", _PICTURES),
+        ("plot plain_weave -q -o a.png", {*_FILTERS, "matplotlib"}),
     ],
 )
 def test_with_kept_modes_a_command_imports_only(
