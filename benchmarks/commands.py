@@ -33,7 +33,7 @@ COMMANDS = (
     "render plain_weave -o a.png",
     "render tartan -o a.png",
     "storyboard -o a.png",
-    "animate plain_weave -o a.gif --size 640x320 --set animation.stop=0.4",
+    "animate plain_weave -o a.gif --size 640x320 --set animation.stop=0.04",
 )
 
 
