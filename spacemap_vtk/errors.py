@@ -6,6 +6,10 @@ shows it (command line, window, ParaView) needs to add nothing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class SpacemapError(Exception):
     """Base of every error that spacemap_vtk raises on purpose.
@@ -45,7 +49,9 @@ class SpacemapError(Exception):
 
     def __str__(self) -> str:
         where = f"{self.file}: " if self.file else ""
-        if self.key is not None:
+        if where and self.message.startswith(where):
+            where = ""  # a mesh in place of a scene: nobody has written the key
+        elif self.key is not None:
             where += f"{self.section}.{self.key}" if self.section else self.key
             where += ": " if self.value is None else f" = {shown(self.value)}: "
         text = where + self.message
@@ -78,6 +84,27 @@ class MissingLibraryError(SpacemapError, RuntimeError):
     """A system library or an optional package that is not installed."""
 
 
+@contextmanager
+def naming(key: str) -> Iterator[None]:
+    """Name the parameter by which a value came, in errors that name none.
+
+    Parameters
+    ----------
+    key : str
+        Its name.
+
+    Yields
+    ------
+    None
+        While the value is used.
+    """
+    try:
+        yield
+    except SpacemapError as error:
+        error.key = error.key or key
+        raise
+
+
 def shown(value: object) -> str:
     """Return `value` as a user would write it, cut to a line.
 
@@ -89,7 +116,17 @@ def shown(value: object) -> str:
     Returns
     -------
     str
-        At most 80 characters.
+        At most 80 characters, but for a path, whose end says most.
     """
-    text = f'"{value}"' if isinstance(value, str) else str(value)
+    if isinstance(value, Path):
+        return f'"{value}"'
+    text = _written(value)
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _written(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_written(item) for item in value)}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -22,8 +22,9 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar, overload
 
 from spacemap_vtk.errors import InputError, UnknownNameError
@@ -45,13 +46,15 @@ class Parameter(Generic[T]):
         One sentence for every surface that shows the parameter.
     unit : str, optional
         SI unit, a key of `spacemap_vtk.units.UNITS`.
-    label : str, optional
-        Name shown to people; made from the attribute's name where it is not given.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
         write `AUTOMATIC`.
     group : str, optional
         Heading under which a window shows it.
+    when : mapping, optional
+        Other parameters of the class by name, each with the values for which this one counts; none
+        listed: any but ``None``. A parameter without it always counts. Everything that hides, greys
+        or refuses what does not count asks this, see `Parameterised.idle`.
     """
 
     kind = "value"
@@ -63,23 +66,23 @@ class Parameter(Generic[T]):
         help: str,
         *,
         unit: str = "",
-        label: str = "",
         automatic: str = "",
         group: str = "",
+        when: Mapping[str, Sequence[Any]] = MappingProxyType({}),
     ) -> None:
         self.group = group
+        self.when = when
+        #: For which values of others this one counts, in words; empty for all.
+        self.counts = ""
         self.help = help
         self.unit = unit
-        self.label = label
         self.automatic = automatic
         self.name = ""
         self._default = default
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
-        self.label = self.label or name.replace("_", " ").capitalize()
         self.default: T = self.check(self._default)
-        self.__doc__ = self.describe()
 
     @overload
     def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
@@ -162,6 +165,12 @@ class Parameter(Generic[T]):
         return value
 
     @property
+    def label(self) -> str:
+        """The name as people read it, with the apostrophe and the spelling that a key has not."""
+        words = self.name.replace("_", " ").replace("color", "colour").capitalize()
+        return words.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
+
+    @property
     def optional(self) -> bool:
         """Whether ``None`` is a value."""
         return self._default is None
@@ -223,15 +232,29 @@ class Parameter(Generic[T]):
         """
         return str(value)
 
+    def join(self, others: Mapping[str, Parameter[Any]]) -> None:
+        """Say in words when this parameter counts, once all of its class are there.
+
+        Parameters
+        ----------
+        others : mapping of str to Parameter
+            By name.
+        """
+        self.counts = " and ".join(
+            f"{key} is {_listed(others[key], values)}" for key, values in self.when.items()
+        )
+        self.__doc__ = self.describe()
+
     def describe(self) -> str:
-        """Return help, range and default.
+        """Return help, condition, range and default.
 
         Returns
         -------
         str
             One paragraph.
         """
-        return f"{self.help} Allowed: {self.allowed}. Default: {self.show(self.default)}."
+        when = f" Counts where {self.counts}." if self.counts else ""
+        return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.show(self.default)}."
 
 
 class Parameterised:
@@ -248,6 +271,8 @@ class Parameterised:
         super().__init_subclass__(**kwargs)
         own = {name: p for name, p in vars(cls).items() if isinstance(p, Parameter)}
         cls.parameters = {**cls.parameters, **own}
+        for parameter in own.values():
+            parameter.join(cls.parameters)
         cls.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             [
                 inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=p.default)
@@ -309,6 +334,25 @@ class Parameterised:
             )
         return cls.parameters[name]
 
+    def idle(self, name: str) -> str:
+        """Return why a parameter counts for nothing at present.
+
+        Parameters
+        ----------
+        name : str
+            Of the parameter.
+
+        Returns
+        -------
+        str
+            The value of another one that is to blame, in words; empty where it counts.
+        """
+        for key, values in self.parameter(name).when.items():
+            value = getattr(self, key)
+            if value not in values if values else value is None:
+                return f"{key} is {_listed(self.parameters[key], [value])}"
+        return ""
+
     @property
     def settings(self) -> dict[str, Any]:
         """The value of every parameter, by name."""
@@ -323,6 +367,20 @@ class Parameterised:
 
     def _parameter_changed(self) -> None:
         """Do what a changed parameter asks for; nothing by default."""
+
+
+def _listed(parameter: Parameter[Any], values: Sequence[Any]) -> str:
+    """Return values of a parameter in words: those left out, where these are fewer."""
+    if not values:
+        return "given"
+    choices = getattr(parameter, "choices", ())
+    others = [choice for choice in choices if choice not in values]
+    if choices and len(others) < len(values):
+        words = [f'"{word}"' for word in others]
+        return f"not {words[0]}" if len(words) == 1 else f"neither {' nor '.join(words)}"
+    if choices:
+        return " or ".join(f'"{word}"' for word in values)
+    return " or ".join(AUTOMATIC if value is None else parameter.show(value) for value in values)
 
 
 def suggestion(name: str, names: Iterable[str]) -> str | None:
@@ -352,7 +410,10 @@ def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
         lines.append(
             f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}"
         )
-        lines += [f"    {parameter.help}", f"    Allowed: {parameter.allowed}."]
+        lines.append(f"    {parameter.help}")
+        if parameter.counts:
+            lines.append(f"    Counts where {parameter.counts}.")
+        lines.append(f"    Allowed: {parameter.allowed}.")
     first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
     at = first.start() if first else len(doc)
     section = "\n".join(lines)

@@ -46,7 +46,7 @@ class Real(Parameter[Any]):
         Ends of the range, allowed themselves.
     above, below : float, optional
         Ends of the range, not allowed themselves.
-    **rest : str
+    **rest : object
         As for `Parameter`.
     """
 
@@ -62,7 +62,7 @@ class Real(Parameter[Any]):
         maximum: float | None = None,
         above: float | None = None,
         below: float | None = None,
-        **rest: str,
+        **rest: Any,
     ) -> None:
         super().__init__(default, help, **rest)
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
@@ -166,14 +166,14 @@ class Choice(Parameter[str]):
         One sentence for every surface that shows the parameter.
     choices : sequence of str
         The words, the commonest first.
-    **rest : str
+    **rest : object
         As for `Parameter`.
     """
 
     kind = "choice"
     annotation = "str"
 
-    def __init__(self, default: str, help: str, choices: Sequence[str], **rest: str) -> None:
+    def __init__(self, default: str, help: str, choices: Sequence[str], **rest: Any) -> None:
         super().__init__(default, help, **rest)
         self.choices = tuple(choices)
 
@@ -202,7 +202,7 @@ class Vector(Parameter[tuple[Any, ...]]):
         What each component must be.
     labels : sequence of str
         A letter or name for each component.
-    **rest : str
+    **rest : object
         As for `Parameter`.
     """
 
@@ -215,7 +215,7 @@ class Vector(Parameter[tuple[Any, ...]]):
         *,
         component: Real,
         labels: Sequence[str] = "xyz",
-        **rest: str,
+        **rest: Any,
     ) -> None:
         super().__init__(default, help, unit=component.unit, **rest)
         self.component = component

@@ -7,6 +7,7 @@ clear every page first. For 90 MB that is 5 ms, a quarter of the whole step.
 from __future__ import annotations
 
 import weakref
+from collections import deque
 from collections.abc import Sequence
 from math import prod
 from typing import Any
@@ -24,6 +25,10 @@ class Recycler:
     shortens the chain of bases only through arrays. That outermost array is watched by a weak
     reference, the pool never holds it, and reference counts are never looked at.
 
+    What happens when it dies is one call into C. An array may die within VTK's collector, which
+    holds a lock of all threads: any line of Python may hand Python's own lock to a thread that then
+    waits for VTK's, and both stand for ever.
+
     Parameters
     ----------
     keep : int
@@ -33,6 +38,10 @@ class Recycler:
     def __init__(self, keep: int = 2) -> None:
         self._keep = keep
         self._free: list[memoryview] = []
+        #: What is in use, by the identity of the reference that watches it.
+        self._lent: dict[int, tuple[weakref.ref[NDArray[Any]], memoryview]] = {}
+        #: The references whose arrays have died.
+        self._left: deque[weakref.ref[NDArray[Any]]] = deque()
 
     def empty(self, shape: Sequence[int], dtype: DTypeLike) -> NDArray[Any]:
         """Return an uninitialised, C-contiguous array.
@@ -55,20 +64,25 @@ class Recycler:
             return np.empty(tuple(shape), kind)
         memory = self._take(size)
         owner = np.frombuffer(memory, dtype=np.uint8)
-        weakref.finalize(owner, _give_back, weakref.ref(self), memory).atexit = False
+        watch = weakref.ref(owner, self._left.append)
+        self._lent[id(watch)] = watch, memory
         return owner.view(kind).reshape(tuple(shape))
 
     def _take(self, size: int) -> memoryview:
+        self._collect()
         # blocks of another size will hardly be asked for again
-        self._free = [block for block in self._free if block.nbytes == size]
+        self._free = [block for block in self._free if block.nbytes == size][: self._keep]
         try:
             return self._free.pop()
         except IndexError:  # another thread may just have taken the last
             # np.empty asks for huge pages where the system grants them; bytearray would clear it
             return np.empty(size, np.uint8).data
 
-
-def _give_back(recycler: weakref.ref[Recycler], memory: memoryview) -> None:
-    owner = recycler()
-    if owner is not None and len(owner._free) < owner._keep:
-        owner._free.append(memory)
+    def _collect(self) -> None:
+        """Take back what nobody holds any more."""
+        while self._left:
+            try:
+                watch = self._left.popleft()
+            except IndexError:  # another thread was quicker
+                return
+            self._free.append(self._lent.pop(id(watch))[1])

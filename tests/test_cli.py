@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import json
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +16,7 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
-from spacemap_vtk.cli.main import main
+from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.scenes.scene import SECTIONS
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -199,6 +203,9 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         "validate",
         "scenes",
         "keys",
+        "materials",
+        "paraview",
+        "gui",
     ],
 )
 def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -208,7 +215,14 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(out) > 200
     for noise in ("[default: ()]", "[default: False]", "File to write"):
         assert noise not in out
+    # The function's docstring, whose first line the list of commands repeats.
+    name, _ = _COMMANDS[command]
+    module, function = name.split(":")
+    doc = getattr(importlib.import_module(f"spacemap_vtk.cli.{module}"), function).__doc__
+    told = inspect.cleandoc(doc).partition("\n\nParameters\n")[0]
+    assert " ".join(told.split()) in " ".join(out.split())
     summary = out.strip().splitlines()[2].strip()
+    assert summary == _COMMANDS[command][1] == told.splitlines()[0]
     assert run("--help") == 0
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert command in listed
@@ -243,6 +257,19 @@ def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> No
     out = capsys.readouterr().out
     assert "divisions" in out
     assert "[weave]" not in out
+
+
+def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever copies a line out of it has written TOML, and changed nothing."""
+    assert run("keys") == 0
+    lines = capsys.readouterr().out.splitlines()
+    file = "\n".join(re.sub(r"^(\[\w+\]).*", r"\1", x) for x in lines if re.match(r"\S", x))
+    values = tomllib.loads(file)
+    assert values.pop("title") == "..."
+    assert list(values) == list(SECTIONS)
+    for section, cls in SECTIONS.items():
+        assert cls(**values[section]).settings == cls().settings
+    assert 'Counts where method is "carved".' in " ".join(" ".join(lines).split())
 
 
 def test_what_a_scene_gives_can_be_automatic_again(
@@ -281,7 +308,7 @@ def test_what_a_scene_gives_can_be_automatic_again(
         ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
         ("[surface]\nsubdivisions = 'auto'", ["surface.subdivisions", "not a number"]),
         ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
-        ("[weave]\nends = true", ["weave.ends = True", "not a number"]),
+        ("[weave]\nends = true", ["weave.ends = true", "not a number"]),
         ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
         ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),
         ("[weave]\nwarp_diameter = inf", ["weave.warp_diameter = inf", "not a finite number"]),
@@ -290,7 +317,7 @@ def test_what_a_scene_gives_can_be_automatic_again(
         ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
         ("[weave]\npattern = ['10', '0']", ["weave.pattern", "0 and 1"]),
         ("[weave]\npattern = 'plian'", ["weave.pattern", '"plain"']),
-        ("[weave]\ndraft = 'no.wif'", ["no.wif", "No such file"]),
+        ("[weave]\ndraft = 'no.wif'", ["weave.draft", "no.wif", "no such file", "a WIF"]),
         ("[modal]\npoissons_ratio = 0.5", ["modal.poissons_ratio = 0.5", "less than 0.5"]),
         ("[modal]\nfixed = 'top'", ['modal.fixed = "top"', '"+y"']),
         ("[cage]\ndivisions = [5, 5]", ["cage.divisions", "[x, y, z]"]),
@@ -358,6 +385,25 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             ['"tablecloth"', 'Did you mean "denim"?'],
         ),
         (["scenes", "nothing"], ["nothing", "plain_weave"]),
+        (["scenes", "plian_weave"], ['Did you mean "plain_weave"?']),
+        (["render", "plain_weave", "-o", "a.png", "b.png"], ['"b.png" is more', "render --help"]),
+        (["render", "plain_weave", "-o"], ["-o requires", "render --help"]),
+        (["render", "plain_weave", "-o", "a.png", "--bogus"], ["--bogus", "render --help"]),
+        (["render", "-o", "a.png"], ["needs SCENE"]),
+        (["render", __file__, "-o", "a.png"], [__file__, "by its ending", ".toml, .wif, .stl"]),
+        (["render", "/", "-o", "a.png"], ["/: a folder"]),
+        (["render", "plain_weave", "-o", f"{__file__}/a.png"], ["is a file, not a folder"]),
+        (["render", "plain_weave", "-o", "a.png", "--color", "gold"], ["--color", '"clearance"']),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--set", "object.file=no.ply"],
+            ["spacemap: object.file: no.ply: no such file"],  # the scene's file is not to blame
+        ),
+        (["animate", "plain_weave", "-o", "f%s.png"], ["one number", "f-%04d.png"]),
+        (["animate", "plain_weave", "-o", "f%d%04d.png"], ["one number", "f-%04d.png"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "1,2"], ["--point", "1mm,0,0.2mm"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "a,b,c"], ["--point", "1mm,0,0.2mm"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "nan,0,0"], ["--point", "nan,0,0"]),
+        (["modes", "basket_2"], ["basket_2.toml", "no cage", "[modal]", "--set"]),
         (["keys", "wave"], ["wave", 'Did you mean "weave"?']),
         (["rendr", "plain_weave"], ["render"]),
     ],
@@ -374,6 +420,98 @@ def test_a_bad_command_gets_one_message(
     for part in parts:
         assert part in message
     assert list(tmp_path.iterdir()) == []
+
+
+_TRIANGLE = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "parts"),
+    [
+        ("a.ply", b"ply\nformat ascii 1.0\n", ["header", "Write the file again"]),
+        ("a.ply", b"", ["the file is empty"]),
+        ("a.stl", b"\x00\x01\x02\xff", ["truncated", "Write the file again"]),
+        ("a.vtu", b"\x00\x01\x02\xff", ["damaged", "Write the file again"]),
+        ("a.obj", b"\x00\x01\x02\xff", ["no points"]),
+        ("a.glb", b"\x00\x01\x02\xff", ["no binary glTF"]),
+        ("a.vtk", b"\x00\x01\x02\xff", ["no legacy .vtk file"]),
+        ("a.wif", b"\x00\x01\x02\xff", ["line 1", "WIF"]),
+        ("a.wif", b"", ["line 1", "WIF"]),
+        ("a.toml", b"\x00\x01\x02\xff", ["line 1 has a byte 0xff", "UTF-8"]),
+        ("a.toml", 'title = "a"\n\n# é'.encode("latin-1"), ["line 3 has a byte 0xe9", "UTF-8"]),
+        ("a.toml", b"\xef\xbb\xbf[weave]", ["byte order mark", "without BOM"]),
+    ],
+)
+def test_a_broken_file_is_named_once(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    content: bytes,
+    parts: list[str],
+) -> None:
+    file = tmp_path / name
+    file.write_bytes(content)
+    message = refused(capsys, "render", str(file), "-o", str(tmp_path / "a.png"), *SMALL)
+    assert message.startswith(f"spacemap: {file}: ")
+    assert message.count(str(file)) == 1
+    for part in parts:
+        assert part in message
+    for noise in ("0x5", "vtkInformation", "Reference Count", "codec", "object.file"):
+        assert noise not in message
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[object]\nfile = 'a.vtu'", ["object.file: ", "a.vtu: damaged"]),
+        ("[object]\nfile = '.'", ["object.file: ", "a folder"]),
+        ("[object]\nfile = 'a.bin'", ["object.file: ", "a.bin: no mesh, by its ending", ".stl"]),
+        ("[object]\nfile = 'tri.ply'\ntexture = 'a.vtu'", ["object.texture: ", "no picture"]),
+        ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "a WIF"]),
+        ("[cage]\nmethod = 'file'", ["cage.file: ", "needs a file"]),
+        ("[cage]\nmethod = 'file'\nfile = 'no.vtu'", ["cage.file: ", "no.vtu: no such file"]),
+        ("[cage]\nmethod = 'file'\nfile = 'tri.ply'", ["cage.file: ", "no volume mesh", "tetwild"]),
+        ("[motion]\nfile = 'a.pvd'", ["motion.file: ", "a.pvd: no ParaView collection"]),
+        ("[modal]\nfixed = 'mask(foo)'", ["modal.fixed: ", '"foo"']),
+        (
+            "[response]\ninitial_velocity_array = 'foo'",
+            ["response.initial_velocity_array: ", '"foo"', '"nodal_mass"'],
+        ),
+        ("[response]\ndamping_ratio = 0.1\nalpha = 3", ["response.damping_ratio = 0.1: "]),
+        ("[response]\nloads = [3]", ["response.loads[0] = 3: ", "pressure"]),
+        ("[weave]\nwarp_diameter = '0,3 mm'", ['value 1, "0": out of range']),
+        ("[weave]\nwarp_diameter = 0.3 mm", ["line 2", "quotes"]),
+        ("[weave]\nends = 3\nends = 4\n", ["line 3", "Mend that line"]),
+    ],
+)
+def test_a_file_that_a_scene_names_is_named_with_its_key(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
+) -> None:
+    for name in ("a.vtu", "a.bin", "a.pvd"):
+        (tmp_path / name).write_bytes(b"\x00\x01")
+    (tmp_path / "tri.ply").write_bytes(_TRIANGLE)
+    scene = tmp_path / "bad.toml"
+    scene.write_text(text)
+    message = refused(capsys, "render", str(scene), "-o", str(tmp_path / "new.png"), *SMALL)
+    assert message.startswith(f"spacemap: {scene}: ")
+    assert message.count(str(scene)) == 1
+    for part in parts:
+        assert part in message
+    assert not (tmp_path / "new.png").exists()
 
 
 def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.modal.eigen import lowest
 from spacemap_vtk.modal.materials import isotropic
 from spacemap_vtk.modal.model import Model
+from spacemap_vtk.modal.weak_values import WeakValues
 
 STEEL = isotropic(2e6, 0.3)
 
@@ -230,3 +232,21 @@ def test_a_free_very_thin_sheet_has_all_its_modes():
     plate = 1e6 * 5e-4**2 / (12 * 0.91 * 300.0) / 0.5**4
     first = values[6] * made.modulus / made.density
     assert 13.489**2 * plate < first < 1.0001 * 2 * 0.7 * 144 * plate
+
+
+def test_what_dies_with_a_stage_runs_no_python() -> None:
+    kept: WeakValues[set[int]] = WeakValues()
+    value, told = {1}, []
+    kept["a"] = value
+    assert kept.get("a") is value
+    sys.setprofile(lambda _frame, event, _argument: told.append(event))
+    try:
+        del value
+    finally:
+        sys.setprofile(None)
+    # Within VTK's collector a "call" might hand Python's lock to a thread that waits for VTK's.
+    assert "call" not in told
+    assert "a" not in kept
+    other = {2}
+    kept["b"] = other
+    assert list(kept._kept) == ["b"]

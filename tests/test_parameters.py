@@ -203,3 +203,37 @@ def test_a_quantity_reads_as_it_was_written(value: float, units: tuple[str, str]
 @given(st.floats(1e-7, 1e9), st.sampled_from(["m", "Pa", "s", "kg/m3", ""]))
 def test_a_shown_quantity_can_be_read_back(value: float, unit: str) -> None:
     assert parse_quantity(format_quantity(value, unit), unit) == pytest.approx(value, rel=1e-5)
+
+
+def test_a_parameter_says_when_it_counts() -> None:
+    class Thing(Parameterised):
+        """A thing."""
+
+        kind = Choice("box", "Kind.", ["box", "ball", "file"])
+        edge = Real(1.0, "Edge.", when={"kind": ("box",)})
+        turn = Real(None, "Turn.", automatic="none", when={"kind": ("box", "ball")})
+        about = Text("z", "Axis.", when={"turn": ()})
+        slow = Flag(True, "Slow.")
+        speed = Real(None, "Speed.", automatic="slow", when={"slow": (False,), "turn": (None,)})
+
+    assert Thing.edge.counts == 'kind is "box"'
+    assert Thing.turn.counts == 'kind is not "file"'
+    assert Thing.about.counts == "turn is given"
+    assert Thing.speed.counts == "slow is false and turn is auto"
+    assert 'Counts where kind is "box".' in (Thing.__doc__ or "")
+    assert 'Counts where kind is "box".' in (Thing.edge.__doc__ or "")
+    thing = Thing()
+    assert (thing.idle("kind"), thing.idle("edge"), thing.idle("turn")) == ("", "", "")
+    assert thing.idle("about") == "turn is auto"
+    thing.configure(turn=2.0, kind="file", slow=False)
+    assert thing.idle("edge") == 'kind is "file"'
+    assert thing.idle("about") == ""
+    assert thing.idle("speed") == "turn is 2"
+
+
+@pytest.mark.parametrize("cls", FILTERS)
+def test_conditions_name_real_parameters_and_values(cls: type[Parameterised]) -> None:
+    for parameter in cls.parameters.values():
+        for key, values in parameter.when.items():
+            other = cls.parameters[key]
+            assert [other.check(value) for value in values] == list(values)

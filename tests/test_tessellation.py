@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import threading
 import time
 
@@ -394,3 +396,52 @@ def test_speed():
         surface.evaluate(points)
         best = min(best, time.perf_counter() - start)
     assert best < 0.05
+
+
+def test_an_array_that_dies_runs_no_python() -> None:
+    recycler = Recycler()
+    array, told = recycler.empty((10,), np.float64), []
+    sys.setprofile(lambda _frame, event, _argument: told.append(event))
+    try:
+        del array
+    finally:
+        sys.setprofile(None)
+    # Python's functions are "call"; turning the profile off is a "c_call".
+    assert "call" not in told
+
+
+_TWO_THREADS = """
+import sys, threading
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from spacemap_vtk.recycler import Recycler
+
+sys.setswitchinterval(1e-5)
+recycler, over = Recycler(), threading.Event()
+
+def work():
+    while not over.is_set():
+        vtkPolyData(), vtkTriangleFilter()
+
+thread = threading.Thread(target=work, daemon=True)
+thread.start()
+shown = vtkTriangleFilter()
+for _ in range(2000):
+    array, points, data = recycler.empty((9, 3), np.float32), vtkPoints(), vtkPolyData()
+    array[:] = 0.0
+    points.SetData(numpy_to_vtk(array))
+    data.SetPoints(points)
+    shown.SetInputData(data)
+    del array, points, data
+over.set()
+thread.join()
+"""
+
+
+def test_a_thread_that_lets_go_of_arrays_and_one_of_vtk_objects_both_go_on() -> None:
+    # VTK's collector freed the last frame's array, whose memory Python gave back; Python let the
+    # other thread work, which waited for the collector: the window stood still for ever.
+    subprocess.run([sys.executable, "-c", _TWO_THREADS], check=True, timeout=100)

@@ -10,7 +10,9 @@ from window import require_display, settled, type_into, wait_until
 
 require_display()
 
-from PySide6.QtWidgets import QFileDialog, QMessageBox  # noqa: E402
+from PySide6.QtCore import QPoint  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QComboBox, QFileDialog, QMessageBox, QSlider  # noqa: E402
 
 from spacemap_vtk.app.document import Document  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
@@ -153,3 +155,65 @@ def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> N
     document.undo.redo()
     assert document.text == end
     document.changed.disconnect()  # which keeps the document
+
+
+def test_the_wheel_scrolls_past_fields_and_changes_none(open_window: Any) -> None:
+    window = open_window("gust")
+    window.stages.choose("response")
+    assert isinstance(window.properties.rows["loads"].editor.cards[0].action, QComboBox)
+    for section in ("weave", "response", "view"):
+        window.stages.choose(section)
+        page = window.properties
+        fields = [*page.findChildren(QSlider), *page.findChildren(QComboBox)]
+        assert len(fields) > 2
+        for field in fields:
+            page.verticalScrollBar().setValue(0)
+            page.ensureWidgetVisible(field)
+            before = page.verticalScrollBar().value()
+            down = before < page.verticalScrollBar().maximum()
+            at = field.mapTo(window, field.rect().center())
+            turn = QPoint(0, -120 if down else 120)
+            QTest.wheelEvent(window.windowHandle(), at, turn)
+            assert (page.verticalScrollBar().value() > before) == down
+    assert window.document.undo.isClean()
+
+
+def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_window: Any) -> None:
+    window = open_window()
+    line = window.times.line
+    type_into(line, "0.05")
+    assert (line.text(), window.times.time) == ("50 ms", 0.05)
+    type_into(line, "soon")
+    assert line.property("bad")
+    assert "soon" in window.errors.text
+    type_into(line, "0.05")
+    assert not line.property("bad")
+    assert line.text() == "50 ms"
+    type_into(line, "later")
+    window.times.to_start()
+    assert (line.text(), line.property("bad")) == ("0 s", False)
+
+
+def test_a_draft_that_is_none_is_marked_before_a_clear_background(
+    open_window: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "bad.wif").write_text("junk")
+    window = open_window(str(tmp_path / "bad.wif"), wait=False)
+    wait_until(lambda: "no section of a draft" in window.errors.text)
+    assert window.properties.section == "weave"
+    assert window.properties.rows["draft"].property("bad")
+    assert window.view.image().min() > 200
+    window.document.set("weave", "draft", None)
+    wait_until(lambda: settled(window))
+    assert not window.properties.rows["draft"].property("bad")
+    assert window.view.image().min() < 100
+
+
+def test_the_table_of_modes_follows_a_change_while_time_runs(open_window: Any) -> None:
+    window = open_window()
+    window.times.play.click()
+    before = window.modes.table.item(0, 1).text()
+    window.document.set("modal", "youngs_modulus", "20 kPa")
+    wait_until(lambda: window.modes.table.item(0, 1).text() != before)
+    assert window.times.playing
+    window.times.play.click()

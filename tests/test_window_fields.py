@@ -177,3 +177,38 @@ def test_reset_brings_back_every_default(open_window: Any, section: str) -> None
     part = getattr(window.document.scene, section)
     for name, parameter in part.parameters.items():
         assert getattr(part, name) == parameter.default
+
+
+def test_what_does_not_count_is_hidden_or_says_why(open_window: Any) -> None:
+    window = open_window()
+    window.stages.choose("cage")
+    rows = window.properties.rows
+
+    def shown() -> list[str]:
+        return [name for name, row in rows.items() if row.isVisible()]
+
+    assert shown() == ["method", "divisions", "order", "padding"]
+    window.document.set("cage", "method", "carved")
+    window.document.set("cage", "margin", 1)
+    assert shown() == ["method", "divisions", "order", "padding", "margin", "fill"]
+    assert rows["margin"].editor.isEnabled()
+    # What the scene says stays in sight, in grey, and can be taken back.
+    window.document.set("cage", "method", "lattice")
+    assert shown() == ["method", "divisions", "order", "padding", "margin"]
+    assert rows["margin"].note.text() == 'does not count: method is "lattice"'
+    assert not rows["margin"].editor.isEnabled()
+    wait_until(lambda: settled(window))
+    assert "cage.margin does not count" in window.told.toolTip()
+    click(rows["margin"].reset)
+    assert shown() == ["method", "divisions", "order", "padding"]
+    window.document.undo.undo()
+    assert "margin" in shown()
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_a_page_shows_what_its_stage_asks_for(open_window: Any, section: str) -> None:
+    window = open_window()
+    window.properties.choose(section)
+    part, written = getattr(window.document.scene, section), window.document.values.get(section, {})
+    for name, row in window.properties.rows.items():
+        assert row.isHidden() == (bool(part.idle(name)) and name not in written)

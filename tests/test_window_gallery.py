@@ -144,3 +144,20 @@ def test_the_gallerys_scroll_bar_is_drawn_whole(open_window: Any, dark: bool) ->
     assert min(color.lightness() for color in middle[30:-30]) >= limit
     if dark:
         window.menus.dark.trigger()
+
+
+def test_pictures_that_come_late_are_seen_whole(open_window: Any) -> None:
+    window = open_window("plain_weave")
+    window.tabs.setCurrentWidget(window.gallery)
+    pictures = window.gallery.list
+    wait_until(lambda: not pictures.item(0).icon().isNull())
+    QTest.qWait(100)
+    picture = pictures.viewport().grab().toImage()
+    icon, cell = pictures.iconSize(), pictures.visualItemRect(pictures.item(0))
+    # Only a strip was drawn, of the height that an item has without its picture.
+    assert cell.height() > icon.height()
+    x, y = cell.center().x(), cell.top()
+    column = [picture.pixelColor(x, y + step) for step in range(icon.height())]
+    # The animal stands in the middle: brown, down to its feet.
+    brown = [step for step, c in enumerate(column) if c.red() - c.blue() > 40]
+    assert len(brown) > icon.height() // 4

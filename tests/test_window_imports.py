@@ -118,3 +118,15 @@ def test_a_wrong_name_is_refused_before_anything_opens(
         main(["gui", "plain_weve"])
     assert ended.value.code == 2
     assert "plain_weave" in capsys.readouterr().err
+
+
+def test_a_scene_that_cannot_be_read_ends_the_program_in_order(tmp_path: Path) -> None:
+    require_display()
+    scene = tmp_path / "bad.toml"
+    scene.write_text("[weave]\nends = -3\n")
+    command = [sys.executable, "-m", "spacemap_vtk", "gui", str(scene)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # Qt aborted the process, whose engine's thread still ran.
+    assert done.returncode == 2
+    assert "weave.ends = -3" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -57,6 +57,9 @@ def test_on_a_dense_screen_all_is_the_same_and_finer(tmp_path: Path) -> None:
         for scale in (1, 2)
     )
     assert (once["ratio"], twice["ratio"]) == (1, 2)
+    # At first the window is no larger than the screen, which has room for 1280 by 720 of Qt's.
+    assert once["fits"]
+    assert twice["fits"]
     # VTK draws every pixel there is.
     assert once["drawn"] == once["view"]
     assert twice["drawn"] == [2 * side for side in twice["view"]]

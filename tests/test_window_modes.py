@@ -85,3 +85,30 @@ def test_the_table_fills_its_width_with_other_modes_too(open_window: Any) -> Non
     window.document.set("weave", "warp_diameter", "0.2 mm")
     wait_until(lambda: settled(window) and table.item(0, 1).text() != first)
     assert table.horizontalHeader().length() == table.viewport().width()
+
+
+def test_without_modes_the_tab_says_how_to_get_them(open_window: Any) -> None:
+    window = open_window("handweaving")
+    assert window.modes.table.rowCount() == 0
+    assert "modal solver" in window.modes.hint.text()
+    window.files.load("plain_weave")
+    wait_until(lambda: window.modes.table.rowCount() > 0)
+    assert "Click a mode" in window.modes.hint.text()
+    window.files.load("calculix_fabric")
+    wait_until(lambda: window.modes.table.rowCount() == 0)
+    assert "from a file" in window.modes.hint.text()
+
+
+def test_arrow_keys_go_from_mode_to_mode(open_window: Any) -> None:
+    window = open_window()
+    window.tabs.setCurrentWidget(window.modes)
+    table = window.modes.table
+    at = table.visualItemRect(table.item(1, 1)).center()
+    QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    assert window.modes.mode == 1
+    QTest.keyClick(table, Qt.Key.Key_Down)
+    assert window.modes.mode == 2
+    wait_until(lambda: window.director.swing is not None and window.director.swing.mode == 2)
+    window.modes.stop()
+    QTest.keyClick(table, Qt.Key.Key_Down)
+    assert window.modes.mode is None

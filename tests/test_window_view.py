@@ -14,8 +14,9 @@ from window import require_display, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtGui import QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QLabel  # noqa: E402
+from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 
 from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
@@ -149,6 +150,47 @@ def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
     assert np.abs(still.displacement).max() == 0.0
 
 
+def seen(window: Any) -> np.ndarray:
+    """Return what the screen shows of the view, which nobody draws anew for that."""
+    view = window.view.plotter
+    place = view.mapToGlobal(QPoint(0, 0))
+    grabbed = window.screen().grabWindow(0, place.x(), place.y(), view.width(), view.height())
+    drawn = grabbed.toImage().convertToFormat(QImage.Format.Format_RGB888)
+    rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), -1)
+    return rows[:, : 3 * drawn.width()].astype(int)
+
+
+def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_window: Any) -> None:
+    window = open_window()
+    widget, at = window.view.plotter, QPoint(300, 300)
+    QTest.qWait(300)
+    pictures = [seen(window)]
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+    for _ in range(3):
+        at += QPoint(30, 12)
+        QTest.mouseMove(widget, at)
+        wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
+        pictures.append(seen(window))
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+    QTest.wheelEvent(window.windowHandle(), widget.mapTo(window, at), QPoint(0, 120))
+    wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
+
+
+def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_window: Any) -> None:
+    window = open_window()
+    widget, at, drawn = window.view.plotter, QPoint(300, 300), []
+    widget.render_window.AddObserver("EndEvent", lambda *_: drawn.append(1))
+    QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+    QTest.qWait(100)
+    drawn.clear()
+    for _ in range(20):
+        at += QPoint(5, 2)
+        QTest.mouseMove(widget, at, 0)
+    QTest.qWait(300)
+    QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+    assert 1 <= len(drawn) < 20
+
+
 def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
     window = open_window()
     picks: list[Any] = []
@@ -206,3 +248,35 @@ def test_a_stages_figures_stand_beside_its_name(open_window: Any) -> None:
     for item in window.stages.items.values():
         for column in (1, 2):
             assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
+
+
+def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_window: Any) -> None:
+    window = open_window()
+    window.resize(1000, 700)
+    QTest.qWait(100)
+    arrow = window.tools.findChild(QToolButton, "qt_toolbar_ext_button")
+    assert arrow.isVisible()
+    # It was empty, and did nothing.
+    behind = {action.text(): action for action in arrow.menu().actions()}
+    assert {"Camera", "Clip", "Background"} <= behind.keys()
+    before = image(window)
+    next(a for a in behind["Background"].menu().actions() if a.text() == "Black").trigger()
+    assert np.abs(image(window) - before).max() > 200
+    # In the dark, too, it is seen.
+    window.menus.dark.trigger()
+    arrow_drawn = arrow.grab().toImage()
+    window.menus.dark.trigger()
+    pixels = [
+        arrow_drawn.pixelColor(x, y).lightness()
+        for x in range(arrow_drawn.width())
+        for y in range(arrow_drawn.height())
+    ]
+    assert max(pixels) > 150
+    # The colours' box is in the menu "View".
+    stress = window.tools.colorings["stress"]
+    assert not stress.isChecked()
+    stress.trigger()
+    assert window.tools.coloring.currentData() == window.document.scene.view.color == "stress"
+    assert stress.isChecked()
+    window.document.undo.undo()
+    assert not stress.isChecked()

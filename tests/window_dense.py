@@ -25,6 +25,8 @@ def main(picture: str) -> None:
     app = QApplication([])
     app.setApplicationName("spacemap")
     window = MainWindow()
+    room = app.primaryScreen().availableSize()
+    fits = window.width() <= room.width() and window.height() <= room.height()
     window.resize(1150, 640)
     window.start("plain_weave")
     window.show()
@@ -42,6 +44,7 @@ def main(picture: str) -> None:
         found = window.view.pick(view.width() / 2 + x, view.height() / 2)
         picked.append(None if found is None else (found.yarn, found.rest))
     told = {
+        "fits": fits,
         "ratio": window.devicePixelRatioF(),
         "view": [view.width(), view.height()],
         "drawn": list(view.render_window.GetSize()),

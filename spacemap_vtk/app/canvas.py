@@ -86,6 +86,9 @@ class Canvas(_Widget):
         self.render_window.AddRenderer(self.renderer)
         self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
+        # What the mouse turns is drawn when Qt comes to it, once, however many moves came before.
+        self.interactor.EnableRenderOff()
+        self._asking = self.interactor.AddObserver("RenderEvent", self._ask_for_paint)
         self.interactor.Initialize()
 
     def initializeGL(self) -> None:
@@ -109,7 +112,7 @@ class Canvas(_Widget):
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
         try:
-            self.interactor.Render()
+            window.Render()
             self._wait()
         finally:
             self._painting = False
@@ -125,6 +128,14 @@ class Canvas(_Widget):
         state.vtkglDisable(_SCISSOR_TEST)
         state.vtkglBlitFramebuffer(0, 0, *window.GetSize(), *place, _COLOR_BUFFER, _NEAREST)
         state.Pop()
+
+    def close(self) -> bool:
+        """Let go of the interactor, which would keep this widget, and free what VTK holds."""
+        self.interactor.RemoveObserver(self._asking)
+        return bool(super().close())
+
+    def _ask_for_paint(self, _interactor: object, _event: str) -> None:
+        self.update()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Keep keys from VTK: the window's own mean something else, see `ViewKeys`."""

@@ -36,6 +36,9 @@ class ClipHandle:
         self._shape.SetDrawPlane(True)
         self._shape.GetPlaneProperty().SetOpacity(0.10)
         self._shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
+        # VTK's own is a green that would tint the cloth while the mouse holds the plane.
+        self._shape.GetSelectedPlaneProperty().SetOpacity(0.16)
+        self._shape.GetSelectedPlaneProperty().SetColor(0.30, 0.61, 0.78)
         self._shape.SetEdgeColor(0.30, 0.61, 0.78)
         self._shape.GetEdgesProperty().SetLineWidth(2.0)
         self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
@@ -73,11 +76,23 @@ class ClipHandle:
         self._shape.SetOrigin(*cut[1])
 
     def read(self, plane: vtkPlane) -> None:
-        """Write into a plane where this one is."""
+        """Write into a plane where this one is.
+
+        Parameters
+        ----------
+        plane : vtkPlane
+            Gets normal and origin [m].
+        """
         self._shape.GetPlane(plane)
 
     def show(self, on: bool) -> None:
-        """Be seen, or not."""
+        """Be seen, or not.
+
+        Parameters
+        ----------
+        on : bool
+            Seen.
+        """
         self._widget.SetEnabled(on)
 
     def close(self) -> None:

@@ -37,7 +37,12 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
     window = MainWindow()
     if made is not None:
         made(window)
-    window.start(scene)
+    try:
+        window.start(scene)
+    except BaseException:
+        # The engine's thread works already: Qt would abort the process that leaves it.
+        window.discard()
+        raise
     window.show()
     window.director.drawn.connect(_prepare, Qt.ConnectionType.SingleShotConnection)
     # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.

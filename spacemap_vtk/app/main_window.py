@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import QSettings, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import (
     QLabel,
@@ -34,7 +34,7 @@ from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
-from spacemap_vtk.app.stage_list import StageList
+from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
@@ -50,7 +50,8 @@ class MainWindow(QMainWindow):
     def __init__(self) -> None:
         super().__init__()
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self.resize(1440, 900)
+        # What is left of a small screen by the window's frame and a panel.
+        self.resize(QSize(1440, 900).boundedTo(self.screen().availableSize() - QSize(20, 60)))
         self.document = Document(self)
         self.engine = Engine(self)
         self.look = Look()
@@ -108,6 +109,10 @@ class MainWindow(QMainWindow):
             What was raised.
         """
         self.errors.say(error)
+        draft = self.document.scene.weave.draft
+        if isinstance(error, SpacemapError) and draft and error.file == str(draft):
+            # What is wrong inside the file has no field but the file's.
+            error.section, error.key = "weave", "draft"
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: its slider would go from under the hand.
             section = error.section or ""
@@ -283,8 +288,10 @@ class MainWindow(QMainWindow):
 
     def _drawn(self, frame: Frame) -> None:
         self.errors.clear()
-        if not frame.coarse:
+        if not (frame.coarse and self.director.held):
+            # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.response)
+        if not frame.coarse:
             note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
@@ -302,7 +309,7 @@ class MainWindow(QMainWindow):
         for widget in (self.bar, self.cancel, self.running):
             widget.setVisible(bool(section))
         if section:
-            self.running.setText(SECTIONS[section].__name__)
+            self.running.setText(words_of(SECTIONS[section].__name__))
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))

@@ -89,6 +89,7 @@ class Menus(QObject):
         menu.addActions(tools.keys.looks)
         menu.addSeparator()
         for name, choices in (
+            ("Colour by", [*tools.colorings.values()]),
             ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Background", [*tools.backgrounds.values()]),

@@ -34,6 +34,15 @@ _PERIOD = 1.2
 _TICK = 15
 
 
+#: What the tab says: with modes, without a cage, and where the motion is read from a file.
+_HINTS = (
+    "Click a mode to see it swing, slowed to a swing in a second.",
+    "Nothing moves in this scene: change a value of the modal solver, and it gets a cage that "
+    "swings.",
+    "The motion is read from a file, and has no modes.",
+)
+
+
 class ModesTab(QWidget):
     """Frequency and damping of each mode; a click lets it swing."""
 
@@ -61,7 +70,7 @@ class ModesTab(QWidget):
         self.amplitude.setToolTip("Largest displacement, in percent of the cage's longest side")
         self.back = QPushButton("Back to the motion")
         self.back.setEnabled(False)
-        self.hint = QLabel("Click a mode to see it swing, slowed to a swing in a second.")
+        self.hint = QLabel(_HINTS[0])
         self.hint.setObjectName("about")
         self.hint.setWordWrap(True)
         below = QHBoxLayout()
@@ -79,6 +88,7 @@ class ModesTab(QWidget):
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
         self.table.cellClicked.connect(self._clicked)
+        self.table.currentCellChanged.connect(self._moved)
         self.back.clicked.connect(self.stop)
 
     @property
@@ -102,6 +112,7 @@ class ModesTab(QWidget):
             damping = response.damping
         except InputError:
             return  # two ways that contradict each other: the run says so
+        self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
         known = (values.tobytes(), damping)
         if known == self._known:
             return
@@ -143,6 +154,11 @@ class ModesTab(QWidget):
         self._begun = time.perf_counter()
         self.back.setEnabled(True)
         self._timer.start()
+
+    def _moved(self, row: int, *_: int) -> None:
+        """Let the arrow keys go from one swinging mode to the next."""
+        if self._mode is not None and row >= 0:
+            self._mode = row
 
     def _tick(self) -> None:
         if self._mode is not None:

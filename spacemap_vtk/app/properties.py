@@ -97,6 +97,8 @@ class Properties(QScrollArea):
             known = before and (before[2][name], name not in before[1])
             if known != (value, default) or row.property("bad"):
                 row.show_value(value, default)
+            if row.parameter.when:
+                row.show_idle(part.idle(name), written=not default)
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()

@@ -49,7 +49,7 @@ class StageList(QTreeWidget):
         self._flush.setInterval(250)
         self._flush.timeout.connect(self.flush)
         for section, cls in SECTIONS.items():
-            item = QTreeWidgetItem([_words(cls.__name__), "", ""])
+            item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
             item.setData(0, _KEY, section)
             item.setToolTip(0, (cls.__doc__ or "").strip().splitlines()[0])
             for column in (1, 2):
@@ -147,13 +147,31 @@ class StageList(QTreeWidget):
             self.chosen.emit(item.data(0, _KEY))
 
 
-def _words(name: str) -> str:
-    """Return ModalSolver as "Modal solver"."""
+def words_of(name: str) -> str:
+    """Return a stage's name as the list has it.
+
+    Parameters
+    ----------
+    name : str
+        Of its class, as in ``"ModalSolver"``.
+
+    Returns
+    -------
+    str
+        As in ``"Modal solver"``.
+    """
     spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
     return spaced.capitalize()
 
 
 def _dot(color: str, hollow: bool = False) -> QIcon:
+    icon = QIcon(_drawn_dot(color, hollow, ring=False))
+    # Qt would tint it with the line's own colour, and the chosen stage's state would be lost.
+    icon.addPixmap(_drawn_dot(color, hollow, ring=True), QIcon.Mode.Selected)
+    return icon
+
+
+def _drawn_dot(color: str, hollow: bool, ring: bool) -> QPixmap:
     size = 96  # sharp on screens of many pixels, too
     pixmap = QPixmap(size, size)
     pixmap.fill(Qt.GlobalColor.transparent)
@@ -164,7 +182,7 @@ def _dot(color: str, hollow: bool = False) -> QIcon:
         painter.drawEllipse(28, 28, 40, 40)
     else:
         painter.setBrush(QColor(color))
-        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setPen(QPen(QColor("white"), 6) if ring else Qt.PenStyle.NoPen)
         painter.drawEllipse(24, 24, 48, 48)
     painter.end()
-    return QIcon(pixmap)
+    return pixmap

@@ -42,7 +42,9 @@ QLabel#about, QLabel#note {{ color: {faint}; }}
 QLabel#note[bad="true"] {{ color: {bad}; }}
 QLabel#heading {{ font-size: 20px; font-weight: 600; }}
 ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
-Editor[bad="true"] QComboBox {{ border: 2px solid {bad}; border-radius: 4px; }}
+Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{
+    border: 2px solid {bad}; border-radius: 4px;
+}}
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
@@ -56,6 +58,11 @@ QToolButton::menu-indicator {{ image: none; }}
 QSplitter::handle {{ background: {line}; }}
 QSplitter::handle:horizontal {{ width: 1px; }}
 QHeaderView::section {{ background: transparent; border: none; padding: 4px; color: {faint}; }}
+"""
+#: Fusion draws an empty box darker than the window, where nobody sees it.
+_DARK_SHEET = """
+QCheckBox::indicator:unchecked:enabled { border: 1px solid #7d8998; border-radius: 2px;
+    width: 12px; height: 12px; }
 """
 
 
@@ -91,4 +98,5 @@ def apply_theme(app: QApplication, dark: bool) -> None:
             text="#e6eaf0" if dark else "#1f2730",
             check="#35546a" if dark else "#cfe3ef",
         )
+        + (_DARK_SHEET if dark else "")
     )

@@ -165,8 +165,10 @@ class TimeBar(QWidget):
         self.slider.blockSignals(True)
         self.slider.setValue(round(min(max(share, 0.0), 1.0) * _STEPS))
         self.slider.blockSignals(False)
-        if not self.line.hasFocus() or self.playing:
+        # What is being typed stays.
+        if not (self.line.hasFocus() and self.line.isModified()) or self.playing:
             self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
+            self._mark(bad=False)
 
     def _toggled(self, on: bool) -> None:
         self.play.setText("❚❚" if on else "▶")
@@ -212,9 +214,17 @@ class TimeBar(QWidget):
                 raise InputError("not a time to show", allowed="at least 0 s")
         except InputError as error:
             error.key, error.value = "time", self.line.text()
+            self._mark(bad=True)
             self.refused.emit(error)
         else:
             self.go(at)
+
+    def _mark(self, bad: bool) -> None:
+        if bool(self.line.property("bad")) != bad:
+            self.line.setProperty("bad", bad)
+            # A style sheet looks at a property only when it is told to.
+            self.line.style().unpolish(self.line)
+            self.line.style().polish(self.line)
 
 
 def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:

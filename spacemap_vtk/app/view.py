@@ -123,7 +123,9 @@ class View3D(QWidget):
         view : View
             Of the scene that the frame is of.
         """
-        if self._view is not None and view.settings != self._view.settings:
+        if self._view is None:
+            self._color(view)  # behind what may never come
+        elif view.settings != self._view.settings:
             self._view = view
             self._color(view)
             self.refresh()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtGui import QAction, QActionGroup, QIcon, QKeySequence
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
@@ -55,6 +55,11 @@ class ViewBar(QToolBar):
         self.setObjectName("view bar")
         self.setIconSize(QSize(16, 16))
         self.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        # Qt's own arrow is black, and not seen in the dark.
+        more = self.findChild(QToolButton, "qt_toolbar_ext_button")
+        more.setIcon(QIcon())
+        more.setText("»")
+        more.setToolTip("What has no room here")
         self._view = view
         self._possible: list[str] = []
         self.shown: dict[str, QAction] = {}
@@ -70,8 +75,16 @@ class ViewBar(QToolBar):
             self.shown[name] = action
         self.addSeparator()
         self.coloring = QComboBox()
+        #: The same for the menu: a narrow window has no room for the box.
+        self.colorings: dict[str, QAction] = {}
+        group = QActionGroup(self)
         for name, coloring in COLORINGS.items():
             self.coloring.addItem(coloring.label, name)
+            action = QAction(coloring.label, group)
+            action.setCheckable(True)
+            action.setData(name)
+            action.triggered.connect(self._color_chosen)
+            self.colorings[name] = action
         self.coloring.currentIndexChanged.connect(self._colored)
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
@@ -131,9 +144,11 @@ class ViewBar(QToolBar):
             self._possible = possible
             for index, name in enumerate(COLORINGS):
                 self.coloring.model().item(index).setEnabled(name in possible)
+                self.colorings[name].setEnabled(name in possible)
         self.coloring.blockSignals(True)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
+        self.colorings[scene.view.color].setChecked(True)
         for name, action in self.shown.items():
             if name in scene.view.parameters:
                 action.setChecked(getattr(scene.view, name))
@@ -164,6 +179,9 @@ class ViewBar(QToolBar):
     def _colored(self, index: int) -> None:
         self.colored.emit(self.coloring.itemData(index))
 
+    def _color_chosen(self) -> None:
+        self.colored.emit(self.sender().data())
+
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
 
@@ -185,11 +203,13 @@ class ViewBar(QToolBar):
         return action
 
     def _menu(self, name: str, tip: str) -> QMenu:
-        button = QToolButton()
-        button.setText(f"{name} ▾")
-        button.setToolTip(tip)
-        button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        menu = QMenu(button)
-        button.setMenu(menu)
-        self.addWidget(button)
+        # No button of its own: the menu behind the bar's arrow, for what has no room, takes only
+        # actions.
+        menu = QMenu(self)
+        action = QAction(name, self)
+        action.setIconText(f"{name} ▾")
+        action.setToolTip(tip)
+        action.setMenu(menu)
+        self.addAction(action)
+        self.widgetForAction(action).setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         return menu

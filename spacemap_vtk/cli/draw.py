@@ -36,12 +36,12 @@ def render(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a scene or a draft at one time.
+    """Draw a scene, a draft or a mesh at one time.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .png or .jpg file.
     """
@@ -73,21 +73,22 @@ def animate(
     """Make a film of a scene, or numbered frames.
 
     The section [animation] says which times it shows, and how many frames a second. Without
-    --size, a GIF is drawn at half the scene's size.
+    --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie].
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
-    numbered = re.search(r"%0?\d*d", output.name)
     check_output(output, FILM_FORMATS)
-    if output.suffix.lower() == ".png" and numbered is None:
+    numbered = output.suffix.lower() == ".png"
+    if numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", output.name):
+        example = re.sub("%[0-9]*[a-z]?", "", output.stem) + "-%04d.png"
         raise InputError(
-            f"{output}: frames need a number in their name",
-            allowed=f"for example {output.with_name(output.stem + '-%04d.png')}",
+            f"{output}: frames need one number in their name",
+            allowed=f"for example {output.with_name(example)}",
         )
     opened_scene = opened(scene, set_, size=size, color=color)
     from spacemap_vtk.scenes.film import write_film, write_frames
@@ -129,12 +130,14 @@ def storyboard(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a motion as the paper's figure 6 does: cage (a) above fabric (b), time to the right.
+    """Draw a motion as the paper's figure 6 does.
+
+    The cage (a) above, the fabric (b) below, time to the right.
 
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     output : Path
         A .png or .jpg file.
     """
@@ -169,18 +172,24 @@ def export(
     output: Output,
     what: Annotated[
         str | None,
-        Parameter(help="patches, cage, surface or draft; by default what the format holds first."),
+        Parameter(
+            help="patches, cage, surface or draft; by default what the ending stands for first: "
+            "patches for .vtu."
+        ),
     ] = None,
     time: Time = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Write a scene's patches or cage (.vtu), surface (.vtp, .stl, .ply) or draft (.wif).
+    """Write a scene's data for other programs.
+
+    The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, or
+    the draft: the output's ending tells which.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     output : Path
         A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """

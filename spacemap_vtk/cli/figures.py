@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import textwrap
+import tomllib
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
+from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library, thumbnails
@@ -18,21 +19,24 @@ def info(
     scene: str,
     /,
     *,
-    time: Time = None,
+    time: Annotated[
+        str | None,
+        Parameter(help="Look for the least clearance at this time, too: in s, as in 0.4 or 400ms."),
+    ] = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print a fabric's figures: Peirce's angle, length, crimp and height, cover, mass, clearance.
+    """Print the figures of a fabric, or of an object.
 
-    With --time also the least clearance between the yarns of the deformed fabric. Of an object:
-    its cells, points, extents, arrays and the faults of its surface; of its cage, the pieces and
-    what lies outside.
+    Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
+    the least clearance between the yarns of the deformed fabric. Of an object: its cells, points,
+    extents, arrays and the faults of its surface; of its cage, the pieces and what lies outside.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     chosen = opened(scene, set_, time=time)
     if chosen.source is chosen.object:
@@ -102,12 +106,14 @@ def info(
 
 
 def validate(scene: str, /, *, set_: Set = (), quiet: Quiet = False) -> None:
-    """Check a scene without drawing it: every value, the draft, and that the fabric is feasible.
+    """Check a scene without drawing it.
+
+    Every value, the draft, the cage's material, and that the fabric is feasible.
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, or name of a scene.
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     chosen = opened(scene, set_)
     chosen.check()
@@ -125,8 +131,14 @@ def scenes(
     """List the scenes that come with the program."""
     if name is not None:
         if name not in library.names():
+            from spacemap_vtk.parameters import suggestion
+
             raise InputError(
-                "no such scene", key="scenes", value=name, allowed=", ".join(library.names())
+                "no such scene",
+                key="scenes",
+                value=name,
+                allowed=", ".join(library.names()),
+                cure=suggestion(name, library.names()),
             )
         print(library.find(name).read_text(encoding="utf-8"), end="")
         return
@@ -139,9 +151,10 @@ def scenes(
 
 
 def materials(*, json_: Json = False) -> None:
-    """List the measured fabrics that modal.material can name, with their source.
+    """List the measured fabrics a cage can be made of.
 
-    The table's constants, what they leave open, and how a scene replaces them.
+    modal.material names one. The table has its constants and their source; below it stands what
+    they leave open, and how a scene replaces them.
     """
     from spacemap_vtk.modal.fabrics import ASSUMED, FABRICS, SOURCE
 
@@ -198,7 +211,11 @@ def materials(*, json_: Json = False) -> None:
 
 
 def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:
-    """Explain the sections and keys of a scene file, each with what is allowed and its default."""
+    """Explain the sections and keys of a scene file.
+
+    Each key with its default, when it counts, and what is allowed. In a file it stands below its
+    [section]; on the command line it is --set section.key=value.
+    """
     from spacemap_vtk.parameters import suggestion
     from spacemap_vtk.scenes.scene import SECTIONS
 
@@ -210,14 +227,33 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
             allowed=", ".join(SECTIONS),
             cure=suggestion(section, SECTIONS),
         )
+    if section is None:
+        print('title = "..."\n    Name of the scene; stands above all sections.\n')
     for name in SECTIONS if section is None else [section]:
         summary = (SECTIONS[name].__doc__ or "").strip().splitlines()[0]
         print(f"[{name}]  {summary}\n")
         for key, parameter in SECTIONS[name].parameters.items():
-            print(f"{key} = {parameter.show(parameter.default)}")
-            print(textwrap.indent(textwrap.fill(parameter.help, 76), "    "))
+            print(f"{key} = {_toml(parameter)}")
+            when = f" Counts where {parameter.counts}." if parameter.counts else ""
+            print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()
+
+
+def _toml(parameter: Any) -> str:
+    """Return a parameter's default as a scene file has it, with what "auto" stands for."""
+    from spacemap_vtk.parameters import AUTOMATIC
+
+    if parameter.default is None:
+        return f'"{AUTOMATIC}"  # {parameter.automatic}'
+    text = parameter.show(parameter.default)
+    if text.startswith("["):  # a vector, whose unit stands behind it
+        return text.replace("] ", "]  # ")
+    try:
+        tomllib.loads(f"x = {text}")
+    except tomllib.TOMLDecodeError:
+        return f'"{text}"'
+    return text
 
 
 def _interval(low: float, high: float) -> str:

@@ -13,12 +13,13 @@ from spacemap_vtk.paraview import environment
 def paraview(
     *,
     check: Annotated[
-        bool, Parameter(negative="", help="Try it in pvpython.", show_default=False)
+        bool, Parameter(negative="", help="Try the plugin in pvpython.", show_default=False)
     ] = False,
 ) -> None:
-    """Print the ParaView plugin's place, and the environment to start ParaView with.
+    """Print how to start ParaView with the plugin, or --check it.
 
-    The lines are for a shell: eval "$(spacemap paraview)" and then paraview.
+    The plugin's place, and the environment for it. The lines are for a shell:
+    eval "$(spacemap paraview)" and then paraview.
     """
     if check:
         print(environment.check())

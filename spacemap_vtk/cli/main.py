@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
 
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError
@@ -22,19 +22,21 @@ app = App(
     name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
     their unit: "0.3 mm".
 
+    Begin with "spacemap render plain_weave -o cloth.png", or with "spacemap gui".
+
     Solved modes are kept in the user's cache folder; --no-cache neither reads nor writes it.
 
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
 )
 _COMMANDS = {
-    "render": ("draw:render", "Draw a scene or a draft at one time."),
+    "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "modes": ("motion:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("motion:plot", "Plot how a point moves over time, and its frequency response."),
-    "info": ("figures:info", "Print a fabric's figures."),
+    "info": ("figures:info", "Print the figures of a fabric, or of an object."),
     "validate": ("figures:validate", "Check a scene without drawing it."),
     "scenes": ("figures:scenes", "List the scenes that come with the program."),
     "materials": ("figures:materials", "List the measured fabrics a cage can be made of."),
@@ -71,8 +73,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words.remove("--no-cache")
         os.environ[VARIABLE] = "off"
     try:
+        if words and words[0] in _COMMANDS:
+            # The sentence of the table is for lists of commands: a command's own help says all.
+            app[words[0]].help = None
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, InputError) as error:
+    except CycloptsError as error:
+        _say(_plain(error))
+        sys.exit(2)
+    except InputError as error:
         _say(error)
         sys.exit(2)
     except KeyboardInterrupt:
@@ -86,5 +94,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(0)
 
 
-def _say(error: BaseException) -> None:
+def _plain(error: CycloptsError) -> str:
+    """Return what is wrong with the command line, and where its help is."""
+    command = " ".join(["spacemap", *(error.command_chain or ())])
+    text, argument = str(error), error.argument
+    if isinstance(error, UnusedCliTokensError):
+        text = f'"{" ".join(error.unused_tokens or ())}" is more than "{command}" takes.'
+    elif isinstance(error, MissingArgumentError) and argument and not error.keyword:
+        text = f'"{command}" needs {argument.name}.'
+    return f'{text} See "{command} --help".'
+
+
+def _say(error: BaseException | str) -> None:
     print(f"spacemap: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)

@@ -31,15 +31,16 @@ def modes(
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the vibration modes of a scene's cage: frequency, damping, and the mass each moves.
+    """Print the vibration modes of a scene's cage.
 
-    The effective masses along x, y and z are shares of the mass that can move; a column Σ adds
-    them up. Where the modes hold less than 90 % along an axis with a load, take more of them.
+    For each its frequency, damping ratio, and the mass it moves: the effective masses along x, y
+    and z are shares of the mass that can move, and a column Σ adds them up. Where the modes hold
+    less than 90 % along an axis with a load, take more of them.
 
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     """
     if plot is not None:
         check_output(plot, SHEET_FORMATS)
@@ -111,7 +112,7 @@ def plot(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Plot how a point of the cage moves over time, and its frequency response below.
+    """Plot how a point moves over time, and its frequency response.
 
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
     scene as sines in phase.
@@ -119,7 +120,7 @@ def plot(
     Parameters
     ----------
     scene : str
-        Scene file or name of a scene.
+        Scene file, or name of a scene (see "spacemap scenes").
     output : Path
         A .png, .jpg, .pdf or .svg file.
     """
@@ -127,10 +128,17 @@ def plot(
     chosen = opened(scene, set_)
     place = None
     if point is not None:
-        words = point.split(",")
-        if len(words) != 3:
-            raise InputError("not a point", key="--point", value=point, allowed="x,y,z")
-        place = [parse_quantity(word, "m") for word in words]
+        try:
+            place = [parse_quantity(word, "m") for word in point.split(",")]
+        except InputError:
+            place = []
+        if len(place) != 3 or not all(map(math.isfinite, place)):
+            raise InputError(
+                "not a point",
+                key="--point",
+                value=point,
+                allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
+            )
     from spacemap_vtk.scenes.plots import motion_plot
 
     with progress(chosen, "Plotting", 1, quiet), whole_file(output) as file:

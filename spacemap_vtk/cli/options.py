@@ -22,16 +22,21 @@ Set = Annotated[
     Parameter(
         name="--set",
         negative="",
-        help="Change a value of the scene, as in --set weave.ends=20; auto makes one automatic. "
-        "Can be given again.",
+        help='Change a value of the scene, as in --set weave.ends=20 (see "spacemap keys"); '
+        "auto makes one automatic. Can be given again.",
         show_default=False,
     ),
 ]
-Time = Annotated[str | None, Parameter(help="Time in s, as in 0.4 or 400ms.")]
-Size = Annotated[str | None, Parameter(help="Width and height in pixels, as in 1920x1080.")]
+Time = Annotated[
+    str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
+]
+Size = Annotated[
+    str | None,
+    Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
+]
 Shown = Annotated[
     str | None,
-    Parameter(name="--color", help=f"What colours show: {', '.join(COLORINGS)}."),
+    Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}."),
 ]
 Quiet = Annotated[
     bool,
@@ -44,7 +49,7 @@ Quiet = Annotated[
 ]
 Json = Annotated[
     bool,
-    Parameter(name="--json", negative="", help="JSON, for programs.", show_default=False),
+    Parameter(name="--json", negative="", help="Print JSON, for programs.", show_default=False),
 ]
 
 

@@ -13,7 +13,8 @@ from spacemap_vtk.scenes import library
 
 def gui(
     scene: Annotated[
-        str | None, Parameter(help="Scene file, draft, or name of a scene; none: welcome.")
+        str | None,
+        Parameter(help="Scene file, draft, mesh, or name of a scene; without, the paper's."),
     ] = None,
     /,
 ) -> None:

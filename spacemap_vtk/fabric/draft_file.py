@@ -158,7 +158,7 @@ def read_picture(path: Path) -> Draft:
     if between:
         warnings.append(
             f"{path.name}: {between} of {gray.size} pixels are neither black nor white; those "
-            "darker than middle gray are taken for black"
+            "darker than middle grey are taken for black"
         )
     return Draft(gray[::-1] < 128, title=path.stem, warnings=tuple(warnings))
 

@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 
 class BarycentricWarp(Stage):
-    """Move the points of port 0 with the displacement of the tetrahedral mesh on port 1.
+    """Let an object's points ride along with the cage that moves round them.
 
-    Each point keeps its barycentric weights in the tetrahedron that holds it, or the weights of
-    all ten nodes if the mesh is of quadratic tetrahedra. They are computed once, and again only
-    when points or mesh change: a new displacement costs one sparse product.
-    Normals turn with the surface.
+    Port 0 is the object, port 1 the cage: a tetrahedral mesh with a displacement. Each point keeps
+    its barycentric weights in the tetrahedron that holds it, or the weights of all ten nodes if the
+    mesh is of quadratic tetrahedra. They are computed once, and again only when points or mesh
+    change: a new displacement costs one sparse product. Normals turn with the surface.
 
     Notes
     -----

@@ -300,8 +300,9 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
             if isinstance(error, SpacemapError):
                 error.section = self.section
-                if isinstance(error.value, float) and error.key in self.parameters:
-                    error.value = self.parameters[error.key].show(error.value)  # with its unit
+                parameter = self.parameters.get(error.key or "")
+                if isinstance(error.value, float) and parameter is not None and parameter.unit:
+                    error.value = parameter.show(error.value)  # with its unit
             if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
                 # The others would wait for this process in vain: it is told when all run.
                 self._untold = error
@@ -372,6 +373,11 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         if self._untold is not None:
             raise self._untold
         self.run(inputs, output, time)
+        for name, value in self._values.items():
+            # A zero, or what is off, contradicts nothing.
+            if value and (why := self.idle(name)):
+                counts = self.parameter(name).counts
+                self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
         if self.replicated and self._piece.of > 1:
             mark_owner(output, self._piece)
 

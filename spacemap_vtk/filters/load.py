@@ -290,7 +290,12 @@ class Loads(Parameter[tuple[Load, ...]]):
                     error.key = f"[{number}]" + (f".{error.key}" if error.key else "")
                     raise
             else:
-                raise InputError("this is no load", key=f"[{number}]", value=item)
+                raise InputError(
+                    "this is no load",
+                    key=f"[{number}]",
+                    value=item,
+                    allowed=f"a table with one of {', '.join(ACTIONS)}",
+                )
         return tuple(loads)
 
     def within(self, value: Any, folder: Path) -> Any:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.arrays import add_array, vectors_of
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_modes import Basis, CageModes, Pattern
@@ -31,6 +31,10 @@ ROUNDING = 1e-4
 
 #: Share of the movable mass that the kept modes should hold along an axis with a load.
 ENOUGH = 0.9
+
+
+#: alpha and beta damp where no ratio is asked for.
+_RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
 
 class ModalResponse(Stage):
@@ -69,10 +73,18 @@ class ModalResponse(Stage):
     replicated = True
 
     alpha = Real(
-        1.0, "Damping proportional to mass; slows every mode alike.", unit="1/s", minimum=0.0
+        1.0,
+        "Damping proportional to mass; slows every mode alike.",
+        unit="1/s",
+        minimum=0.0,
+        when=_RAYLEIGH,
     )
     beta = Real(
-        0.0, "Damping proportional to stiffness; stills the high modes.", unit="s", minimum=0.0
+        0.0,
+        "Damping proportional to stiffness; stills the high modes.",
+        unit="s",
+        minimum=0.0,
+        when=_RAYLEIGH,
     )
     damping_ratio = Real(
         None,
@@ -336,17 +348,13 @@ class ModalResponse(Stage):
             if load.at is not None and (distance := modes.away(load.at))
         ]
         start: dict[str, FloatArray] = {}
-        for name, uniform, array in (
-            ("position", self.initial_displacement, self.initial_displacement_array),
-            ("rate", self.initial_velocity, self.initial_velocity_array),
-        ):
-            field = self._start_field(grid, modes, uniform, array)
+        for name, what in (("position", "displacement"), ("rate", "velocity")):
+            field = self._start_field(grid, modes, f"initial_{what}")
             if field.any():
                 inertia = modes.model.mass @ field
                 start[name] = basis.shapes @ inertia
                 missed = 1.0 - float(start[name] @ start[name]) / float(field @ inertia)
                 if missed > 1.0 - ENOUGH:
-                    what = "displacement" if name == "position" else "velocity"
                     warnings.append(
                         f"the modes miss {missed:.0%} of the initial {what}; raise their number"
                     )
@@ -364,12 +372,13 @@ class ModalResponse(Stage):
         self,
         grid: vtkUnstructuredGrid,
         modes: CageModes,
-        uniform: tuple[float, ...],
-        array: str,
+        key: str,
     ) -> FloatArray:
-        field = np.tile(uniform, (len(modes.nodal_mass), 1)).astype(np.float64)
+        field = np.tile(getattr(self, key), (len(modes.nodal_mass), 1)).astype(np.float64)
+        array = getattr(self, f"{key}_array")
         if array:
-            field += vectors_of(grid.GetPointData(), array, len(field), "ModalResponse")
+            with naming(f"{key}_array"):
+                field += vectors_of(grid.GetPointData(), array, len(field), "ModalResponse")
         return field.ravel() * modes.model.free
 
     def _truncation(self, modes: CageModes, patterns: list[Pattern]) -> list[str]:

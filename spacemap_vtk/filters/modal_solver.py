@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time as clock
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
@@ -42,6 +41,10 @@ NEARLY_INCOMPRESSIBLE = 0.45
 #: What a stage solves in fewer seconds is kept on disk no more often than once in so many: in a
 #: drag, writing takes as long as solving.
 _QUICK, _PAUSE = 0.05, 1.0
+
+#: The materials that the moduli and ratios of each kind are for.
+_ISOTROPIC = {"material": ("isotropic",)}
+_ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
 
 FloatArray = NDArray[np.float64]
 
@@ -76,19 +79,21 @@ class ModalSolver(Stage):
 
     material = Choice(
         "isotropic",
-        "Kind of the cage's material: isotropic (youngs_modulus, poissons_ratio), orthotropic "
-        "along the fabric (youngs_moduli, shear_moduli, poissons_ratios), or a measured fabric, "
-        'whose moduli, ratios and density count where they are not given (see "spacemap '
-        'materials").',
+        "Kind of the cage's material: isotropic, orthotropic along the fabric, or a measured "
+        "fabric, whose moduli, ratios and density count where they are not given (see "
+        '"spacemap materials").',
         ["isotropic", "orthotropic", *FABRICS],
     )
-    youngs_modulus = Real(1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0)
+    youngs_modulus = Real(
+        1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0, when=_ISOTROPIC
+    )
     poissons_ratio = Real(
         0.3,
         "Poisson's ratio of an isotropic cage. Linear tetrahedra lock as it nears 0.5, where K is "
         "singular.",
         above=-1.0,
         below=0.5,
+        when=_ISOTROPIC,
     )
     youngs_moduli = Vector(
         None,
@@ -97,6 +102,7 @@ class ModalSolver(Stage):
         component=Real(1.0, "", unit="Pa", above=0.0),
         labels=("E1", "E2", "E3"),
         automatic="none",
+        when=_ORTHOTROPIC,
     )
     shear_moduli = Vector(
         None,
@@ -105,6 +111,7 @@ class ModalSolver(Stage):
         component=Real(1.0, "", unit="Pa", above=0.0),
         labels=("G12", "G13", "G23"),
         automatic="none",
+        when=_ORTHOTROPIC,
     )
     poissons_ratios = Vector(
         None,
@@ -113,6 +120,7 @@ class ModalSolver(Stage):
         component=Real(0.0, ""),
         labels=("ν12", "ν13", "ν23"),
         automatic="none",
+        when=_ORTHOTROPIC,
     )
     density = Real(
         None,
@@ -128,6 +136,7 @@ class ModalSolver(Stage):
         unit="m",
         above=0.0,
         automatic="the cage's extent along z",
+        when={"material": tuple(FABRICS)},
     )
     mass = Choice(
         "consistent",
@@ -161,11 +170,12 @@ class ModalSolver(Stage):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-        held = held_components(
-            vertices,
-            self.fixed,
-            lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
-        )
+        with naming("fixed"):
+            held = held_components(
+                vertices,
+                self.fixed,
+                lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
+            )
         extent = float(np.ptp(vertices[:, 2]))
         elasticity, density = self.constants(extent)
         linear = elements.shape[1] == 4
@@ -210,14 +220,20 @@ class ModalSolver(Stage):
         """
         keys = ("youngs_moduli", "shear_moduli", "poissons_ratios", "density", "thickness")
         given = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+        for key, value in given.items():
+            if why := self.idle(key):
+                raise InputError(
+                    f"it does not count: {why}",
+                    key=key,
+                    value=value,
+                    cure=f"It counts where {self.parameter(key).counts}.",
+                )
         if self.material in FABRICS:
             thickness = given.pop("thickness", extent)
             solid = FABRICS[self.material].solid(thickness)._replace(**given)
             return along_fabric(orthotropic(*solid[:3])), solid.density
         density = given.pop("density", DENSITY)
         if self.material == "orthotropic":
-            if "thickness" in given:
-                raise _not_of("orthotropic", "thickness", given)
             for key in keys[:3]:
                 if key not in given:
                     raise InputError(
@@ -226,8 +242,6 @@ class ModalSolver(Stage):
                         allowed=self.parameter(key).allowed,
                     )
             return along_fabric(orthotropic(*(given[key] for key in keys[:3]))), density
-        for key in given:
-            raise _not_of("isotropic", key, given)
         return isotropic(self.youngs_modulus, self.poissons_ratio), density
 
     def _solve(self, model: Model, count: int, layers: float) -> tuple[FloatArray, FloatArray]:
@@ -314,18 +328,6 @@ class ModalSolver(Stage):
                 + "; set [cage] order = 2 (quadratic tetrahedra), or lower "
                 + ("it to 0.45" if alike else "poissons_ratios")
             )
-
-
-def _not_of(material: str, key: str, given: dict[str, Any]) -> InputError:
-    value = given[key]
-    return InputError(
-        f"the material is {material}",
-        key=key,
-        value=list(value) if isinstance(value, tuple) else value,
-        cure='It counts for a measured fabric only (see "spacemap materials").'
-        if key == "thickness"
-        else 'Set material = "orthotropic", or a measured fabric.',
-    )
 
 
 def _read(digest: str, count: int, vertices: int) -> tuple[FloatArray, FloatArray] | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
 
-from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.arrays import (
     add_array,
     array_of,
@@ -54,7 +54,11 @@ class MotionReader(Stage):
     file = FilePath(
         None, "A time series of a volume mesh, or several files: step_*.vtu.", automatic="no file"
     )
-    array = Text("displacement", "Name of the point array with the displacement.")
+    array = Text(
+        "displacement",
+        "Name of the point array with the displacement.",
+        when={"moving_points": (False,)},
+    )
     moving_points = Flag(
         False, "Take the displacement from the coordinates, which move, and not from an array."
     )
@@ -108,15 +112,17 @@ class MotionReader(Stage):
         state = (self.file, self.file.stat().st_mtime_ns) if self.file.is_file() else (self.file, 0)
         if self._opened is None or self._opened[0] != state:
             self._first = None
-            self._opened = state, open_series(self.file)
+            with naming("file"):
+                self._opened = state, open_series(self.file)
         return self._opened[1]
 
     def _mesh(self, series: Series) -> Volume:
         key = self.array, self.moving_points, self.scale
         if self._first is None or self._first[0] != key:
             self._steps.clear()
-            data = series.read(0)
-            volume = tetrahedral(data, str(series.file))
+            with naming("file"):
+                data = series.read(0)
+                volume = tetrahedral(data, str(series.file))
             rest = self.scale * points_of(volume.grid)
             cells = tetrahedra_of(volume.grid)
             volume.grid.SetPoints(to_points(rest))

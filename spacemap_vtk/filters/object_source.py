@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import tell_bounds
 from spacemap_vtk.filters.processes import Piece
@@ -48,7 +48,7 @@ class ObjectSource(Stage):
     section = "object"
     output = "vtkPointSet"
 
-    file = FilePath(None, "The mesh to read.", automatic="none, which is an error")
+    file = FilePath(None, "The mesh to read.", automatic="no file")
     texture = FilePath(
         None,
         "A picture to paint the object with, by its texture coordinates.",
@@ -89,10 +89,12 @@ class ObjectSource(Stage):
             raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
         if not self.file.is_file():
             self._kept = None
-            read_blocks(self.file)  # says what is wrong
+            with naming("file"):
+                read_blocks(self.file)  # says what is wrong
         key = self._state()
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, read_object(self.file, self.texture)
+            with naming("file"):
+                self._kept = key, read_object(self.file, self.texture)
             self._kind = key, self._kept[1].data.GetClassName()
         return self._kept[1].data
 

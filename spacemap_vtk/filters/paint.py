@@ -96,8 +96,11 @@ def read_picture(path: Path) -> Pixels:
             return np.asarray(image.convert(kind))[::-1]
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError(
-            f"{path}: no picture, or a damaged one: {error}", allowed=".png, .jpg, .bmp, .tif, ..."
-        ) from None
+            f"{path}: no picture, or a damaged one",
+            key="texture",
+            allowed="a .png, .jpg, .bmp, .tif or other picture",
+            cure="Save it again.",
+        ) from error
 
 
 def _read_with_vtk(path: Path) -> Pixels:

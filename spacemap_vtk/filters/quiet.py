@@ -48,8 +48,11 @@ def quiet_vtk(path: Path) -> Iterator[None]:
         for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
         if text.startswith("ERROR") and _HARMLESS not in text
     ]
+    # The first reader knows why; those above it only that it failed, at length.
+    errors = [text for text in errors if "returned failure" not in text] or errors
     if errors:
+        why = errors[0][:200].rstrip(".")
         raise InputError(
-            f"{path}: damaged or not of the format that its ending says: {errors[-1][:200]}",
+            f"{path}: damaged or not of the format that its ending says: {why}",
             cure="Write the file again, whole.",
         )

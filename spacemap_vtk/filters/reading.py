@@ -199,8 +199,12 @@ def _read(path: Path) -> tuple[Any, Any]:
     except (Exception, SystemExit) as error:
         # pyvista's and meshio's own: unknown endings, broken headers, missing parts
         why = said.getvalue() if isinstance(error, SystemExit) else str(error)
+        known = path.suffix.lower() in OBJECT_ENDINGS
         raise InputError(
-            f"{path}: cannot be read: {' '.join(why.split())[:200]}",
+            f"{path}: cannot be read: {' '.join(why.split())[:200]}"
+            if known
+            else f"{path}: no mesh, by its ending",
+            key="file",
             allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
         ) from None
     if "not closed" in said.getvalue():  # meshio goes on with what there is

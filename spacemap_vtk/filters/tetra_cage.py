@@ -16,7 +16,7 @@ from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
 from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.cage.split import mended
-from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import bounds_of_whole
@@ -29,7 +29,7 @@ from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vecto
 
 
 class TetraCage(Stage):
-    """Enclose a data set in a coarse cage of tetrahedra.
+    """Enclose the fabric or object in a coarse cage of tetrahedra.
 
     ``"lattice"`` cuts the bounding box into hexahedra, and each of these into five tetrahedra; the
     cut is mirrored from one hexahedron to the next, so that the mesh conforms. ``"carved"`` keeps
@@ -65,9 +65,10 @@ class TetraCage(Stage):
     )
     divisions = Vector(
         (5, 5, 1),
-        "Number of hexahedra along x, y and z of the box (lattice, carved). At least two through "
-        "the thickness bend well.",
+        "Number of hexahedra along x, y and z of the box. At least two through the thickness bend "
+        "well.",
         component=Integer(1, "", minimum=1, maximum=100_000),
+        when={"method": ("lattice", "carved")},
     )
     order = Integer(
         1,
@@ -75,32 +76,39 @@ class TetraCage(Stage):
         "on their edges: they bend, with one layer as well as linear ones with ten.",
         minimum=1,
         maximum=2,
+        when={"method": ("lattice", "carved", "tetwild")},
     )
     padding = Real(
         0.0,
-        "Room between the object and the box on each side, as a share of that side's length "
-        "(lattice, carved).",
+        "Room between the object and the box on each side, as a share of that side's length.",
         minimum=0.0,
         maximum=10.0,
+        when={"method": ("lattice", "carved")},
     )
     margin = Integer(
-        0, "Layers of hexahedra round those that are touched (carved).", minimum=0, maximum=100
+        0,
+        "Layers of hexahedra round those that are touched.",
+        minimum=0,
+        maximum=100,
+        when={"method": ("carved",)},
     )
-    fill = Flag(True, "Keep the hexahedra that the object encloses (carved).")
+    fill = Flag(True, "Keep the hexahedra that the object encloses.", when={"method": ("carved",)})
     edge_length = Real(
         None,
-        "Length of the tetrahedra's edges to aim for (tetwild).",
+        "Length of the tetrahedra's edges to aim for.",
         unit="m",
         above=0.0,
+        when={"method": ("tetwild",)},
         automatic="a tenth of the object's diagonal",
     )
     inflate = Real(
         0.0,
-        "Distance of the envelope that is filled; 0: the object's own surface (tetwild).",
+        "Distance of the envelope that is filled; 0: the object's own surface.",
         unit="m",
         minimum=0.0,
+        when={"method": ("tetwild",)},
     )
-    file = FilePath(None, "A volume mesh (file).", automatic="no file")
+    file = FilePath(None, "A volume mesh to read.", automatic="no file", when={"method": ("file",)})
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
@@ -221,7 +229,8 @@ class TetraCage(Stage):
             raise InputError(
                 'method "file" needs a file', key="file", allowed=type(self).file.allowed
             )
-        volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
+        with naming("file"):
+            volume = tetrahedral(merged(read_blocks(self.file), self.file), str(self.file))
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)

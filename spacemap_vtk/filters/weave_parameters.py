@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, shown
 from spacemap_vtk.fabric import draft, pattern_names
 from spacemap_vtk.fabric.yarn import linear_density
 from spacemap_vtk.parameters import Color, Parameter, Real
@@ -92,7 +92,8 @@ class Series(Parameter[Any]):
             try:
                 items.append(self.component.convert(item))
             except InputError as error:
-                raise InputError(f"value {number}: {error.message}", cure=error.cure) from None
+                what = f"value {number}, {shown(item)}: {error.message}"
+                raise InputError(what, cure=error.cure) from None
         if not items:
             raise InputError("an empty list")
         return items[0] if len(set(items)) == 1 else tuple(items)

@@ -56,7 +56,7 @@ class WeaveSource(Stage):
 
     _settled: tuple[tuple[Any, ...], Fabric] | None = None
 
-    pattern = Pattern("plain", "The weave, repeated over the cloth.")
+    pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
         None,
         "A draft in place of the pattern: a WIF; a text (.txt, .csv), a row of 0 and 1 for each "
@@ -190,6 +190,7 @@ class WeaveSource(Stage):
         "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
         "of the feasible limit, flatten them, or refuse the draft.",
         ["scale", "flatten", "refuse"],
+        when={"draft": ()},
     )
     overhang = Real(
         None,
@@ -304,6 +305,13 @@ class WeaveSource(Stage):
                 key="pattern",
                 value=self.pattern,
                 cure=f"Leave out the pattern, or the draft {self.draft}",
+            )
+        if not self.draft.is_file():
+            raise InputError(
+                "a folder" if self.draft.is_dir() else "no such file",
+                key="draft",
+                value=self.draft,
+                allowed="a WIF, a text of 0 and 1 (.txt, .csv) or a picture (.png and others)",
             )
         return read_draft(self.draft)
 

@@ -51,7 +51,11 @@ def check_ply(path: Path) -> None:
     header, end, body = content.partition(b"end_header")
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
-        raise InputError(f"{path}: no PLY file: it does not begin with a PLY header", key="file")
+        raise InputError(
+            f"{path}: no PLY file: its header is missing or cut off",
+            key="file",
+            cure="Write the file again, whole.",
+        )
     # how many of each, and the types of its properties: of a list two
     elements: list[tuple[int, list[list[str]]]] = []
     for words in lines:

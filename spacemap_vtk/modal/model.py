@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +20,7 @@ from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, nodal_mass, 
 from spacemap_vtk.modal.materials import check_sizes
 from spacemap_vtk.modal.tetrahedra import checked_mesh
 from spacemap_vtk.modal.truncation import movable_mass
+from spacemap_vtk.modal.weak_values import WeakValues
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -250,8 +250,8 @@ class _Structure:
         return Pencil(self.stiffness, self.mass, self.free, self.points)
 
 
-_assemblies: WeakValueDictionary[str, Assembly] = WeakValueDictionary()
-_structures: WeakValueDictionary[str, _Structure] = WeakValueDictionary()
+_assemblies: WeakValues[Assembly] = WeakValues()
+_structures: WeakValues[_Structure] = WeakValues()
 
 
 def digest_of(*parts: Any) -> str:

@@ -51,7 +51,7 @@ def command(parameter: Parameter[Any]) -> str:
 
 
 def title(parameter: Parameter[Any]) -> str:
-    """Return a parameter's label, from which ParaView makes its name in Python too.
+    """Return a parameter's name in words, from which ParaView makes its name in Python too.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def title(parameter: Parameter[Any]) -> str:
         Each word with a capital, so that "warp diameter" is ``WarpDiameter`` in Python; no unit,
         which would be a part of that name.
     """
-    return " ".join(word[:1].upper() + word[1:] for word in parameter.label.split())
+    return " ".join(word[:1].upper() + word[1:] for word in parameter.name.split("_"))
 
 
 def property_of(parameter: Parameter[Any]) -> Property:

@@ -34,15 +34,23 @@ def check_output(path: Path, formats: dict[str, str]) -> None:
             else f'{path}: format "{path.suffix}" is not known here',
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
         )
+    if path.parent.exists() and not path.parent.is_dir():
+        raise InputError(
+            f"{path}: {path.parent} is a file, not a folder", cure="Choose another folder."
+        )
     if not path.parent.is_dir():
         raise InputError(
             f"{path}: the folder {path.parent} does not exist",
             cure=f'Try "mkdir -p {path.parent}".',
         )
     if path.is_dir():
-        raise InputError(f"{path}: a folder of that name is in the way")
+        raise InputError(
+            f"{path}: a folder of that name is in the way", cure="Choose another name."
+        )
     if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: the folder {path.parent} is not writable")
+        raise InputError(
+            f"{path}: the folder {path.parent} is not writable", cure="Choose another folder."
+        )
 
 
 @contextmanager

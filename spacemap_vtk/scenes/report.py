@@ -44,10 +44,11 @@ def modes(scene: Scene) -> dict[str, Any]:
         If the scene has no cage.
     """
     if not scene.moves or scene.mover is not scene.response:
-        missing = "no cage" if not scene.moves else "a motion out of a file"
-        raise InputError(
-            f"{scene.file}: this scene has {missing}, so no modes", cure="Add a section [modal]."
-        )
+        missing, cure = "a motion out of a file", "Put [modal] in place of [motion]."
+        if not scene.moves:
+            missing = "no cage"
+            cure = 'Add a section [modal], or "--set cage.divisions=[5,5,1]".'
+        raise InputError(f"{scene.file}: this scene has {missing}, so no modes", cure=cure)
     scene.check()  # before the modes are solved: how they are damped
     scene.update_stage(scene.modal)
     grid = scene.modal.GetOutputDataObject(0)

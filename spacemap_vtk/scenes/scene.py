@@ -98,6 +98,8 @@ class Scene:
         self.animation = Animation()
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
+        #: Sections and keys that `set` has changed: the file does not say these.
+        self._assigned: set[tuple[str | None, str | None]] = set()
         self.moves = bool(_MOTION & values.keys())
         #: What is deformed: `weave`, or `object` where the scene has that section.
         self.source: Stage = self.object if "object" in values else self.weave
@@ -147,10 +149,17 @@ class Scene:
                     f"{path}: neither a scene nor a draft nor a mesh, by its ending",
                     allowed=", ".join([".toml", ".wif", *OBJECT_ENDINGS]),
                 ) from None
+            why, cure = str(error), 'Mend that line; strings need quotes, as in "0.3 mm".'
+            if isinstance(error, UnicodeDecodeError):
+                line = error.object.count(b"\n", 0, error.start) + 1
+                why = f"line {line} has a byte {error.object[error.start]:#04x}, which is no UTF-8"
+                cure = "Save it as UTF-8 in a text editor."
+            elif path.read_bytes().startswith(b"\xef\xbb\xbf"):
+                why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
             raise InputError(
-                f"{path}: not a scene: {error}",
-                allowed="a TOML text with sections " + ", ".join(SECTIONS),
-                cure="Mend that line; strings need quotes.",
+                f"{path}: not a scene: {why}",
+                allowed="a TOML text in UTF-8 with sections " + ", ".join(SECTIONS),
+                cure=cure,
             ) from None
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from None
@@ -196,6 +205,7 @@ class Scene:
         part = self._part(section)
         with _naming_section(section):
             part.configure(**{key: value})
+        self._assigned.add((section, key))
         self._carry()
         if part is self.object and self.source is not part:
             self.source = self.object
@@ -400,7 +410,8 @@ class Scene:
         try:
             yield
         except SpacemapError as error:
-            if error.file is None and self.file is not None:
+            assigned = (error.section, error.key) in self._assigned
+            if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
 

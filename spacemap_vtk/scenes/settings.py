@@ -12,6 +12,9 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
 
+#: Where the cage is drawn.
+_CAGE = {"show": ("cage", "both", "side by side")}
+
 
 class Direction(Vector):
     """A vector of any length but zero."""
@@ -54,7 +57,7 @@ class View(Parameterised):
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
     zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
-    supports = Flag(True, "Dots at the cage's fixed vertices, where the cage is drawn.")
+    supports = Flag(True, "Dots at the cage's fixed vertices.", when=_CAGE)
     loads = Flag(False, "Arrows for what acts on the cage, as long as it is strong at the time.")
     ghost = Flag(False, "The fabric or object at rest, pale, where it is drawn moved.")
     clip_normal = Direction(
@@ -68,11 +71,14 @@ class View(Parameterised):
         "A point of the plane that cuts.",
         component=Real(0.0, "", unit="m"),
         automatic="the middle of the fabric or object at rest",
+        when={"clip_normal": ()},
     )
     background = Color("#ffffff", "Colour of the background, at the bottom.")
     background_top = Color("#dfe6ee", "Colour of the background, at the top.")
-    cage_color = Color("#39424e", "Colour of the cage's edges.")
-    support_color = Color("#d9642c", "Colour of the cage's fixed vertices.")
+    cage_color = Color("#39424e", "Colour of the cage's edges.", when=_CAGE)
+    support_color = Color(
+        "#d9642c", "Colour of the cage's fixed vertices.", when={**_CAGE, "supports": (True,)}
+    )
     object_color = Color("#b9c4cf", "Colour of an object that has none of its own.")
     shadows = Flag(True, "Soft shadow where yarns meet, or an object has folds.")
 

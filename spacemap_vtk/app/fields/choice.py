@@ -7,6 +7,7 @@ from typing import Any
 from PySide6.QtWidgets import QComboBox, QHBoxLayout
 
 from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.wheel import leave_wheel
 from spacemap_vtk.parameters import Choice
 
 
@@ -16,6 +17,7 @@ class ChoiceEditor(Editor):
     def __init__(self, parameter: Choice) -> None:
         super().__init__(parameter)
         self.box = QComboBox()
+        leave_wheel(self.box)
         self.box.addItems(parameter.choices)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.wheel import leave_wheel
 from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
 from spacemap_vtk.parameters import Parameter
 
@@ -112,6 +113,7 @@ class _Card(QFrame):
         self.number, self.keys = number, _keys(load)
         self._load = weakref.ref(load)
         self.action = QComboBox()
+        leave_wheel(self.action)
         for action in ACTIONS:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
         self.action.activated.connect(self._acted)

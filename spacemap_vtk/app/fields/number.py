@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QLineEdit, QSlider, QVBoxLayout
 
 from spacemap_vtk.app.fields.editor import Editor, written_from
 from spacemap_vtk.app.fields.span import STEPS, Span, span_of
+from spacemap_vtk.app.fields.wheel import leave_wheel
 from spacemap_vtk.parameters import Parameter, Real
 
 _bursts = itertools.count(1)
@@ -47,6 +48,7 @@ class NumberEditor(Editor):
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.slider = QSlider(Qt.Orientation.Horizontal)
+        leave_wheel(self.slider)
         self.slider.setRange(0, STEPS)
         self.slider.setPageStep(STEPS // 20)
         layout = QVBoxLayout(self)

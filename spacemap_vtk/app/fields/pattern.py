@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.fields.editor import Editor, written_from
 from spacemap_vtk.app.fields.number import next_burst
+from spacemap_vtk.app.fields.wheel import leave_wheel
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.filters.weave_parameters import repeat_of
@@ -46,6 +47,7 @@ class PatternEditor(Editor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.box = QComboBox()
+        leave_wheel(self.box)
         self.box.setEditable(True)
         self.box.addItems(COMMON)
         self.box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)

@@ -38,11 +38,11 @@ class ParameterRow(QWidget):
         self.reset.setText("↺")
         self.reset.setAutoRaise(True)
         self.reset.setToolTip(f"Back to the default: {parameter.show(parameter.default)}")
-        label = QLabel(_name(parameter))
-        label.setBuddy(self.editor)
+        self.label = QLabel(parameter.label)
+        self.label.setBuddy(self.editor)
         head = QHBoxLayout()
         head.setSpacing(4)
-        head.addWidget(label)
+        head.addWidget(self.label)
         head.addStretch(1)
         self.automatic: QCheckBox | None = None
         if parameter.automatic:
@@ -57,10 +57,11 @@ class ParameterRow(QWidget):
         layout.addLayout(head)
         layout.addWidget(self.editor)
         layout.addWidget(self.note)
-        self._allowed = f"{parameter.help}\n\nAllowed: {parameter.allowed}."
-        self.setToolTip(self._allowed)
+        when = f" Counts where {parameter.counts}." if parameter.counts else ""
+        self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
         self.settled: Any = None
         self._feasible = ""
+        self._idle = ""
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
         self.reset.clicked.connect(self._reset)
@@ -81,6 +82,24 @@ class ParameterRow(QWidget):
         self.reset.setEnabled(not is_default)
         self.mark(None)
 
+    def show_idle(self, why: str, written: bool) -> None:
+        """Hide the row where its value counts for nothing; one that is written stays, in grey.
+
+        Parameters
+        ----------
+        why : str
+            As from ``Parameterised.idle``: empty where the value counts.
+        written : bool
+            Whether the scene has the key.
+        """
+        self.setVisible(not why or written)
+        idle = f"does not count: {why}" if why else ""
+        if idle != self._idle:
+            self._idle = idle
+            for widget in filter(None, (self.label, self.editor, self.automatic)):
+                widget.setEnabled(not why)
+            self.mark(None)
+
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the interval in which the value is feasible at present.
 
@@ -97,7 +116,7 @@ class ParameterRow(QWidget):
             )
             self.editor.limit(low, high)
         if not self.note.property("bad"):
-            self._say(self._feasible, bad=False)
+            self.mark(None)
 
     def mark(self, message: str | None) -> None:
         """Mark the row as refused, with the reason; None: as good.
@@ -107,7 +126,7 @@ class ParameterRow(QWidget):
         message : str or None
             One sentence.
         """
-        self._say(message or self._feasible, bad=message is not None)
+        self._say(message or self._idle or self._feasible, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:
         self.note.setText(text)
@@ -139,11 +158,6 @@ class ParameterRow(QWidget):
             self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
         else:
             self.editor.setFocus()
-
-
-def _name(parameter: Parameter[Any]) -> str:
-    """Return a parameter's label with the apostrophe that its name cannot have."""
-    return parameter.label.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
 
 
 def _plain(value: Any, text: str) -> Any:

@@ -1,0 +1,80 @@
+"""One spelling, the British one, in all that people read; keys and names of code are VTK's."""
+
+from __future__ import annotations
+
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+AMERICAN = re.compile(
+    # not what stands in quotes, after a dot, a dash or a hash, or is called, assigned or typed
+    r"(?i)(?<![\w.#\-`\"'/{])"
+    r"(colors?|colored|coloring|gray|grays|grayed|center|centers|centered|behaviors?|neighbors?"
+    r"|(?:milli|centi|kilo)?meters?|fibers?|canceled|labeled|modeled|favor\w*|catalogs?|analog"
+    r"|(?!(?:re|over|down)?size|prize|seize)\w+(?:ize|izes|ized|izing|ization)"
+    r"|(?:ana|para)lyz\w+)"
+    r"\b(?![\w(=.\"'`/]| ?: )"
+)
+
+
+def prose(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines that a person reads, with their numbers."""
+    if file.suffix != ".py":
+        yield from enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        return
+    with file.open(encoding="utf-8") as stream:
+        for token in tokenize.generate_tokens(stream.readline):
+            kind = tokenize.tok_name[token.type]
+            # one word alone is a key; a style sheet is code
+            if kind in ("COMMENT", "STRING", "FSTRING_MIDDLE") and " " in token.string:
+                for number, line in enumerate(token.string.splitlines(), token.start[0]):
+                    if not re.search(r"[{;]\s*$|;.*\}", line):
+                        yield number, line
+
+
+def american(line: str) -> list[str]:
+    return [word for word in AMERICAN.findall(line) if not word.isupper()]
+
+
+FILES = [
+    *(ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "scenes").glob("*.[tm][od]*")),
+    *(ROOT / "pipelines").rglob("*.py"),
+    *(ROOT / "spacemap_vtk").rglob("*.py"),
+]
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("The color of the warp.", ["color"]),
+        ("gray or centered, normalized, of fibers", ["gray", "centered", "normalized", "fibers"]),
+        ("The colour of its neighbour; a size of 3", []),
+        ('--color, view.color, warp_color, "color" and `color`', []),
+        ("color : str", []),
+    ],
+)
+def test_the_check_sees_what_it_should(line: str, found: list[str]) -> None:
+    assert american(line) == found
+
+
+def test_people_read_one_spelling() -> None:
+    assert len(FILES) > 100
+    wrong = [
+        f"{file.relative_to(ROOT)}:{number}: {word}"
+        for file in FILES
+        for number, line in prose(file)
+        for word in american(line)
+    ]
+    assert wrong == []
+
+
+def test_labels_are_words_and_keys_are_keys() -> None:
+    from spacemap_vtk.filters.modal_solver import ModalSolver
+    from spacemap_vtk.scenes.settings import View
+
+    assert View.parameters["cage_color"].label == "Cage colour"
+    assert ModalSolver.parameters["youngs_modulus"].label == "Young's modulus"
