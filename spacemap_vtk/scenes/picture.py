@@ -6,21 +6,20 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkFloatArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPlane, vtkPointSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkExtractEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from spacemap_vtk.scenes.camera import VIEW_ANGLE, add_lights, aim
+from spacemap_vtk.scenes.camera import VIEW_ANGLE, aim
 from spacemap_vtk.scenes.coloring import add_measure, measure
 from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of, rest_of
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
+from spacemap_vtk.scenes.offscreen import Offscreen
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shading import averaged, contact_shade
 from spacemap_vtk.scenes.surface_actor import (
@@ -79,7 +78,7 @@ class Picture:
         show: Sequence[str] | None = None,
         place: Place | None = None,
     ) -> None:
-        prepare_offscreen()
+        prepare_offscreen()  # a machine that cannot draw need not solve
         self._place = place
         self.scene = scene
         width, height = size or scene.view.size
@@ -102,7 +101,7 @@ class Picture:
             self._plane.SetOrigin(cut[1])
         self._panels = [
             (
-                self._plotter(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
+                self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
                 scene.view.shadows and panel != "cage",
             )
             for panel, w in zip(panels, widths, strict=True)
@@ -138,45 +137,41 @@ class Picture:
             arrows.show(_arrows(self.scene, time))
         return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
 
-    def _drawn(self, plotter: pv.Plotter, shaded: bool) -> Image:
-        plotter.renderer.ResetCameraClippingRange()
-        plotter.render()
-        light = plotter.screenshot(None, return_img=True).astype(np.float32)
+    def _drawn(self, window: Offscreen, shaded: bool) -> Image:
+        light = window.draw().astype(np.float32)
         if shaded:
-            camera = plotter.camera
-            half = camera.distance * np.tan(np.radians(VIEW_ANGLE / 2))
+            camera = window.camera
+            half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
             if camera.GetParallelProjection():
-                half = camera.parallel_scale
+                half = camera.GetParallelScale()
             pixel = 2 * half / light.shape[0]
-            light *= contact_shade(_depth(plotter), self._relief, self._relief / pixel)[:, :, None]
+            light *= contact_shade(window.depth(), self._relief, self._relief / pixel)[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
 
-    def _plotter(
+    def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
-    ) -> pv.Plotter:
+    ) -> Offscreen:
         view = scene.view
-        plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
-        plotter.set_background(view.background, top=view.background_top)
+        window = Offscreen(size, view.background, view.background_top, samples=4)
         solid = _solid() if panel in ("fabric", "both") else None
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)
-        aim(plotter.camera, extent, (1 - room) * size[0] / size[1], view.camera, view.zoom)
-        # pyvista would put it elsewhere with the first picture.
-        plotter.camera_set = True
+        camera = window.camera
+        aim(camera, extent, (1 - room) * size[0] / size[1], view.camera, view.zoom)
         if self._place is not None:
-            plotter.camera.position, plotter.camera.focal_point = self._place[:2]
-            plotter.camera.up = self._place.up
+            camera.SetPosition(*self._place.position)
+            camera.SetFocalPoint(*self._place.focus)
+            camera.SetViewUp(*self._place.up)
             if self._place.parallel_scale:
-                plotter.camera.parallel_scale = self._place.parallel_scale
-                plotter.camera.SetParallelProjection(True)
-        add_lights(plotter.renderer)
+                camera.SetParallelScale(self._place.parallel_scale)
+                camera.SetParallelProjection(True)
         actors: list[vtkActor] = []
         if solid is not None:
             fit_scale(solid.bar, size, view.background)
-            plotter.camera.SetWindowCenter(room, 0.0)
+            camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
             actors.append(solid)
-            plotter.renderer.AddViewProp(solid.bar)
+            window.renderer.AddViewProp(solid.bar)
             if view.ghost:
                 self._ghosts.append(GhostActor())
                 actors.append(self._ghosts[-1])
@@ -193,14 +188,13 @@ class Picture:
             self._loads.append(LoadActor())
             actors.append(self._loads[-1])
         for actor in actors:
-            plotter.add_actor(actor, reset_camera=False)
-        plotter.enable_anti_aliasing("msaa", multi_samples=4)
-        return plotter
+            window.renderer.AddActor(actor)
+        return window
 
     def close(self) -> None:
         """Free the windows."""
-        for plotter, _ in self._panels:
-            plotter.close()
+        for window, _ in self._panels:
+            window.close()
 
 
 def storyboard(
@@ -276,21 +270,6 @@ def _arrows(scene: Scene, time: float) -> Arrows | None:
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
-
-
-def _depth(plotter: pv.Plotter) -> NDArray[np.float32]:
-    """Return the distance from the camera of what was drawn last, NaN where nothing was."""
-    width, height = plotter.render_window.GetSize()
-    buffer = vtkFloatArray()
-    plotter.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
-    z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
-    near, far = plotter.camera.clipping_range
-    if plotter.camera.GetParallelProjection():
-        distance = near + z * (far - near)
-    else:
-        distance = near * far / (far - z * (far - near))
-    distance[z >= 1.0] = np.nan
-    return distance.astype(np.float32)
 
 
 def _relief(scene: Scene) -> float:

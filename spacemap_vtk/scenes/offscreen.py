@@ -1,0 +1,102 @@
+"""A window that nobody sees: what VTK draws, as arrays. Needs nothing but VTK."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# VTK finds the classes that draw and that write letters once these modules are loaded.
+import vtkmodules.vtkRenderingFreeType
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow
+
+from spacemap_vtk.scenes.camera import add_lights
+from spacemap_vtk.scenes.graphics import prepare_offscreen
+
+
+class Offscreen:
+    """Draws one renderer, lit, whose background goes from one colour to another.
+
+    Parameters
+    ----------
+    size : tuple of 2 int
+        Width and height in pixels.
+    below, above : sequence of int
+        Colours of the background; red, green, blue to 255.
+    samples : int, optional
+        Of a pixel, at the edges of what is drawn; 0: one.
+
+    Raises
+    ------
+    MissingLibraryError
+        If this machine cannot draw.
+    """
+
+    def __init__(
+        self, size: tuple[int, int], below: Sequence[int], above: Sequence[int], samples: int = 0
+    ) -> None:
+        prepare_offscreen()
+        self.renderer = vtkRenderer()
+        self.renderer.AutomaticLightCreationOff()
+        self.renderer.SetBackground(*(part / 255 for part in below))
+        self.renderer.SetBackground2(*(part / 255 for part in above))
+        self.renderer.GradientBackgroundOn()
+        add_lights(self.renderer)
+        self._size = size
+        self._window = vtkRenderWindow()
+        self._window.SetOffScreenRendering(True)
+        if hasattr(self._window, "SetConnectContextToNSView"):
+            # macOS: otherwise a window is made, though nothing shows it.
+            self._window.SetConnectContextToNSView(False)
+        self._window.SetMultiSamples(samples)
+        self._window.SetSize(*size)
+        self._window.AddRenderer(self.renderer)
+
+    @property
+    def camera(self) -> vtkCamera:
+        """What the picture is seen through."""
+        return self.renderer.GetActiveCamera()
+
+    def draw(self) -> NDArray[np.uint8]:
+        """Draw.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+            Red, green and blue.
+        """
+        self.renderer.ResetCameraClippingRange()
+        self._window.Render()
+        width, height = self._size
+        pixels = vtkUnsignedCharArray()
+        # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
+        # plain mean of them.
+        self._window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
+        return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
+
+    def depth(self) -> NDArray[np.float32]:
+        """Return how far from the camera is what was drawn last.
+
+        Returns
+        -------
+        ndarray of float32, shape (height, width)
+            In m, along the line of sight; NaN where nothing is.
+        """
+        width, height = self._size
+        buffer = vtkFloatArray()
+        self._window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
+        z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
+        near, far = self.camera.GetClippingRange()
+        if self.camera.GetParallelProjection():
+            distance = near + z * (far - near)
+        else:
+            distance = near * far / (far - z * (far - near))
+        distance[z >= 1.0] = np.nan
+        return distance.astype(np.float32)
+
+    def close(self) -> None:
+        """Free the window."""
+        self._window.Finalize()
