@@ -28,16 +28,23 @@ class ClipPlane:
         What is cut.
     told : SignalInstance
         Emitted with normal and origin when the mouse has moved the plane.
+    moving : SignalInstance
+        Emitted while the mouse moves the plane, before it is drawn.
     """
 
     def __init__(
-        self, interactor: vtkRenderWindowInteractor, actors: Sequence[vtkActor], told: Any
+        self,
+        interactor: vtkRenderWindowInteractor,
+        actors: Sequence[vtkActor],
+        told: Any,
+        moving: Any,
     ) -> None:
         self.plane = vtkPlane()
         #: Normal and origin of the plane that was shown last, if it was one of this scene's.
         self.last: Cut | None = None
         self.on = False
         self._interactor, self._actors, self._told = interactor, list(actors), told
+        self._moving = moving
         self._handle: ClipHandle | None = None
 
     def show(self, cut: Cut | None, points: NDArray[np.float64] | None) -> None:
@@ -66,6 +73,11 @@ class ClipPlane:
             if self._handle is not None:
                 self._handle.show(on)
 
+    @property
+    def cut(self) -> Cut | None:
+        """Normal and origin of the plane where it is now; None: the whole is shown."""
+        return (self.plane.GetNormal(), self.plane.GetOrigin()) if self.on else None
+
     def _made(self) -> ClipHandle:
         # With VTK's widgets: most windows never cut anything.
         from spacemap_vtk.app.clip_handle import ClipHandle
@@ -77,6 +89,7 @@ class ClipPlane:
             if here is None or here._handle is None:
                 return
             here._handle.read(here.plane)
+            here._moving.emit()
             if done:
                 here._tell()
 

@@ -21,6 +21,7 @@ from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
+from spacemap_vtk.scenes.cut_face import CutFaceActor
 from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
@@ -52,6 +53,8 @@ class View3D(QWidget):
     picks_changed = Signal(list)
     #: The mouse has moved the plane that cuts: its normal and origin.
     clipped = Signal(object, object)
+    #: The mouse is moving that plane.
+    clipping = Signal()
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -62,16 +65,21 @@ class View3D(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
         self._fabric, self._ghost = SurfaceActor(), GhostActor()
+        self._face = CutFaceActor()
         self._cage, self._supports, self._loads = CageActor(), SupportActor(), LoadActor()
         #: Where the user has picked.
         self.marks = PickActor()
-        for actor in (*self._actors, self.marks):
+        for actor in (*self._actors, self._face, self.marks):
             self.plotter.renderer.AddActor(actor)
+        self.plotter.front.AddActor(self._loads.through)
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
         # Half an arrow says nothing: loads are never cut.
-        self.clip = ClipPlane(self.plotter.interactor, self._actors[:-1], self.clipped)
+        self.clip = ClipPlane(
+            self.plotter.interactor, self._actors[:-1], self.clipped, self.clipping
+        )
+        self.clipping.connect(self._fill)
         self._view: View | None = None
         self._cut: object = None
         #: Points that the user has picked, the last one last; see `picks_changed`.
@@ -161,16 +169,26 @@ class View3D(QWidget):
             if wanted:
                 actor.show(frame.cage)
         self._loads.SetVisibility(view.loads)
+        self.plotter.front.SetDraw(view.loads)
         if view.loads:
             self._loads.show(frame.arrows)
         cut = frame.generation, view.clip_normal, view.clip_origin
         if cut != self._cut:
             self._cut = cut
             self.clip.show(cut_of(view, frame.surface), self._extent())
+        self._fill()
         # Nobody sees the far sides of closed yarns, and they would cost as much as the near ones.
-        self._fabric.GetProperty().SetBackfaceCulling(frame.closed and not self.clip.on)
+        self._fabric.GetProperty().SetBackfaceCulling(frame.closed)
         if render:
             self.render()
+
+    def _fill(self) -> None:
+        """Draw the face of the cut."""
+        frame, shown = self.frame, self.look.fabric and not self.look.wireframe
+        if frame is not None:
+            cut = self.clip.cut if shown else None
+            span = self._span and self._span[1]
+            self._face.fill(frame.surface, cut, frame.color, self._plain, span)
 
     def render(self) -> None:
         """Draw as soon as Qt comes to it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,16 +13,56 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
 from spacemap_vtk.filters.arrays import add_array, points_of, take_arrays, to_points, to_ragged
+from spacemap_vtk.scenes.glyphs import Cut
+from spacemap_vtk.scenes.surface_actor import Span, SurfaceActor
 
 Ints = NDArray[np.int64]
-#: Normal and origin of a plane; the normal points to what stays in sight.
-Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 #: Corners of a face that are nearer, as a share of its extent, are one; an outline goes on in
 #: another patch if that is nearer.
 _SAME, _SEAM = 1e-6, 1e-3
 #: Share of the largest part's area below which a part of the face is rounding.
 _NOTHING = 1e-5
+#: How bright a face is, as a share of its colour: a little darker than what light falls on.
+_BRIGHT = 0.78
+
+
+class CutFaceActor(SurfaceActor):
+    """The face of a cut, in the colours of what is cut, flat: no light falls into a cut."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        look = self.GetProperty()
+        look.SetAmbient(_BRIGHT)
+        look.SetDiffuse(0.0)
+        look.SetSpecular(0.0)
+        self.SetPickable(False)
+
+    def fill(
+        self,
+        surface: vtkPolyData,
+        cut: Cut | None,
+        color: str,
+        plain: Sequence[int],
+        span: Span | None,
+    ) -> None:
+        """Draw the face, if there is one.
+
+        Parameters
+        ----------
+        surface : vtkPolyData
+            What is cut.
+        cut : tuple or None
+            Normal and origin of the plane [m]; None: the whole is drawn.
+        color, plain, span
+            As `SurfaceActor.show` has them.
+        """
+        face = None if cut is None else cut_face(surface, cut)
+        if face is not None and face.GetNumberOfCells():
+            self.show(face, color, plain, span)
+            self.SetVisibility(True)
+        else:
+            self.SetVisibility(False)
 
 
 def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
@@ -138,9 +179,7 @@ def _loops(
     return loops, np.array(first, np.int64)
 
 
-def _seams(
-    segments: Ints, corners: NDArray[np.float64], parts: NDArray[Any]
-) -> dict[int, int]:
+def _seams(segments: Ints, corners: NDArray[np.float64], parts: NDArray[Any]) -> dict[int, int]:
     """Return where the outline goes on in another patch: from which corner to which."""
     from scipy.spatial import KDTree  # with all it brings
 

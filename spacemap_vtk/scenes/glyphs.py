@@ -83,27 +83,23 @@ class SupportActor(vtkActor):
 
 
 class LoadActor(vtkActor):
-    """Arrows for what acts on the cage."""
+    """Arrows for what acts on the cage; `through` is the same, pale, for a renderer in front.
+
+    A load mostly acts where the cloth is, and often behind it: there its arrow shines through.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        shape = vtkArrowSource()
-        shape.SetTipResolution(24)
-        shape.SetShaftResolution(24)
-        shape.SetTipRadius(0.09)
-        shape.SetTipLength(0.3)
-        shape.SetShaftRadius(0.032)
-        mapper = self._mapper = vtkGlyph3DMapper()
-        mapper.SetSourceConnection(shape.GetOutputPort())
-        mapper.SetOrientationArray("vector")
-        mapper.SetScaleArray("vector")
-        mapper.SetScaleModeToScaleByMagnitude()
-        mapper.SetScalarModeToUsePointFieldData()
-        mapper.SelectColorArray("color")
-        mapper.SetColorModeToDirectScalars()
-        self.SetMapper(mapper)
+        self._shape = _arrow()
+        self.through = vtkActor()
+        for actor in (self, self.through):
+            actor.SetMapper(_arrows_mapper(self._shape))
+            actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
-        self.SetPickable(False)
+        look = self.through.GetProperty()
+        look.SetLighting(False)
+        look.SetOpacity(0.6)
+        look.BackfaceCullingOn()
 
     def show(self, arrows: Arrows | None) -> None:
         """Draw arrows.
@@ -119,7 +115,30 @@ class LoadActor(vtkActor):
             places.SetPoints(to_points(arrows.starts))
             places.GetPointData().AddArray(to_array(arrows.vectors, "vector"))
             places.GetPointData().AddArray(to_array(colors, "color"))
-        self._mapper.SetInputData(places)
+        for actor in (self, self.through):
+            actor.GetMapper().SetInputData(places)
+
+
+def _arrow() -> vtkArrowSource:
+    shape = vtkArrowSource()
+    shape.SetTipResolution(24)
+    shape.SetShaftResolution(24)
+    shape.SetTipRadius(0.09)
+    shape.SetTipLength(0.3)
+    shape.SetShaftRadius(0.032)
+    return shape
+
+
+def _arrows_mapper(shape: vtkArrowSource) -> vtkGlyph3DMapper:
+    mapper = vtkGlyph3DMapper()
+    mapper.SetSourceConnection(shape.GetOutputPort())
+    mapper.SetOrientationArray("vector")
+    mapper.SetScaleArray("vector")
+    mapper.SetScaleModeToScaleByMagnitude()
+    mapper.SetScalarModeToUsePointFieldData()
+    mapper.SelectColorArray("color")
+    mapper.SetColorModeToDirectScalars()
+    return mapper
 
 
 def rest_of(surface: vtkPolyData) -> NDArray[np.floating[Any]]:

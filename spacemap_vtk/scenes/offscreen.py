@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 # VTK finds the classes that draw and that write letters once these modules are loaded.
 import vtkmodules.vtkRenderingFreeType
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
-import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.scenes.camera import add_lights
+from spacemap_vtk.scenes.camera import add_lights, front_of
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 
 
@@ -54,6 +55,20 @@ class Offscreen:
         self._window.SetMultiSamples(samples)
         self._window.SetSize(*size)
         self._window.AddRenderer(self.renderer)
+        #: Draws over all else; None while nothing is to be.
+        self.front: vtkRenderer | None = None
+
+    def add_in_front(self, prop: vtkProp) -> None:
+        """Add what is drawn over all else, wherever it stands.
+
+        Parameters
+        ----------
+        prop : vtkProp
+            Such as an actor.
+        """
+        if self.front is None:
+            self.front = front_of(self._window, self.renderer)
+        self.front.AddViewProp(prop)
 
     @property
     def camera(self) -> vtkCamera:

@@ -16,6 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.scenes.camera import VIEW_ANGLE, aim
 from spacemap_vtk.scenes.coloring import add_measure, measure
+from spacemap_vtk.scenes.cut_face import CutFaceActor
 from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of, rest_of
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
@@ -46,6 +47,17 @@ class Place(NamedTuple):
     up: tuple[float, float, float]
     parallel_scale: float = 0.0
     """Half the height of what a parallel projection shows; 0 for perspective."""
+
+
+class _Panel(NamedTuple):
+    """A window, whether there are soft shadows in it, and what is in it."""
+
+    window: Offscreen
+    shaded: bool
+    solids: list[vtkActor]
+    """The things of the picture's room: they cast shadows."""
+    signs: list[vtkActor]
+    """Lines, dots and arrows, which do not."""
 
 
 class Picture:
@@ -91,19 +103,17 @@ class Picture:
         widths[-1] += width - sum(widths)
         self._followers: list[vtkAlgorithm] = []
         self._solids: list[SurfaceActor] = []
+        self._faces: list[CutFaceActor] = []
         self._ghosts: list[GhostActor] = []
         self._loads: list[LoadActor] = []
-        cut = cut_of(scene.view, scene.polygons)
+        self._cut = cut_of(scene.view, scene.polygons)
         self._plane = None
-        if cut is not None:
+        if self._cut is not None:
             self._plane = vtkPlane()
-            self._plane.SetNormal(cut[0])
-            self._plane.SetOrigin(cut[1])
+            self._plane.SetNormal(self._cut[0])
+            self._plane.SetOrigin(self._cut[1])
         self._panels = [
-            (
-                self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent),
-                scene.view.shadows and panel != "cage",
-            )
+            self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent)
             for panel, w in zip(panels, widths, strict=True)
         ]
 
@@ -131,26 +141,42 @@ class Picture:
             for solid in self._solids:
                 scene, view = self.scene, self.scene.view
                 solid.show(surface, view.color, view.object_color, self._span, scene.painting)
+            for face in self._faces:
+                face.fill(surface, self._cut, view.color, view.object_color, self._span)
             for ghost in self._ghosts:
                 ghost.show(surface)
         for arrows in self._loads:
             arrows.show(_arrows(self.scene, time))
-        return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
+        return np.concatenate([self._drawn(panel) for panel in self._panels], axis=1)
 
-    def _drawn(self, window: Offscreen, shaded: bool) -> Image:
+    def _drawn(self, panel: _Panel) -> Image:
+        window, shade = panel.window, None
+        if panel.shaded:
+            shade = self._shade(panel)
         light = window.draw().astype(np.float32)
-        if shaded:
-            camera = window.camera
-            half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
-            if camera.GetParallelProjection():
-                half = camera.GetParallelScale()
-            pixel = 2 * half / light.shape[0]
-            light *= contact_shade(window.depth(), self._relief, self._relief / pixel)[:, :, None]
+        if shade is not None:
+            light *= shade[:, :, None]
         return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
+
+    def _shade(self, panel: _Panel) -> NDArray[np.float32]:
+        """Return by what each pixel's light is to be multiplied."""
+        window = panel.window
+        depth = _depth_of(panel, panel.solids)
+        camera = window.camera
+        half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
+        if camera.GetParallelProjection():
+            half = camera.GetParallelScale()
+        pixel = 2 * half / len(depth)
+        shade = contact_shade(depth, self._relief, self._relief / pixel)
+        if panel.signs:
+            signs = _depth_of(panel, panel.signs)
+            # A sign is no thing in the room: it neither casts a shadow nor stands in one.
+            shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
+        return shade
 
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
-    ) -> Offscreen:
+    ) -> _Panel:
         view = scene.view
         window = Offscreen(size, view.background, view.background_top, samples=4)
         solid = _solid() if panel in ("fabric", "both") else None
@@ -165,36 +191,43 @@ class Picture:
             if self._place.parallel_scale:
                 camera.SetParallelScale(self._place.parallel_scale)
                 camera.SetParallelProjection(True)
-        actors: list[vtkActor] = []
+        solids: list[vtkActor] = []
+        signs: list[vtkActor] = []
+        cut: list[vtkActor] = []
         if solid is not None:
             fit_scale(solid.bar, size, view.background)
             camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
-            actors.append(solid)
+            self._faces.append(CutFaceActor())
+            solids += [solid, self._faces[-1]]
+            cut.append(solid)
             window.renderer.AddViewProp(solid.bar)
             if view.ghost:
                 self._ghosts.append(GhostActor())
-                actors.append(self._ghosts[-1])
+                window.renderer.AddActor(self._ghosts[-1])
+                cut.append(self._ghosts[-1])
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
-            actors.append(_lines(edges, view.cage_color))
+            signs.append(_lines(edges, view.cage_color))
             if view.supports and scene.mover is scene.response:
-                actors.append(_supports(scene, view.support_color))
+                signs.append(_supports(scene, view.support_color))
+            cut += signs
         if self._plane is not None:
-            for actor in actors:
+            for actor in cut:
                 actor.GetMapper().AddClippingPlane(self._plane)
         if view.loads:  # half an arrow says nothing
             self._loads.append(LoadActor())
-            actors.append(self._loads[-1])
-        for actor in actors:
+            signs.append(self._loads[-1])
+            window.add_in_front(self._loads[-1].through)
+        for actor in (*solids, *signs):
             window.renderer.AddActor(actor)
-        return window
+        return _Panel(window, view.shadows and panel != "cage", solids, signs)
 
     def close(self) -> None:
         """Free the windows."""
-        for window, _ in self._panels:
-            window.close()
+        for panel in self._panels:
+            panel.window.close()
 
 
 def storyboard(
@@ -270,6 +303,25 @@ def _arrows(scene: Scene, time: float) -> Arrows | None:
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
+
+
+def _depth_of(panel: _Panel, shown: list[vtkActor]) -> NDArray[np.float32]:
+    """Return how far from the camera some of the things of a panel are; NaN where none is."""
+    hidden = [
+        actor
+        for actor in (*panel.solids, *panel.signs)
+        if actor not in shown and actor.GetVisibility()
+    ]
+    front = panel.window.front
+    for on in (False, True):
+        for actor in hidden:
+            actor.SetVisibility(on)
+        if front is not None:
+            front.SetDraw(on)
+        if not on:
+            panel.window.draw()
+            depth = panel.window.depth()
+    return depth
 
 
 def _relief(scene: Scene) -> float:
