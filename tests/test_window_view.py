@@ -98,16 +98,48 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
         differing = (np.abs(image(window) - near).max(axis=2) > 8).mean()
         look.BackfaceCullingOn()
         assert differing < 2e-4
-    # Cut open, a yarn shows its inside.
-    window.tools.clip.trigger()
-    wait_until(lambda: window.view.clip.on)
-    assert not look.GetBackfaceCulling()
-    window.tools.clip.trigger()
-    wait_until(lambda: not window.view.clip.on)
-    assert look.GetBackfaceCulling()
     window.document.set("weave", "caps", False)
     wait_until(lambda: settled(window))
     assert not look.GetBackfaceCulling()
+
+
+@pytest.mark.parametrize("color", ["own", "displacement"])
+def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
+    window = open_window()
+    view, look = window.view, window.view._fabric.GetProperty()
+    window.document.set("view", "color", color)
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and view.clip.on)
+    # The plane itself is in the way.
+    view.clip._handle.show(False)
+    window.tools.cameras["side"].trigger()
+    for azimuth in (0, 25, -50):
+        view.plotter.camera.Azimuth(azimuth)
+        solid = image(window)
+        # Nothing of the inside is in sight: without the far sides it is the same picture ...
+        look.BackfaceCullingOff()
+        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
+        # ... but not without the face of the cut.
+        view._face.VisibilityOff()
+        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > 2e-2
+        view._face.VisibilityOn()
+        look.BackfaceCullingOn()
+
+
+def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
+    window = open_window()
+    view = window.view
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and view.clip.on)
+    handle = view.clip._handle
+    x = view.clip.plane.GetOrigin()[0] + 7e-4
+    handle._shape.SetOrigin(x, 0.0, 0.0)
+    handle._widget.InvokeEvent("InteractionEvent")
+    bounds = view._face.GetMapper().GetInput().GetBounds()
+    np.testing.assert_allclose(bounds[:2], x, atol=1e-9)
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and not view.clip.on)
+    assert not view._face.GetVisibility()
 
 
 def test_every_camera_is_another_picture(open_window: Any) -> None:

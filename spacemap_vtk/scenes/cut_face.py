@@ -23,6 +23,10 @@ Ints = NDArray[np.int64]
 _SAME, _SEAM = 1e-6, 1e-3
 #: Share of the largest part's area below which a part of the face is rounding.
 _NOTHING = 1e-5
+#: How far beside the plane the cut is made, as a share of the whole's diagonal.
+_BESIDE = 1e-6
+#: How far before the plane a face is drawn, as a share of the whole's diagonal.
+_BEFORE = 2e-4
 #: How bright a face is, as a share of its colour: a little darker than what light falls on.
 _BRIGHT = 0.78
 
@@ -58,8 +62,11 @@ class CutFaceActor(SurfaceActor):
             As `SurfaceActor.show` has them.
         """
         face = None if cut is None else cut_face(surface, cut)
-        if face is not None and face.GetNumberOfCells():
+        if cut is not None and face is not None and face.GetNumberOfCells():
             self.show(face, color, plain, span)
+            # Before the plane that the mouse takes hold of, which lies in the same place.
+            way = np.array(cut[0]) / np.linalg.norm(cut[0])
+            self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
             self.SetVisibility(True)
         else:
             self.SetVisibility(False)
@@ -88,7 +95,9 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     points = points_of(surface).astype(np.float64)
     normal = np.array(cut[0], np.float64)
     normal /= np.linalg.norm(normal)
-    height = (points - cut[1]) @ normal
+    # Planes mostly go through a middle, where patches meet whose points differ by rounding: a
+    # little beside it, all are on one side.
+    height = (points - cut[1]) @ normal + _BESIDE * surface.GetLength()
     triangles, cells = _crossing(surface, height >= 0.0)
     if not len(triangles):
         return face
