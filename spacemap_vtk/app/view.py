@@ -72,6 +72,7 @@ class View3D(QWidget):
         for actor in (*self._actors, self._face, self.marks):
             self.plotter.renderer.AddActor(actor)
         self.plotter.front.AddActor(self._loads.through)
+        self._loads.VisibilityOff()
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
@@ -168,10 +169,12 @@ class View3D(QWidget):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        self._loads.SetVisibility(view.loads)
-        self.plotter.front.SetDraw(view.loads)
         if view.loads:
             self._loads.show(frame.arrows)
+        if view.loads != self._loads.GetVisibility():
+            self._loads.SetVisibility(view.loads)
+            self.plotter.front.SetDraw(view.loads)
+            self._keep_whole()
         cut = frame.generation, view.clip_normal, view.clip_origin
         if cut != self._cut:
             self._cut = cut
@@ -415,6 +418,8 @@ class View3D(QWidget):
         if self.frame.cage is not None:
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
+        if self._loads.GetVisibility() and self.frame.arrows is not None:
+            clouds.append(self.frame.arrows.reach)
         return np.concatenate(clouds)
 
 

@@ -280,7 +280,7 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
         clouds.append(points[:: max(1, len(points) // 20_000)])
         arrows = _arrows(scene, time) if scene.view.loads else None
         if arrows is not None:
-            clouds += [arrows.starts, arrows.starts + arrows.vectors]
+            clouds.append(arrows.reach)
         numbers = measure(scene.polygons, scene.view.color)
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
