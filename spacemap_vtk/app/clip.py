@@ -43,6 +43,8 @@ class ClipPlane:
         #: Normal and origin of the plane that was shown last, if it was one of this scene's.
         self.last: Cut | None = None
         self.on = False
+        #: Of the screen, in width, for one that a person sees.
+        self.pixels = 1.0
         self._interactor, self._actors, self._told = interactor, list(actors), told
         self._moving = moving
         self._handle: ClipHandle | None = None
@@ -60,7 +62,7 @@ class ClipPlane:
         if cut is not None and points is not None:
             self.last = cut
             self._handle = self._handle or self._made()
-            self._handle.place(cut, points)
+            self._handle.place(cut, points, self.pixels)
             self._handle.read(self.plane)
         on = cut is not None
         if on != self.on:

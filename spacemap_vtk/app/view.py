@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkCamera, vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, PickActor, moved_points
+from spacemap_vtk.app.actors import PICKED, CageActor, PickActor, moved_points
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
@@ -22,7 +22,7 @@ from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
 from spacemap_vtk.scenes.cut_face import CutFaceActor
-from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
+from spacemap_vtk.scenes.glyphs import DOT, LINE, GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
     Span,
@@ -87,7 +87,7 @@ class View3D(QWidget):
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
         self._plain: tuple[int, ...] = (185, 196, 207)
-        self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
+        self._colored: tuple[dict[str, Any], tuple[int, int], float] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
@@ -109,6 +109,7 @@ class View3D(QWidget):
         view : View
             The scene's colours.
         """
+        self._fit_to_screen()
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
         self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
@@ -380,10 +381,22 @@ class View3D(QWidget):
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         return False
 
+    def _fit_to_screen(self) -> None:
+        """Keep dots and lines as wide as they are on other screens."""
+        pixels = self.plotter.devicePixelRatioF()
+        self.marks.GetProperty().SetPointSize(PICKED * pixels)
+        self._supports.GetProperty().SetPointSize(DOT * pixels)
+        self._cage.GetProperty().SetLineWidth(LINE * pixels)
+        # Of objects of lines or points alone.
+        self._fabric.GetProperty().SetLineWidth(pixels)
+        self._fabric.GetProperty().SetPointSize(3.0 * pixels)
+        self.clip.pixels = pixels
+
     def _color(self, view: View) -> None:
-        if self._colored == (view.settings, self._size):
+        pixels = self.plotter.devicePixelRatioF()
+        if self._colored == (view.settings, self._size, pixels):
             return
-        self._colored = view.settings, self._size
+        self._colored = view.settings, self._size, pixels
         renderer, top = self.plotter.renderer, view.background_top
         renderer.SetBackground(*(c / 255 for c in view.background))
         renderer.SetGradientBackground(top is not None)
@@ -392,7 +405,7 @@ class View3D(QWidget):
         self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
-        fit_scale(self._fabric.bar, self._size, view.background)
+        fit_scale(self._fabric.bar, self._size, view.background, pixels)
 
     @property
     def _size(self) -> tuple[int, int]:

@@ -19,6 +19,9 @@ from spacemap_vtk.scenes.surface_actor import rgb
 #: Normal and origin of a plane; the normal points to what stays in sight.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
+#: Width of a support's dot and of the cage's lines, in points.
+DOT, LINE = 9.0, 1.5
+
 
 class GhostActor(vtkActor):
     """The fabric at rest, pale: its moved points less their displacement."""
@@ -54,9 +57,8 @@ class SupportActor(vtkActor):
         super().__init__()
         self._mapper = vtkPolyDataMapper()
         self.SetMapper(self._mapper)
-        look = self.GetProperty()
-        look.SetPointSize(9.0)
-        look.SetRenderPointsAsSpheres(True)
+        self.GetProperty().SetPointSize(DOT)
+        self.GetProperty().SetRenderPointsAsSpheres(True)
         self.SetPickable(False)
         self._shown: tuple[Any, Any] = None, None
 

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 #: What an arrow stands for, and its colour.
 KINDS = {
-    "gravity": "#5b6b7d",
+    "gravity": "#c8323a",
     "pressure": "#2f8f5b",
     "traction": "#2f8f5b",
     "force": "#b0307a",
@@ -92,7 +92,8 @@ def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float)
         factors = _factors(load, time, response.duration)
         for ends, ways, pull in _placed(load, rest, moved, cage):
             add(load.action, ends, ways, pull, factors)
-    return Arrows(*map(np.concatenate, (starts, vectors)), tuple(kinds), np.concatenate(reach))
+    starts_, vectors_, reach_ = (np.concatenate(part) for part in (starts, vectors, reach))
+    return Arrows(starts_, vectors_, tuple(kinds), reach_)
 
 
 def _placed(

@@ -29,6 +29,8 @@ class Offscreen:
         Colours of the background; red, green, blue to 255.
     samples : int, optional
         Of a pixel, at the edges of what is drawn; 0: one.
+    pixels : int, optional
+        Drawn for one that a person will see, in width: letters grow with it.
 
     Raises
     ------
@@ -37,7 +39,12 @@ class Offscreen:
     """
 
     def __init__(
-        self, size: tuple[int, int], below: Sequence[int], above: Sequence[int], samples: int = 0
+        self,
+        size: tuple[int, int],
+        below: Sequence[int],
+        above: Sequence[int],
+        samples: int = 0,
+        pixels: int = 1,
     ) -> None:
         prepare_offscreen()
         self.renderer = vtkRenderer()
@@ -54,6 +61,7 @@ class Offscreen:
             self._window.SetConnectContextToNSView(False)
         self._window.SetMultiSamples(samples)
         self._window.SetSize(*size)
+        self._window.SetDPI(72 * pixels)
         self._window.AddRenderer(self.renderer)
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None

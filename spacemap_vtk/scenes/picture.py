@@ -17,7 +17,15 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 from spacemap_vtk.scenes.camera import VIEW_ANGLE, aim
 from spacemap_vtk.scenes.coloring import add_measure, measure
 from spacemap_vtk.scenes.cut_face import CutFaceActor
-from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of, rest_of
+from spacemap_vtk.scenes.glyphs import (
+    DOT,
+    LINE,
+    GhostActor,
+    LoadActor,
+    SupportActor,
+    cut_of,
+    rest_of,
+)
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
 from spacemap_vtk.scenes.offscreen import Offscreen
@@ -37,6 +45,8 @@ Image = NDArray[np.uint8]
 _OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
 _SAMPLES = 2
+#: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
+_USUAL, _LEAST = 960, 0.6
 
 
 class Place(NamedTuple):
@@ -113,7 +123,7 @@ class Picture:
             self._plane.SetNormal(self._cut[0])
             self._plane.SetOrigin(self._cut[1])
         self._panels = [
-            self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent)
+            self._panel(scene, panel, (w, height), extent)
             for panel, w in zip(panels, widths, strict=True)
         ]
 
@@ -178,8 +188,16 @@ class Picture:
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
     ) -> _Panel:
         view = scene.view
-        window = Offscreen(size, view.background, view.background_top, samples=4)
-        solid = _solid() if panel in ("fabric", "both") else None
+        window = Offscreen(
+            (size[0] * _SAMPLES, size[1] * _SAMPLES),
+            view.background,
+            view.background_top,
+            samples=4,
+            pixels=_SAMPLES,
+        )
+        # Dots and lines grow with the picture, as letters do, down to where they can be seen.
+        point = _SAMPLES * max(_LEAST, size[1] / _USUAL)
+        solid = _solid(point) if panel in ("fabric", "both") else None
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)
         camera = window.camera
@@ -195,7 +213,7 @@ class Picture:
         signs: list[vtkActor] = []
         cut: list[vtkActor] = []
         if solid is not None:
-            fit_scale(solid.bar, size, view.background)
+            fit_scale(solid.bar, size, view.background, _SAMPLES)
             camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
             self._faces.append(CutFaceActor())
@@ -209,9 +227,9 @@ class Picture:
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
-            signs.append(_lines(edges, view.cage_color))
+            signs.append(_lines(edges, view.cage_color, point))
             if view.supports and scene.mover is scene.response:
-                signs.append(_supports(scene, view.support_color))
+                signs.append(_supports(scene, view.support_color, point))
             cut += signs
         if self._plane is not None:
             for actor in cut:
@@ -332,12 +350,12 @@ def _relief(scene: Scene) -> float:
     return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()
 
 
-def _solid() -> SurfaceActor:
+def _solid(point: float) -> SurfaceActor:
     actor = SurfaceActor()
     surface = actor.GetProperty()
     # for objects of lines or points alone
-    surface.SetLineWidth(2.0 * _SAMPLES)
-    surface.SetPointSize(3.0 * _SAMPLES)
+    surface.SetLineWidth(2.0 * point)
+    surface.SetPointSize(3.0 * point)
     return actor
 
 
@@ -350,7 +368,7 @@ def _cage_edges(scene: Scene) -> vtkAlgorithm:
     return edges
 
 
-def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
+def _lines(edges: vtkAlgorithm, color: Sequence[int], point: float) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(edges.GetOutputPort())
     mapper.ScalarVisibilityOff()
@@ -359,13 +377,13 @@ def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
     line = actor.GetProperty()
     line.SetColor(*(c / 255 for c in color))
     line.SetLighting(False)
-    line.SetLineWidth(1.6 * _SAMPLES)
+    line.SetLineWidth(LINE * point)
     return actor
 
 
-def _supports(scene: Scene, color: Sequence[int]) -> SupportActor:
+def _supports(scene: Scene, color: Sequence[int], point: float) -> SupportActor:
     actor = SupportActor()
     actor.show(scene.modal.GetOutputDataObject(0))
     actor.GetProperty().SetColor(*(c / 255 for c in color))
-    actor.GetProperty().SetPointSize(actor.GetProperty().GetPointSize() * _SAMPLES)
+    actor.GetProperty().SetPointSize(DOT * point)
     return actor
