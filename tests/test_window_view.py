@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
 import sys
 import threading
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +38,56 @@ def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() > 30
     window.tools.shown[name].trigger()
     assert np.abs(image(window) - before).max() < 8
+
+
+def test_arrows_that_are_shown_are_in_sight(open_window: Any) -> None:
+    window = open_window()
+    window.document.set("response", "gravity", (0.0, -9.81, 0.0))
+    # Wide: its height is what is scarce.
+    window.resize(1500, 600)
+    wait_until(lambda: settled(window))
+    renderer = window.view.plotter.renderer
+
+    def farthest() -> float:
+        """How far from the middle of the picture an arrow ends; 1 is its edge."""
+        ends = []
+        for point in window.view.frame.arrows.reach:
+            renderer.SetWorldPoint(*point, 1.0)
+            renderer.WorldToView()
+            ends.append(np.abs(renderer.GetViewPoint()[:2]).max())
+        return max(ends)
+
+    assert farthest() > 1.0
+    window.tools.shown["loads"].trigger()
+    wait_until(lambda: settled(window))
+    assert 0.7 < farthest() < 1.0
+    window.tools.cameras["side"].trigger()
+    assert farthest() < 1.0
+    # Whoever has moved the camera keeps it.
+    window.tools.shown["loads"].trigger()
+    window.view.plotter.camera.Azimuth(10.0)
+    before = window.view.plotter.camera.GetPosition()
+    window.tools.shown["loads"].trigger()
+    assert window.view.plotter.camera.GetPosition() == before
+
+
+def test_dots_and_lines_are_as_wide_on_a_fine_screen(tmp_path: Path) -> None:
+    script = Path(__file__).with_name("window_fine.py")
+    counts = []
+    for scale in ("1", "2"):
+        place = {"QT_SCALE_FACTOR": scale, "SPACEMAP_CACHE": "off", "HOME": str(tmp_path)}
+        done = subprocess.run(
+            [sys.executable, str(script)],
+            env={**os.environ, **place},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        )
+        counts.append(json.loads(done.stdout.splitlines()[-1]))
+    one, two = counts
+    for name in ("supports", "pick", "cage", "letters"):
+        assert two[name] / one[name] == pytest.approx(4.0, rel=0.25), name
 
 
 def test_python_works_on_while_software_draws(open_window: Any) -> None:
