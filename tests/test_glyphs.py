@@ -160,10 +160,11 @@ def test_signs_cast_no_shadow_and_stand_in_none() -> None:
 
 def test_an_arrow_behind_the_cloth_keeps_its_colour() -> None:
     """Where it is in sight between yarns."""
-    load = {"force": [1e-10, 0.0, 1e-11], "at": [0.0, 0.0, -1.0]}
+    load = {"force": [0.0, 1e-10, 1e-11], "at": [0.0, 0.0, -1.0]}
     scene = {
         **VALUES,
         "weave": {"ends": 4, "picks": 4, "warp_spacing": "2 mm", "weft_spacing": "2 mm"},
+        "cage": {"divisions": [4, 3, 1]},
         "response": {"gravity": [0.0, 0.0, 0.0], "loads": [load]},
     }
     images = []

@@ -100,7 +100,7 @@ class LoadActor(vtkActor):
         self.GetProperty().SetAmbient(0.35)
         look = self.through.GetProperty()
         look.SetLighting(False)
-        look.SetOpacity(0.6)
+        look.SetOpacity(0.7)
         look.BackfaceCullingOn()
 
     def show(self, arrows: Arrows | None) -> None:
