@@ -207,3 +207,10 @@ def test_dots_grow_with_the_picture() -> None:
         picture.close()
         orange.append(int(near(image, "#d9642c", 90).sum()))
     assert orange[1] / orange[0] == pytest.approx(4.0, rel=0.15)
+
+
+@pytest.mark.parametrize(("back", "lines"), [("#ffffff", "#39424e"), ("#10151b", "#96a4b4")])
+def test_the_cage_can_be_seen_on_any_background(back: str, lines: str) -> None:
+    view = {"show": "cage", "supports": False, "background": back, "background_top": back}
+    assert near(drawn(**view), lines, 30).sum() > 200
+    assert near(drawn(**view, cage_color="#ff0000"), "#ff0000", 60).sum() > 200

@@ -402,7 +402,7 @@ class View3D(QWidget):
         renderer.SetGradientBackground(top is not None)
         if top is not None:
             renderer.SetBackground2(*(c / 255 for c in top))
-        self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
+        self._cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
         fit_scale(self._fabric.bar, self._size, view.background, pixels)

@@ -227,7 +227,7 @@ class Picture:
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
-            signs.append(_lines(edges, view.cage_color, point))
+            signs.append(_lines(edges, view.line_color, point))
             if view.supports and scene.mover is scene.response:
                 signs.append(_supports(scene, view.support_color, point))
             cut += signs

@@ -13,6 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.filters.arrays import to_array
 from spacemap_vtk.scenes.coloring import COLORINGS, SHOWN, unit_of
+from spacemap_vtk.scenes.settings import is_dark
 
 #: Colours of warp and weft where families are told apart; of yarns; of numbers from low on.
 FAMILIES = ("#2f7fb0", "#e2a03f")
@@ -258,7 +259,7 @@ def fit_scale(
     (width, height), share = size, scale_share(size)
     bar.SetPosition(1.0 - share, 0.25)
     bar.SetWidth(share)
-    ink = (0.92, 0.94, 0.97) if sum(background) < 384 else (0.16, 0.18, 0.21)
+    ink = (0.92, 0.94, 0.97) if is_dark(background) else (0.16, 0.18, 0.21)
     for text, lines in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
         text.SetFontSize(max(12, height // lines))
         text.SetColor(*ink)
