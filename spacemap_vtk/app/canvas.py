@@ -118,13 +118,15 @@ class Canvas(_Widget):
             self._painting = False
         # What is told while drawing may have made another context current.
         self.makeCurrent()
-        whole = 0, 0, *window.GetSize()
+        # As Qt rounds: at a scale of 1.5 it may have a row or column more than VTK.
+        scale = self.devicePixelRatioF()
+        place = 0, 0, int(self.width() * scale + 0.5), int(self.height() * scale + 0.5)
         state.vtkglBindFramebuffer(_DRAW_FRAMEBUFFER, self.defaultFramebufferObject())
         drawn = window.GetRenderFramebuffer()
         drawn.Bind(_READ_FRAMEBUFFER)
         drawn.ActivateReadBuffer(0)
         state.vtkglDisable(_SCISSOR_TEST)
-        state.vtkglBlitFramebuffer(*whole, *whole, _COLOR_BUFFER, _NEAREST)
+        state.vtkglBlitFramebuffer(0, 0, *window.GetSize(), *place, _COLOR_BUFFER, _NEAREST)
         state.Pop()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
