@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import add_array, points_of
-from spacemap_vtk.scenes.glyphs import cut_of, rest_of
+from spacemap_vtk.scenes.glyphs import LoadActor, cut_of, rest_of
 from spacemap_vtk.scenes.load_arrows import KINDS, load_arrows
 from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
@@ -214,3 +214,22 @@ def test_the_cage_can_be_seen_on_any_background(back: str, lines: str) -> None:
     view = {"show": "cage", "supports": False, "background": back, "background_top": back}
     assert near(drawn(**view), lines, 30).sum() > 200
     assert near(drawn(**view, cage_color="#ff0000"), "#ff0000", 60).sum() > 200
+
+
+def test_nothing_acts_on_what_is_cut_away() -> None:
+    loads = [{"pressure": 1e-6, "on": "-z"}]
+    scene = Scene({**VALUES, "response": {"gravity": [0.0, -9.81, 0.0], "loads": loads}})
+    scene.update(0.0)
+    arrows = load_arrows(scene.response, scene.deformed_cage, 0.0)
+    actor = LoadActor()
+    shown = {}
+    for name, cut in (("whole", None), ("left", ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))):
+        actor.show(arrows, cut)
+        shown[name] = points_of(actor.GetMapper().GetInput())
+    pushing = np.array(arrows.kinds) == "pressure"
+    assert pushing.sum() == len(arrows.kinds) - 1
+    left = arrows.places[:, 0] <= 0.0
+    assert 0 < left.sum() < pushing.sum()
+    # The weight is of all of it.
+    assert len(shown["whole"]) == len(arrows.kinds)
+    np.testing.assert_allclose(shown["left"], arrows.starts[left | ~pushing])

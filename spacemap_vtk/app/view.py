@@ -76,7 +76,7 @@ class View3D(QWidget):
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        # Half an arrow says nothing: loads are never cut.
+        # Loads are never cut, see `LoadActor`.
         self.clip = ClipPlane(
             self.plotter.interactor, self._actors[:-1], self.clipped, self.clipping
         )
@@ -170,8 +170,6 @@ class View3D(QWidget):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        if view.loads:
-            self._loads.show(frame.arrows)
         if view.loads != self._loads.GetVisibility():
             self._loads.SetVisibility(view.loads)
             self.plotter.front.SetDraw(view.loads)
@@ -187,12 +185,14 @@ class View3D(QWidget):
             self.render()
 
     def _fill(self) -> None:
-        """Draw the face of the cut."""
+        """Draw the face of the cut, and the loads on what is left."""
         frame, shown = self.frame, self.look.fabric and not self.look.wireframe
         if frame is not None:
             cut = self.clip.cut if shown else None
             span = self._span and self._span[1]
             self._face.fill(frame.surface, cut, frame.color, self._plain, span)
+            if self._loads.GetVisibility():
+                self._loads.show(frame.arrows, self.clip.cut)
 
     def render(self) -> None:
         """Draw as soon as Qt comes to it."""

@@ -103,20 +103,26 @@ class LoadActor(vtkActor):
         look.SetOpacity(0.7)
         look.BackfaceCullingOn()
 
-    def show(self, arrows: Arrows | None) -> None:
+    def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
         """Draw arrows.
 
         Parameters
         ----------
         arrows : Arrows or None
             What acts.
+        cut : tuple or None, optional
+            Normal and origin of a plane [m]: none is drawn for what acts on the side that is cut
+            away. Half an arrow says nothing, so all others are whole.
         """
         places = vtkPolyData()
         if arrows is not None and len(arrows.starts):
+            seen = np.ones(len(arrows.starts), bool)
+            if cut is not None:
+                seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
             colors = np.array([list(bytes.fromhex(KINDS[k][1:])) for k in arrows.kinds], np.uint8)
-            places.SetPoints(to_points(arrows.starts))
-            places.GetPointData().AddArray(to_array(arrows.vectors, "vector"))
-            places.GetPointData().AddArray(to_array(colors, "color"))
+            places.SetPoints(to_points(arrows.starts[seen]))
+            places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
+            places.GetPointData().AddArray(to_array(colors[seen], "color"))
         for actor in (self, self.through):
             actor.GetMapper().SetInputData(places)
 

@@ -32,6 +32,8 @@ KINDS = {
 #: those that many arrows stand for.
 _LONG, _SHORT = 0.24, 0.11
 _LENGTHS = {"pressure": _SHORT, "traction": _SHORT, "array": _SHORT}
+#: What acts on all of a cage.
+_WHOLE = ("gravity", "base_acceleration", "base_displacement")
 #: On a side no more arrows are drawn: a forest says no more than a row.
 _MOST = 48
 #: Times over which a load's largest factor is looked for.
@@ -47,6 +49,8 @@ class Arrows(NamedTuple):
     """(n, 3), from start to tip."""
     kinds: tuple[str, ...]
     """(n,), keys of `KINDS`."""
+    places: FloatArray
+    """(n, 3), which of its ends is where it acts; of a load on the whole cage not a number."""
     reach: FloatArray
     """(m, 3), both ends of all arrows while their loads are strongest, one way and the other."""
 
@@ -73,7 +77,7 @@ def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float)
     moved = rest + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
     none = np.zeros((0, 3))
-    starts, vectors, reach, kinds = [none], [none], [none], []
+    starts, vectors, places, reach, kinds = [none], [none], [none], [none], []
 
     def add(load: str, ends: FloatArray, ways: FloatArray, pull: bool, factors: _Factors) -> None:
         arrows = ways * (_LENGTHS.get(load, _LONG) * size)
@@ -83,6 +87,7 @@ def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float)
         scaled = arrows[seen] * factors.now
         starts.append(ends[seen] if pull else ends[seen] - scaled)
         vectors.append(scaled)
+        places.append(np.where(load in _WHOLE, np.nan, ends[seen]))
         kinds.extend([load] * int(seen.sum()))
 
     if any(response.gravity) and time >= 0.0:
@@ -92,8 +97,9 @@ def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float)
         factors = _factors(load, time, response.duration)
         for ends, ways, pull in _placed(load, rest, moved, cage):
             add(load.action, ends, ways, pull, factors)
-    starts_, vectors_, reach_ = (np.concatenate(part) for part in (starts, vectors, reach))
-    return Arrows(starts_, vectors_, tuple(kinds), reach_)
+    joined = (np.concatenate(part) for part in (starts, vectors, places, reach))
+    starts_, vectors_, places_, reach_ = joined
+    return Arrows(starts_, vectors_, tuple(kinds), places_, reach_)
 
 
 def _placed(

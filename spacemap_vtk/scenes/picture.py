@@ -156,7 +156,7 @@ class Picture:
             for ghost in self._ghosts:
                 ghost.show(surface)
         for arrows in self._loads:
-            arrows.show(_arrows(self.scene, time))
+            arrows.show(_arrows(self.scene, time), self._cut)
         return np.concatenate([self._drawn(panel) for panel in self._panels], axis=1)
 
     def _drawn(self, panel: _Panel) -> Image:
@@ -234,7 +234,7 @@ class Picture:
         if self._plane is not None:
             for actor in cut:
                 actor.GetMapper().AddClippingPlane(self._plane)
-        if view.loads:  # half an arrow says nothing
+        if view.loads:  # never cut
             self._loads.append(LoadActor())
             signs.append(self._loads[-1])
             window.add_in_front(self._loads[-1].through)
