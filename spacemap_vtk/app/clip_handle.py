@@ -76,11 +76,23 @@ class ClipHandle:
         self._shape.SetOrigin(*cut[1])
 
     def read(self, plane: vtkPlane) -> None:
-        """Write into a plane where this one is."""
+        """Write into a plane where this one is.
+
+        Parameters
+        ----------
+        plane : vtkPlane
+            Gets its normal and origin.
+        """
         self._shape.GetPlane(plane)
 
     def show(self, on: bool) -> None:
-        """Be seen, or not."""
+        """Be seen, or not.
+
+        Parameters
+        ----------
+        on : bool
+            Seen.
+        """
         self._widget.SetEnabled(on)
 
     def close(self) -> None:

@@ -58,8 +58,12 @@ class CutFaceActor(SurfaceActor):
             What is cut.
         cut : tuple or None
             Normal and origin of the plane [m]; None: the whole is drawn.
-        color, plain, span
-            As `SurfaceActor.show` has them.
+        color : str
+            As in `SurfaceActor.show`, and so are the others.
+        plain : sequence of int
+            Colour of what has none of its own.
+        span : tuple of float or None
+            The ends of the scale.
         """
         face = None if cut is None else cut_face(surface, cut)
         if cut is not None and face is not None and face.GetNumberOfCells():
