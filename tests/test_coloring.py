@@ -15,7 +15,8 @@ from vtkmodules.vtkCommonCore import vtkLookupTable
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import points_of
-from spacemap_vtk.scenes.coloring import COLORINGS, measure
+from spacemap_vtk.scenes.coloring import measure
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.surface_actor import fit_scale, scale_bar, scale_share, scale_title
 

@@ -8,7 +8,8 @@ import pytest
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.fabric.clearance import least_clearance
 from spacemap_vtk.fabric.gaps import gaps
-from spacemap_vtk.scenes.coloring import COLORINGS, largest_principal, measure, unit_of
+from spacemap_vtk.scenes.coloring import largest_principal, measure, unit_of
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 

@@ -65,6 +65,16 @@ def test_a_sheet_of_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert '".txt" is not known' in capsys.readouterr().err
 
 
+def test_a_sheet_shows_the_object(tmp_path: Path) -> None:
+    file = tmp_path / "sheet.png"
+    few = ("--set", "modal.modes=1")
+    assert run("modes", "animal_in_carved_cage", "-q", *few, "--plot", str(file)) == 0
+    with Image.open(file) as image:
+        cell = np.asarray(image).astype(int)[:400, :440]
+    # Lines are grey: colours are those of what is inside the cage.
+    assert 0.1 < (np.ptp(cell, axis=2) > 40).mean() < 0.7
+
+
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
 def test_a_plot_of_a_point(tmp_path: Path, quantity: str) -> None:
     file = tmp_path / "swing.png"

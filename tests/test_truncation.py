@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal import loads
 from spacemap_vtk.modal.eigen import lowest
@@ -18,7 +19,7 @@ from spacemap_vtk.modal.kinematics import MeanGradient, largest_rotation, strain
 from spacemap_vtk.modal.materials import isotropic
 from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
-from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
+from spacemap_vtk.modal.truncation import participation, residual_modes
 
 
 def sheet(fixed=True, divisions=(8, 8, 2)):
@@ -104,14 +105,30 @@ def test_all_modes_leave_nothing():
     data = model.stiffness, model.mass, force, model.solve(force)
     assert len(residual_modes(shapes, eigenvalues, *data)[0]) == 0
     gamma = participation(shapes, model.nodal_mass)
-    np.testing.assert_allclose((gamma**2).sum(axis=0), movable_mass(model.mass, model.free))
+    np.testing.assert_allclose((gamma**2).sum(axis=0), model.movable_mass)
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+@pytest.mark.parametrize("quadratic", [False, True])
+def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
+    points, cells = lattice((0, 1, 0, 1, 0, 0.05), (3, 4, 1))
+    if quadratic:
+        points, cells = with_midpoints(points, cells)
+    # Held along x and y at one side, along y at another, along z everywhere.
+    sides = [points[:, 1] == 1, (points[:, 1] == 1) | (points[:, 0] == 0), points[:, 0] >= 0]
+    model = Model(points, cells, isotropic(1e4, 0.3), 300.0, np.stack(sides, axis=1), lumped=lumped)
+    inner = model.mass[model.free][:, model.free].toarray()
+    for axis, found in enumerate(model.movable_mass):
+        uniform = np.tile(np.eye(3)[axis], len(points))
+        forces = (model.mass @ uniform)[model.free]
+        np.testing.assert_allclose(found, forces @ la.solve(inner, forces), rtol=1e-10)
 
 
 @pytest.mark.parametrize("quadratic", [False, True])
 def test_a_pressure_sums_to_its_area(quadratic):
     points, cells = lattice((0, 1, 0, 2, 0, 0.5), (3, 2, 2))
     if quadratic:
-        points, cells = with_middles(points, cells)
+        points, cells = with_midpoints(points, cells)
     for side, area in (("+z", 2.0), ("-x", 1.0), ("+y", 0.5)):
         where = loads.wall(points, cells, side)
         assert where.areas.sum() == pytest.approx(area)
@@ -143,7 +160,7 @@ def test_a_side_without_faces_is_refused():
 def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
     if quadratic:
-        points, cells = with_middles(points, cells)
+        points, cells = with_midpoints(points, cells)
     slope = np.random.default_rng(1).standard_normal((3, 3))
     gradients = MeanGradient(points, cells).of(points @ slope.T)
     np.testing.assert_allclose(gradients, np.tile(slope[..., None], len(cells)), atol=1e-12)
@@ -175,7 +192,7 @@ def test_a_free_body_keeps_its_residual_apart_from_rigid_motion():
     model = sheet(fixed=False)
     eigenvalues, shapes = solved(model, 10)
     assert (eigenvalues[:6] == 0).all()
-    np.testing.assert_allclose(movable_mass(model.mass, model.free), 300 * 0.05, rtol=1e-12)
+    np.testing.assert_allclose(model.movable_mass, 300 * 0.05, rtol=1e-12)
     force = loads.at_vertex(model.points, (0, 0, 0), (0, 0, 1.0)).reshape(-1, 1)
     static = model.solve(force)
     values, more = residual_modes(shapes, eigenvalues, model.stiffness, model.mass, force, static)

@@ -22,7 +22,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QLabel  # noqa: E402
 
 from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
-from spacemap_vtk.scenes.coloring import COLORINGS  # noqa: E402
+from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
 from spacemap_vtk.scenes.surface_actor import scale_share  # noqa: E402
 
 

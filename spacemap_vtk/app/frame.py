@@ -31,7 +31,7 @@ class Frame:
     values : dict
         The scene that it is of, as a file has it.
     color : str
-        What the surface's colours show: a key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+        What the surface's colours show: a key of `spacemap_vtk.scenes.colorings.COLORINGS`.
     painting : vtkImageData or None
         What the object is painted with.
     closed : bool

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, Q
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
 from spacemap_vtk.scenes.camera import CAMERAS
-from spacemap_vtk.scenes.coloring import COLORINGS
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: What can be shown: attribute of `Look` or key of a scene's section ``[view]``, words, key.

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import Quiet, Set, Shown, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder
-from spacemap_vtk.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.picture import Image
+    from spacemap_vtk.scenes.scene import Scene
 
 STILL_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
 FILM_FORMATS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
@@ -48,8 +47,7 @@ def render(
     """
     check_output(output, STILL_FORMATS)
     opened_scene = opened(scene, set_, time=time, size=size, color=color)
-    from PIL import Image as PILImage
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.picture import Picture
 
     at = opened_scene.view.time
@@ -58,7 +56,7 @@ def render(
         image = picture.draw(at)
         picture.close()
     with whole_file(output) as file:
-        PILImage.fromarray(image).save(file)
+        write_picture(file, image)
     tell_warnings(opened_scene, quiet)
 
 
@@ -152,16 +150,15 @@ def storyboard(
         moments = _one_swing(opened_scene)
     else:
         first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
-        moments = np.linspace(first, last, 7).tolist()
-    from PIL import Image as PILImage
-
+        moments = _seven(first, last)
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.picture import storyboard as drawn
 
     chosen = (2240, 640) if size is None else tuple(opened_scene.view.size)
     with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:
         image = drawn(opened_scene, moments, chosen, tell)
     with whole_file(output) as file:
-        PILImage.fromarray(image).save(file)
+        write_picture(file, image)
     tell_warnings(opened_scene, quiet)
 
 
@@ -221,14 +218,23 @@ def _times(text: str) -> list[float]:
         times = [parse_quantity(word, "s") for word in text.split(",")]
     except InputError as error:
         raise refused from error
-    if not all(0.0 <= t < np.inf for t in times) or len(times) > 100:
+    if not all(0.0 <= t < math.inf for t in times) or len(times) > 100:
         raise refused
     return times
 
 
 def _one_swing(scene: Scene) -> list[float]:
     """Return seven times over a period of the first mode that has one."""
+    from spacemap_vtk.scenes import report
+
     frequencies = [mode["frequency_hz"] for mode in report.modes(scene)["modes"]]
     swinging = [f for f in frequencies if f > 0.0]
     period = 1 / swinging[0] if swinging else scene.animation.stop
-    return [float(f"{time:.3g}") for time in np.linspace(0.0, period, 7)]
+    return [float(f"{time:.3g}") for time in _seven(0.0, period)]
+
+
+def _seven(first: float, last: float) -> list[float]:
+    """Return times as far apart as each other, both ends among them."""
+    import numpy as np
+
+    return np.linspace(first, last, 7).tolist()

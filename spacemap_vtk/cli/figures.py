@@ -6,18 +6,11 @@ import textwrap
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
-from spacemap_vtk.cli.anatomy import tell_object
 from spacemap_vtk.cli.options import Json, Quiet, Set, Time, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.fabrics import ASSUMED, FABRICS, SOURCE
-from spacemap_vtk.parameters import suggestion
-from spacemap_vtk.scenes import library, report
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes import library, thumbnails
 from spacemap_vtk.units import format_quantity
 
 
@@ -43,13 +36,20 @@ def info(
     """
     chosen = opened(scene, set_, time=time)
     if chosen.source is chosen.object:
+        from spacemap_vtk.cli.anatomy import tell_object
+
         tell_object(chosen, json_, quiet)
         return
+    from spacemap_vtk.scenes import report
+
     with progress(chosen, "Weaving", 1, quiet):
         figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:
         print_json(figures)
         return
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(title=chosen.title, show_header=True)
     for heading in ("", "warp", "weft"):
         table.add_column(heading, justify="right" if heading else "left")
@@ -130,7 +130,7 @@ def scenes(
             )
         print(library.find(name).read_text(encoding="utf-8"), end="")
         return
-    titles = {name: Scene.read(library.folder() / f"{name}.toml").title for name in library.names()}
+    titles = {name: thumbnails.title_of(name) for name in library.names()}
     if json_:
         print_json(titles)
         return
@@ -143,6 +143,8 @@ def materials(*, json_: Json = False) -> None:
 
     The table's constants, what they leave open, and how a scene replaces them.
     """
+    from spacemap_vtk.modal.fabrics import ASSUMED, FABRICS, SOURCE
+
     rows = {
         name: {
             "use": fabric.use,
@@ -156,6 +158,10 @@ def materials(*, json_: Json = False) -> None:
     if json_:
         print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
         return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     for heading in ("material", "g/m²", "C11", "C12", "C22", "C33", "plate"):
         table.add_column(
@@ -193,6 +199,9 @@ def materials(*, json_: Json = False) -> None:
 
 def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:
     """Explain the sections and keys of a scene file, each with what is allowed and its default."""
+    from spacemap_vtk.parameters import suggestion
+    from spacemap_vtk.scenes.scene import SECTIONS
+
     if section is not None and section not in SECTIONS:
         raise InputError(
             "no such section",

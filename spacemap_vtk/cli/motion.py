@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.output import check_output, whole_file
-from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import parse_quantity
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
 
 SHEET_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
 
@@ -46,6 +44,8 @@ def modes(
     if plot is not None:
         check_output(plot, SHEET_FORMATS)
     chosen = opened(scene, set_)
+    from spacemap_vtk.scenes import report
+
     with progress(chosen, "Solving", 1, quiet):
         figures = report.modes(chosen)
     if plot is not None:
@@ -53,6 +53,10 @@ def modes(
     if json_:
         print_json(figures)
         return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
@@ -135,11 +139,10 @@ def plot(
 
 
 def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
-    from PIL import Image
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.mode_sheet import mode_sheet
 
     with progress(scene, "Drawing shapes", count, quiet) as tell:
         image = mode_sheet(scene, tell)
     with whole_file(file) as path:
-        Image.fromarray(image).save(path)
+        write_picture(path, image)

@@ -7,13 +7,15 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.coloring import COLORINGS
-from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.colorings import COLORINGS
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
 
 Set = Annotated[
     tuple[str, ...],
@@ -75,6 +77,8 @@ def opened(
     InputError
         If something is refused.
     """
+    from spacemap_vtk.scenes.scene import Scene  # with VTK, which no command's help needs
+
     scene = Scene.read(name)
     for assignment in assignments:
         scene.set(assignment)

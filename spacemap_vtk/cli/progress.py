@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.scenes.scene import Scene
+if TYPE_CHECKING:
+    from spacemap_vtk.filters.base import Stage
+    from spacemap_vtk.scenes.scene import Scene
 
 #: Seconds before a bar appears.
 _PATIENCE = 1.0
@@ -36,16 +36,20 @@ def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Calla
     callable
         To be called with the number of steps done.
     """
-    console = Console(stderr=True)
+    if quiet or not sys.stderr.isatty():
+        yield lambda done: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("[dim]{task.fields[stage]}"),
-        console=console,
+        console=Console(stderr=True),
         transient=True,
-        disable=quiet or not console.is_terminal,
     )
     task = bar.add_task(what, total=steps, stage="")
 

@@ -22,7 +22,7 @@ from spacemap_vtk.modal.elements import shape_functions
 from spacemap_vtk.modal.kinematics import MeanGradient
 from spacemap_vtk.modal.model import Model
 from spacemap_vtk.modal.timefunctions import TimeFunction
-from spacemap_vtk.modal.truncation import movable_mass, participation, residual_modes
+from spacemap_vtk.modal.truncation import participation, residual_modes
 from spacemap_vtk.units import format_quantity
 
 FloatArray = NDArray[np.float64]
@@ -136,7 +136,7 @@ class CageModes:
     @cached_property
     def movable_mass(self) -> FloatArray:
         """What the effective masses of all modes sum to, (3,) in kg."""
-        return movable_mass(self.model.mass, self.model.free)
+        return self.model.movable_mass
 
     def pattern(self, load: Load) -> Pattern:
         """Return the pattern of a load.

@@ -20,6 +20,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.modal.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
 from spacemap_vtk.modal.materials import check_sizes
 from spacemap_vtk.modal.tetrahedra import checked_mesh
+from spacemap_vtk.modal.truncation import movable_mass
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -120,6 +121,11 @@ class Model:
     def nodal_mass(self) -> FloatArray:
         """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
         return nodal_mass(self.points, self.cells, self.density, self.lumped)
+
+    @cached_property
+    def movable_mass(self) -> FloatArray:
+        """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
+        return movable_mass(self.structure.assembly, self.density, self.lumped, self.free)
 
     @cached_property
     def rigid(self) -> FloatArray:

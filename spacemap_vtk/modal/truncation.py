@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
+    from spacemap_vtk.modal.elasticity import Assembly
+
 FloatArray = NDArray[np.float64]
 
 #: A residual below this share of the static response, in the energy norm, is rounding.
@@ -85,7 +87,9 @@ def residual_modes(
     return scale**2, (turn[:, order] * scale).T @ basis
 
 
-def movable_mass(mass: csr_matrix, free: NDArray[np.bool_]) -> FloatArray:
+def movable_mass(
+    assembly: Assembly, density: float, lumped: bool, free: NDArray[np.bool_]
+) -> FloatArray:
     """Return the mass that a uniform acceleration along each axis can set in motion.
 
     It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M r
@@ -94,8 +98,12 @@ def movable_mass(mass: csr_matrix, free: NDArray[np.bool_]) -> FloatArray:
 
     Parameters
     ----------
-    mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        M [kg].
+    assembly : Assembly
+        The mesh, from `spacemap_vtk.modal.elasticity.assemble`.
+    density : float
+        ρ [kg/m³].
+    lumped : bool
+        Lumped in place of consistent mass.
     free : ndarray of bool, shape (3V,)
         Which components can move.
 
@@ -104,31 +112,44 @@ def movable_mass(mass: csr_matrix, free: NDArray[np.bool_]) -> FloatArray:
     ndarray of float64, shape (3,)
         Along x, y and z [kg].
     """
-    inner = mass[free][:, free]
-    diagonal = inner.diagonal()
+    # The matrix is the same along each axis, and joins none of them: one row a vertex is enough,
+    # and its products need no scipy.
+    count = len(assembly.lumps)
+    rows = np.repeat(np.arange(count), np.diff(assembly.indptr))
+    own = rows == assembly.indices
+    consistent = np.bincount(rows[own], assembly.products[own], count)
+    diagonal = assembly.lumps if lumped else consistent
+
+    def inertia(x: FloatArray) -> FloatArray:
+        if lumped:
+            return diagonal * x
+        summed = np.bincount(rows, assembly.products * x[assembly.indices], count)
+        return summed.astype(np.float64, copy=False)
+
     result = np.zeros(3)
     for axis in range(3):
-        uniform = np.zeros(len(free))
-        uniform[axis::3] = 1.0
-        right = (mass @ uniform)[free]
+        moves = free[axis::3]
+        if not moves.any():
+            continue
+        x = moves.astype(np.float64)
+        right = inertia(np.ones(count)) * moves
         # Conjugate gradients with M's own diagonal: a few dozen steps on any mesh, since the
         # condition of a consistent mass matrix scaled by its diagonal does not grow with its size.
-        x = uniform[free]
-        r = right - inner @ x
+        r = right - inertia(x) * moves
         z = r / diagonal
         p, rho = z.copy(), float(r @ z)
         enough = 1e-28 * float(right @ (right / diagonal))
         for _ in range(200):
             if rho <= enough:
                 break
-            q = inner @ p
+            q = inertia(p) * moves
             step = rho / float(p @ q)
             x += step * p
             r -= step * q
             z = r / diagonal
             rho, before = float(r @ z), rho
             p = z + (rho / before) * p
-        result[axis] = right @ x
+        result[axis] = density * float(right @ x)
     return result
 
 

@@ -100,9 +100,9 @@ def carry_out(order: Order) -> Iterator[tuple[int, int]]:
     if film:
         yield from _filmed(picture, times, output, scene.animation.frames_per_second)
     else:
-        from PIL import Image
+        from spacemap_vtk.scenes.film import write_picture
 
-        Image.fromarray(picture.draw(order.time)).save(output)
+        write_picture(output, picture.draw(order.time))
         yield 1, 1
     picture.close()
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-import pyvista as pv
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkPolyDataNormals, vtkTriangleFilter
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.wif_writer import format_wif
@@ -48,14 +49,51 @@ def write(scene: Scene, what: str, file: Path) -> None:
         "cage": lambda: scene.deformed_cage,
         "surface": lambda: scene.polygons,
     }[what]()
-    if file.suffix == ".stl":
-        # The format knows triangles only; nothing but positions would arrive anyway.
-        bare = vtkPolyData()
-        bare.SetPoints(data.GetPoints())
-        bare.SetPolys(data.GetPolys())
-        data = pv.wrap(bare).triangulate()
-    if file.suffix == ".vtu" and isinstance(data, vtkPolyData):
-        data = pv.wrap(data).cast_to_unstructured_grid()
-    pv.wrap(data).save(file)
+    _write(data, file)
     if not file.is_file():
         raise SpacemapError(f"{file.name}: nothing was written; is the disk full?")
+
+
+def _write(data: vtkDataSet, file: Path) -> None:
+    """Write with VTK's writer for the ending."""
+    writer: Any
+    if file.suffix in (".vtu", ".vtp"):
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+        if file.suffix == ".vtp":
+            writer = vtkXMLPolyDataWriter()
+        else:
+            writer = vtkXMLUnstructuredGridWriter()
+            if isinstance(data, vtkPolyData):
+                data = _only_output(vtkAppendFilter(), data)
+        writer.SetDataModeToBinary()
+        writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
+    else:
+        if file.suffix == ".stl":
+            from vtkmodules.vtkIOGeometry import vtkSTLWriter
+
+            # The format knows triangles only; nothing but positions would arrive anyway.
+            bare = vtkPolyData()
+            bare.SetPoints(data.GetPoints())
+            bare.SetPolys(data.GetPolys())
+            data = _only_output(vtkTriangleFilter(), bare)
+            writer = vtkSTLWriter()
+        else:
+            from vtkmodules.vtkIOPLY import vtkPLYWriter
+
+            writer = vtkPLYWriter()
+        writer.SetFileTypeToBinary()
+        if data.GetNumberOfPolys() + data.GetNumberOfStrips():
+            # Neighbours that face the same side: what these files are read for asks for it.
+            normals = vtkPolyDataNormals()
+            normals.SplittingOff()
+            data = _only_output(normals, data)
+    writer.SetFileName(str(file))
+    writer.SetInputData(data)
+    writer.Write()
+
+
+def _only_output(algorithm: Any, data: vtkDataSet) -> Any:
+    algorithm.AddInputData(data)
+    algorithm.Update()
+    return algorithm.GetOutput()

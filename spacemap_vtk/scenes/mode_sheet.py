@@ -7,21 +7,26 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkFiltersCore import vtkFeatureEdges
+from vtkmodules.vtkFiltersGeneral import vtkWarpVector
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.filters.arrays import add_array, array_of, points_of
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.camera import add_lights, aim
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.scenes.camera import aim
+from spacemap_vtk.scenes.coloring import add_measure
+from spacemap_vtk.scenes.offscreen import Offscreen
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shading import averaged
+from spacemap_vtk.scenes.surface_actor import SurfaceActor, rgb
 
 #: Most shapes on a sheet, and how many in a row.
 MOST_SHAPES, COLUMNS = 12, 4
@@ -55,9 +60,8 @@ def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> N
         If this machine cannot draw.
     """
     figures = report.modes(scene)
-    prepare_offscreen()
-    scene.update_stage(scene.weave)
-    grid = scene.modal.GetOutputDataObject(0)
+    scene.update_stage(scene.modal)
+    drawing = _Drawing(scene)
     shapes = figures["modes"][:MOST_SHAPES]
     columns = min(COLUMNS, len(shapes))
     rows = math.ceil(len(shapes) / columns)
@@ -65,13 +69,14 @@ def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> N
     pen = ImageDraw.Draw(sheet)
     for number, mode in enumerate(shapes):
         left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
-        sheet.paste(Image.fromarray(_shape(scene, grid, number)), (left, top))
+        sheet.paste(Image.fromarray(drawing.shape(number)), (left, top))
         middle, line = left + _CELL[0] / 2, top + _CELL[1]
         title = f"mode {number}: {mode['frequency_hz']:.4g} Hz"
         pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
         pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
         if progress:
             progress(number + 1)
+    drawing.close()
     return np.asarray(sheet)
 
 
@@ -84,53 +89,65 @@ def _note(mode: dict[str, Any]) -> str:
     return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"
 
 
-def _shape(scene: Scene, grid: vtkUnstructuredGrid, number: int) -> NDArray[np.uint8]:
-    """Draw one mode shape."""
-    vertices = points_of(grid)
-    shape = array_of(grid.GetPointData(), MODE_NAME.format(number), "a sheet of modes")
-    largest = float(np.linalg.norm(shape, axis=1).max())
-    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    moved = vtkUnstructuredGrid()
-    moved.ShallowCopy(grid)
-    add_array(moved.GetPointData(), "displacement", shape * (_SWING * diagonal / largest))
-    moved.GetPointData().SetActiveVectors("displacement")
-    cage = vtkTrivialProducer()
-    cage.SetOutput(moved)
-    warp, surface = BarycentricWarp(), PatchTessellator(subdivisions=scene.surface.subdivisions)
-    warp.SetInputConnection(0, scene.weave.GetOutputPort())
-    warp.SetInputConnection(1, cage.GetOutputPort())
-    surface.SetInputConnection(warp.GetOutputPort())
-    surface.update()
-    mesh = pv.wrap(surface.GetOutputDataObject(0))
-    mesh["size"] = np.linalg.norm(mesh["displacement"], axis=1)
+class _Drawing:
+    """Draws one shape after the other from one place, with room for the swing to every side."""
 
-    # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
-    size = _CELL[0] * 2, _CELL[1] * 2
-    plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
-    plotter.set_background("#ffffff", top="#eef2f6")
-    add_lights(plotter.renderer)
-    plotter.add_mesh(
-        mesh,
-        scalars="size",
-        clim=[0.0, _SWING * diagonal],
-        cmap="viridis",
-        show_scalar_bar=False,
-        smooth_shading=True,
-        ambient=0.3,
-        diffuse=0.8,
-        specular=0.1,
-    )
-    # Of the cage only its corner lines, which its faces share at an angle: enough to see it bend.
-    lines = pv.wrap(moved).extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
-    bent = lines.warp_by_vector("displacement")
-    for mesh, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
-        plotter.add_mesh(mesh, color=color, line_width=width, lighting=False)
-    # All shapes from one place, with room for the swing to every side.
-    swing = 0.6 * _SWING * diagonal
-    room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
-    aim(plotter.camera, room, size[0] / size[1], "three-quarter", 1.0)
-    plotter.camera_set = True
-    plotter.renderer.ResetCameraClippingRange()
-    image = plotter.screenshot(None, return_img=True).astype(np.float32)
-    plotter.close()
-    return np.clip(averaged(image, 2) + 0.5, 0, 255).astype(np.uint8)
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._grid: vtkUnstructuredGrid = scene.modal.GetOutputDataObject(0)
+        vertices = points_of(self._grid)
+        self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
+        size = _CELL[0] * 2, _CELL[1] * 2
+        self._window = Offscreen(size, (255, 255, 255), (238, 242, 246), samples=4)
+        self._solid, self._moved = SurfaceActor(), vtkUnstructuredGrid()
+        self._moved.ShallowCopy(self._grid)
+        self._cage = vtkTrivialProducer()
+        self._cage.SetOutput(self._moved)
+        self._warp = BarycentricWarp()
+        self._surface = PatchTessellator(subdivisions=scene.surface.subdivisions)
+        self._warp.SetInputConnection(0, scene.source.GetOutputPort())
+        self._warp.SetInputConnection(1, self._cage.GetOutputPort())
+        self._surface.SetInputConnection(self._warp.GetOutputPort())
+        # Of the cage only its corner lines, which its faces share at an angle: enough to see it
+        # bend.
+        faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
+        faces.SetInputConnection(self._cage.GetOutputPort())
+        lines.SetInputConnection(faces.GetOutputPort())
+        lines.SetFeatureAngle(30.0)
+        lines.ColoringOff()
+        bent.SetInputConnection(lines.GetOutputPort())
+        bent.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
+        self._stages = faces, lines, bent
+        self._window.renderer.AddActor(self._solid)
+        for stage, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
+            actor, mapper = vtkActor(), vtkPolyDataMapper()
+            mapper.SetInputConnection(stage.GetOutputPort())
+            mapper.ScalarVisibilityOff()
+            actor.SetMapper(mapper)
+            actor.GetProperty().SetColor(*rgb(color))
+            actor.GetProperty().SetLineWidth(width)
+            actor.GetProperty().LightingOff()
+            self._window.renderer.AddActor(actor)
+        swing = 0.6 * self._swing
+        room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
+        aim(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
+
+    def shape(self, number: int) -> NDArray[np.uint8]:
+        """Draw a mode shape."""
+        shape = array_of(self._grid.GetPointData(), MODE_NAME.format(number), "a sheet of modes")
+        largest = float(np.linalg.norm(shape, axis=1).max())
+        add_array(self._moved.GetPointData(), "displacement", shape * (self._swing / largest))
+        self._moved.GetPointData().SetActiveVectors("displacement")
+        self._moved.Modified()
+        self._surface.update()
+        mesh = vtkPolyData()
+        mesh.ShallowCopy(self._surface.GetOutputDataObject(0))
+        add_measure(mesh, "displacement")
+        self._solid.show(mesh, "displacement", span=(0.0, self._swing))
+        light = self._window.draw().astype(np.float32)
+        return np.clip(averaged(light, 2) + 0.5, 0, 255).astype(np.uint8)
+
+    def close(self) -> None:
+        """Free the window."""
+        self._window.close()

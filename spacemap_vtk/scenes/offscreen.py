@@ -31,6 +31,9 @@ class Offscreen:
         Of a pixel, at the edges of what is drawn; 0: one.
     pixels : int, optional
         Drawn for one that a person will see, in width: letters grow with it.
+    beside : Offscreen, optional
+        Another one, drawn in turn with this one. Of the same size, they share the window: its
+        buffers, the largest thing there is, and its shaders.
 
     Raises
     ------
@@ -45,6 +48,7 @@ class Offscreen:
         above: Sequence[int],
         samples: int = 0,
         pixels: int = 1,
+        beside: Offscreen | None = None,
     ) -> None:
         prepare_offscreen()
         self.renderer = vtkRenderer()
@@ -54,14 +58,10 @@ class Offscreen:
         self.renderer.GradientBackgroundOn()
         add_lights(self.renderer)
         self._size = size
-        self._window = vtkRenderWindow()
-        self._window.SetOffScreenRendering(True)
-        if hasattr(self._window, "SetConnectContextToNSView"):
-            # macOS: otherwise a window is made, though nothing shows it.
-            self._window.SetConnectContextToNSView(False)
-        self._window.SetMultiSamples(samples)
-        self._window.SetSize(*size)
-        self._window.SetDPI(72 * pixels)
+        if beside is not None and beside._size == size:
+            self._window: vtkRenderWindow = beside._window
+        else:
+            self._window = _window(size, samples, pixels)
         self._window.AddRenderer(self.renderer)
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None
@@ -83,14 +83,21 @@ class Offscreen:
         """What the picture is seen through."""
         return self.renderer.GetActiveCamera()
 
-    def draw(self) -> NDArray[np.uint8]:
+    def draw(self, front: bool = True) -> NDArray[np.uint8]:
         """Draw.
+
+        Parameters
+        ----------
+        front : bool, optional
+            Also what is drawn over all else.
 
         Returns
         -------
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue.
         """
+        for renderer in self._window.GetRenderers():
+            renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
         self.renderer.ResetCameraClippingRange()
         self._window.Render()
         width, height = self._size
@@ -123,3 +130,15 @@ class Offscreen:
     def close(self) -> None:
         """Free the window."""
         self._window.Finalize()
+
+
+def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    if hasattr(window, "SetConnectContextToNSView"):
+        # macOS: otherwise a window is made, though nothing shows it.
+        window.SetConnectContextToNSView(False)
+    window.SetMultiSamples(samples)
+    window.SetSize(*size)
+    window.SetDPI(72 * pixels)
+    return window

@@ -30,7 +30,7 @@ from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
 from spacemap_vtk.scenes.offscreen import Offscreen
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.shading import averaged, contact_shade
+from spacemap_vtk.scenes.shading import averaged, contact_shade, strips
 from spacemap_vtk.scenes.surface_actor import (
     Span,
     SurfaceActor,
@@ -122,10 +122,9 @@ class Picture:
             self._plane = vtkPlane()
             self._plane.SetNormal(self._cut[0])
             self._plane.SetOrigin(self._cut[1])
-        self._panels = [
-            self._panel(scene, panel, (w, height), extent)
-            for panel, w in zip(panels, widths, strict=True)
-        ]
+        self._panels: list[_Panel] = []
+        for panel, w in zip(panels, widths, strict=True):
+            self._panels.append(self._panel(scene, panel, (w, height), extent))
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -161,25 +160,34 @@ class Picture:
 
     def _drawn(self, panel: _Panel) -> Image:
         window, shade = panel.window, None
+        apart = panel.shaded and bool(panel.signs)
+        depths = [_depth_of(panel, part) for part in (panel.solids, panel.signs) if apart]
+        pixels = window.draw()
         if panel.shaded:
-            shade = self._shade(panel)
-        light = window.draw().astype(np.float32)
-        if shade is not None:
-            light *= shade[:, :, None]
-        return np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255).astype(np.uint8)
+            shade = self._shade(window, *(depths or [window.depth()]))
+        height, width = pixels.shape[:2]
+        image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
+        for rows in strips(height):
+            light = pixels[rows].astype(np.float32)
+            if shade is not None:
+                light *= shade[rows, :, None]
+            mean = np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255)
+            image[rows.start // _SAMPLES : rows.stop // _SAMPLES] = mean
+        return image
 
-    def _shade(self, panel: _Panel) -> NDArray[np.float32]:
+    def _shade(
+        self,
+        window: Offscreen,
+        depth: NDArray[np.float32],
+        signs: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
         """Return by what each pixel's light is to be multiplied."""
-        window = panel.window
-        depth = _depth_of(panel, panel.solids)
         camera = window.camera
         half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
         if camera.GetParallelProjection():
             half = camera.GetParallelScale()
-        pixel = 2 * half / len(depth)
-        shade = contact_shade(depth, self._relief, self._relief / pixel)
-        if panel.signs:
-            signs = _depth_of(panel, panel.signs)
+        shade = contact_shade(depth, self._relief, self._relief / (2 * half / len(depth)))
+        if signs is not None:
             # A sign is no thing in the room: it neither casts a shadow nor stands in one.
             shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
         return shade
@@ -194,6 +202,7 @@ class Picture:
             view.background_top,
             samples=4,
             pixels=_SAMPLES,
+            beside=self._panels[-1].window if self._panels else None,
         )
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
         point = _SAMPLES * max(_LEAST, size[1] / _USUAL)
@@ -290,7 +299,7 @@ def storyboard(
 def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float64], Span | None]:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
-    chosen = [times[i] for i in np.unique(np.linspace(0, len(times) - 1, 9).astype(int))]
+    chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds, ends = [], []
     for time in chosen:
         scene.update(time)
@@ -330,15 +339,12 @@ def _depth_of(panel: _Panel, shown: list[vtkActor]) -> NDArray[np.float32]:
         for actor in (*panel.solids, *panel.signs)
         if actor not in shown and actor.GetVisibility()
     ]
-    front = panel.window.front
-    for on in (False, True):
-        for actor in hidden:
-            actor.SetVisibility(on)
-        if front is not None:
-            front.SetDraw(on)
-        if not on:
-            panel.window.draw()
-            depth = panel.window.depth()
+    for actor in hidden:
+        actor.VisibilityOff()
+    panel.window.draw(front=False)
+    depth = panel.window.depth()
+    for actor in hidden:
+        actor.VisibilityOn()
     return depth
 
 

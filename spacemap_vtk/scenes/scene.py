@@ -30,7 +30,7 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.coloring import COLORINGS
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import Animation, View
 
 #: Every section of a scene file, in the order of the pipeline.
@@ -213,7 +213,7 @@ class Scene:
         Parameters
         ----------
         color : str
-            A key of `spacemap_vtk.scenes.coloring.COLORINGS`.
+            A key of `spacemap_vtk.scenes.colorings.COLORINGS`.
 
         Raises
         ------

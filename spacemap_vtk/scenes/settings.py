@@ -8,7 +8,7 @@ from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
-from spacemap_vtk.scenes.coloring import COLORINGS
+from spacemap_vtk.scenes.colorings import COLORINGS
 
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000

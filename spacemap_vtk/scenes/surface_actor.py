@@ -12,7 +12,8 @@ from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.filters.arrays import to_array
-from spacemap_vtk.scenes.coloring import COLORINGS, SHOWN, unit_of
+from spacemap_vtk.scenes.coloring import SHOWN, unit_of
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 
 #: Colours of warp and weft where families are told apart; of yarns; of numbers from low on.

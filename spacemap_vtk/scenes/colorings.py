@@ -1,0 +1,43 @@
+"""What a surface's colours can mean: declared here once, for pictures, films and the window.
+
+Apart from what computes their numbers: the help of a command names them, and needs no VTK.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Coloring(NamedTuple):
+    """A meaning of colours.
+
+    Parameters
+    ----------
+    label : str
+        Words for people; the title of the scale.
+    unit : str
+        SI unit of the numbers.
+    carried : str
+        Array of the cage that must ride along for it.
+    weave, moves : bool
+        Whether it takes yarns; whether it takes a cage that moves.
+    """
+
+    label: str
+    unit: str = ""
+    carried: str = ""
+    weave: bool = False
+    moves: bool = False
+
+
+#: By the word that a scene file has for it.
+COLORINGS = {
+    "own": Coloring("Own colours"),
+    "family": Coloring("Warp and weft", weave=True),
+    "yarn": Coloring("Yarn by yarn", weave=True),
+    "displacement": Coloring("Displacement", "m", moves=True),
+    "velocity": Coloring("Velocity", "m/s", "velocity", moves=True),
+    "strain": Coloring("Strain, largest principal", "", "strain", moves=True),
+    "stress": Coloring("Stress, von Mises", "Pa", "von_mises", moves=True),
+    "clearance": Coloring("Clearance", "m", weave=True),
+}

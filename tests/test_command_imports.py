@@ -1,0 +1,104 @@
+"""A command imports what it needs, and no more: what its start costs is what it imports."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from spacemap_vtk.scenes.shading import STRIP, averaged, blurred, contact_shade
+
+#: What takes a tenth of a second to import, or more.
+_HEAVY = (
+    "numpy",
+    "scipy",
+    "vtkmodules.vtkCommonExecutionModel",
+    "vtkmodules.vtkRenderingCore",
+    "pyvista",
+    "matplotlib",
+)
+_KERNELS = {"numpy"}
+_FILTERS = {*_KERNELS, "vtkmodules.vtkCommonExecutionModel"}
+_PICTURES = {*_FILTERS, "vtkmodules.vtkRenderingCore"}
+
+
+def _imported(command: str, cache: Path) -> set[str]:
+    code = (
+        "import sys\n"
+        "from spacemap_vtk.cli.main import main\n"
+        "try: main(sys.argv[1].split())\n"
+        "except SystemExit as ended: assert ended.code == 0\n"
+        "print(*sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, command],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=cache,
+        env={**os.environ, "SPACEMAP_CACHE": str(cache / "kept")},
+    )
+    return set(done.stderr.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    ("command", "needs"),
+    [
+        ("--help", set()),
+        ("render --help", set()),
+        ("scenes", set()),
+        ("materials", _KERNELS),
+        ("keys view", _FILTERS),
+        ("validate plain_weave -q", _FILTERS),
+        ("export plain_weave -q -o a.wif", _FILTERS),
+        ("info plain_weave -q --json", {*_FILTERS, "scipy"}),
+    ],
+)
+def test_a_command_imports_only(command: str, needs: set[str], tmp_path: Path) -> None:
+    assert _imported(command, tmp_path) & set(_HEAVY) == needs
+
+
+@pytest.mark.parametrize(
+    ("command", "needs"),
+    [
+        ("render plain_weave -q -o a.png --set view.size=[64,48]", _PICTURES),
+        ("animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.08", _PICTURES),
+        ("export plain_weave -q -o a.vtu", _FILTERS),
+        ("export plain_weave -q -o a.ply", _FILTERS),
+        ("modes plain_weave -q --json", _FILTERS),
+        ("modes plain_weave -q --plot a.png", _PICTURES),
+        ("plot plain_weave -q -o a.png", {*_FILTERS, "matplotlib"}),
+    ],
+)
+def test_with_kept_modes_a_command_imports_only(
+    command: str, needs: set[str], tmp_path: Path
+) -> None:
+    assert "scipy" in _imported(command, tmp_path)  # they are solved
+    again = _imported(command, tmp_path)
+    assert again & set(_HEAVY) == needs
+    # The bar of progress is for people at a terminal.
+    assert not {"rich.progress", "psutil"} & again
+
+
+def test_the_blur_is_scipys() -> None:
+    image = np.random.default_rng(1).random((3 * STRIP // 2, 2 * STRIP + 1), dtype=np.float32)
+    for sigma in (0.7, 3.3, 21.8):
+        known = ndimage.gaussian_filter(image, sigma, mode="nearest", truncate=2.5)
+        np.testing.assert_array_equal(blurred(image, sigma), known)
+
+
+def test_a_shade_knows_no_strips() -> None:
+    rows, columns = np.mgrid[: 2 * STRIP + 8, : STRIP + 4]
+    depth = (1.0 + 1e-3 * np.sin(rows / 9) * np.cos(columns / 7)).astype(np.float32)
+    depth[rows < columns / 3] = np.nan
+    shade = contact_shade(depth, 1e-3, 12.0)
+    # Of a surface seen from its other side, strips end elsewhere.
+    np.testing.assert_allclose(shade[::-1], contact_shade(depth[::-1], 1e-3, 12.0), atol=1e-3)
+    assert shade[np.isnan(depth)].min() == 1.0
+    assert shade.min() < 0.9
+    np.testing.assert_allclose(averaged(shade[:, :, None], 2).mean(), shade.mean(), rtol=1e-5)
