@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import points_of
-from spacemap_vtk.scenes.glyphs import cut_of, rest_of
+from spacemap_vtk.filters.arrays import add_array, points_of
+from spacemap_vtk.scenes.glyphs import LoadActor, cut_of, rest_of
+from spacemap_vtk.scenes.load_arrows import KINDS, load_arrows
 from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -109,3 +112,124 @@ def test_a_still_scene_has_none_of_it_and_is_drawn() -> None:
     picture = Picture(Scene({"weave": {"ends": 3, "picks": 3}, "view": view}), [0.0], (120, 90))
     assert picture.draw(0.0).std() > 20
     picture.close()
+
+
+def test_an_arrow_is_in_sight_at_its_strongest_whenever_the_picture_is_of() -> None:
+    load = {"force": [0.0, 0.0, 1e-10], "at": [0.0, -1.0, 0.0], "time": "pulse"}
+    response = {"gravity": [0.0, 0.0, 0.0], "loads": [{**load, "length": "10 ms"}]}
+    scene = Scene({**VALUES, "response": response, "view": {"loads": True, "camera": "side"}})
+    # Nothing acts any more at the time that the camera is aimed for.
+    picture = Picture(scene, [0.02], (240, 180))
+    arrow = near(picture.draw(0.0).astype(int), KINDS["force"], 90)
+    picture.close()
+    assert arrow.sum() > 20
+    for edge in (arrow[0], arrow[-1], arrow[:, 0], arrow[:, -1]):
+        assert not edge.any()
+
+
+def test_the_weight_begins_where_its_line_leaves_the_cage() -> None:
+    """The faces of a box, and of one that hangs askew: never beside the cage."""
+    scene = Scene({**VALUES, "response": {"gravity": [0.0, -9.81, 0.0]}})
+    scene.update(0.0)
+    cage = scene.deformed_cage
+    corners = points_of(cage).astype(float)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    arrows = load_arrows(scene.response, cage, 0.0)
+    middle = (low + high) / 2
+    np.testing.assert_allclose(arrows.starts, [[middle[0], low[1], middle[2]]], atol=1e-6)
+    # Turned by 60 degrees about x, the sheet's own underside is below its middle.
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -(0.75**0.5)], [0.0, 0.75**0.5, 0.5]])
+    moved = vtkUnstructuredGrid()
+    moved.DeepCopy(cage)
+    add_array(moved.GetPointData(), "displacement", (corners - middle) @ turn.T + middle - corners)
+    arrows = load_arrows(scene.response, moved, 0.0)
+    thickness = (high - low)[2]
+    below = thickness / 2 / 0.75**0.5
+    np.testing.assert_allclose(arrows.starts, [middle - [0.0, below, 0.0]], atol=1e-6)
+
+
+def test_signs_cast_no_shadow_and_stand_in_none() -> None:
+    view = {"supports": False, "cage_color": "#ff00ff", "clip_normal": "auto"}
+    fabric, both = drawn(show="fabric", **view), drawn(show="both", **view)
+    # Round each line, a pixel that is partly its own.
+    line = binary_dilation(np.abs(both - fabric).max(axis=2) > 24, iterations=2)
+    assert 0.02 < line.mean() < 0.9
+    assert np.abs(both - fabric)[~line].max() <= 24
+    assert (np.abs(both - fabric)[~line].max(axis=1) > 3).mean() < 0.01
+
+
+def test_an_arrow_behind_the_cloth_keeps_its_colour() -> None:
+    """Where it is in sight between yarns."""
+    load = {"force": [0.0, 1e-10, 1e-11], "at": [0.0, 0.0, -1.0]}
+    scene = {
+        **VALUES,
+        "weave": {"ends": 4, "picks": 4, "warp_spacing": "2 mm", "weft_spacing": "2 mm"},
+        "cage": {"divisions": [4, 3, 1]},
+        "response": {"gravity": [0.0, 0.0, 0.0], "loads": [load]},
+    }
+    images = []
+    for shadows in (True, False):
+        view = {"loads": True, "shadows": shadows, "camera": "front"}
+        picture = Picture(Scene({**scene, "view": view}), [0.0], (240, 180))
+        images.append(picture.draw(0.0).astype(int))
+        picture.close()
+    red, green, blue = np.moveaxis(images[1], 2, 0)
+    # Not where it shines through a yarn, which has a shadow.
+    ink = (red > green + 60) & (blue > green + 25)
+    assert ink.sum() > 20
+    assert np.abs(images[0] - images[1])[ink].max(axis=1).mean() < 6
+
+
+def test_an_arrow_behind_the_cloth_shines_through() -> None:
+    load = {"force": [0.0, 0.0, 1e-10], "at": [0.0, 0.0, -1.0]}
+    response = {"gravity": [0.0, 0.0, 0.0], "loads": [load]}
+    images = []
+    for loads in (True, False):
+        view = {"loads": loads, "camera": "three-quarter", "shadows": False}
+        picture = Picture(Scene({**VALUES, "response": response, "view": view}), [0.0], (240, 180))
+        images.append(picture.draw(0.0).astype(int))
+        picture.close()
+    changed = np.abs(images[0] - images[1]).max(axis=2) > 24
+    assert changed.sum() > 40
+    ink = list(bytes.fromhex(KINDS["force"][1:]))
+    before, after = (
+        np.abs(image - ink).sum(axis=1) for image in (images[1][changed], images[0][changed])
+    )
+    assert (after < before).mean() > 0.9
+
+
+def test_dots_grow_with_the_picture() -> None:
+    orange = []
+    for height in (960, 1920):
+        scene = Scene({**VALUES, "view": {"show": "cage", "camera": "front"}})
+        picture = Picture(scene, [0.0], (height, height))
+        image = picture.draw(0.0).astype(int)
+        picture.close()
+        orange.append(int(near(image, "#d9642c", 90).sum()))
+    assert orange[1] / orange[0] == pytest.approx(4.0, rel=0.15)
+
+
+@pytest.mark.parametrize(("back", "lines"), [("#ffffff", "#39424e"), ("#10151b", "#96a4b4")])
+def test_the_cage_can_be_seen_on_any_background(back: str, lines: str) -> None:
+    view = {"show": "cage", "supports": False, "background": back, "background_top": back}
+    assert near(drawn(**view), lines, 30).sum() > 200
+    assert near(drawn(**view, cage_color="#ff0000"), "#ff0000", 60).sum() > 200
+
+
+def test_nothing_acts_on_what_is_cut_away() -> None:
+    loads = [{"pressure": 1e-6, "on": "-z"}]
+    scene = Scene({**VALUES, "response": {"gravity": [0.0, -9.81, 0.0], "loads": loads}})
+    scene.update(0.0)
+    arrows = load_arrows(scene.response, scene.deformed_cage, 0.0)
+    actor = LoadActor()
+    shown = {}
+    for name, cut in (("whole", None), ("left", ((-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))):
+        actor.show(arrows, cut)
+        shown[name] = points_of(actor.GetMapper().GetInput())
+    pushing = np.array(arrows.kinds) == "pressure"
+    assert pushing.sum() == len(arrows.kinds) - 1
+    left = arrows.places[:, 0] <= 0.0
+    assert 0 < left.sum() < pushing.sum()
+    # The weight is of all of it.
+    assert len(shown["whole"]) == len(arrows.kinds)
+    np.testing.assert_allclose(shown["left"], arrows.starts[left | ~pushing])

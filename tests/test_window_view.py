@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
 import sys
 import threading
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,6 +39,56 @@ def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() > 30
     window.tools.shown[name].trigger()
     assert np.abs(image(window) - before).max() < 8
+
+
+def test_arrows_that_are_shown_are_in_sight(open_window: Any) -> None:
+    window = open_window()
+    window.document.set("response", "gravity", (0.0, -9.81, 0.0))
+    # Wide: its height is what is scarce.
+    window.resize(1500, 600)
+    wait_until(lambda: settled(window))
+    renderer = window.view.plotter.renderer
+
+    def farthest() -> float:
+        """How far from the middle of the picture an arrow ends; 1 is its edge."""
+        ends = []
+        for point in window.view.frame.arrows.reach:
+            renderer.SetWorldPoint(*point, 1.0)
+            renderer.WorldToView()
+            ends.append(np.abs(renderer.GetViewPoint()[:2]).max())
+        return max(ends)
+
+    assert farthest() > 1.0
+    window.tools.shown["loads"].trigger()
+    wait_until(lambda: settled(window))
+    assert 0.7 < farthest() < 1.0
+    window.tools.cameras["side"].trigger()
+    assert farthest() < 1.0
+    # Whoever has moved the camera keeps it.
+    window.tools.shown["loads"].trigger()
+    window.view.plotter.camera.Azimuth(10.0)
+    before = window.view.plotter.camera.GetPosition()
+    window.tools.shown["loads"].trigger()
+    assert window.view.plotter.camera.GetPosition() == before
+
+
+def test_dots_and_lines_are_as_wide_on_a_fine_screen(tmp_path: Path) -> None:
+    script = Path(__file__).with_name("window_fine.py")
+    counts = []
+    for scale in ("1", "2"):
+        place = {"QT_SCALE_FACTOR": scale, "SPACEMAP_CACHE": "off", "HOME": str(tmp_path)}
+        done = subprocess.run(
+            [sys.executable, str(script)],
+            env={**os.environ, **place},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=300,
+        )
+        counts.append(json.loads(done.stdout.splitlines()[-1]))
+    one, two = counts
+    for name in ("supports", "pick", "cage", "letters"):
+        assert two[name] / one[name] == pytest.approx(4.0, rel=0.25), name
 
 
 def test_python_works_on_while_software_draws(open_window: Any) -> None:
@@ -99,16 +153,48 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
         differing = (np.abs(image(window) - near).max(axis=2) > 8).mean()
         look.BackfaceCullingOn()
         assert differing < 2e-4
-    # Cut open, a yarn shows its inside.
-    window.tools.clip.trigger()
-    wait_until(lambda: window.view.clip.on)
-    assert not look.GetBackfaceCulling()
-    window.tools.clip.trigger()
-    wait_until(lambda: not window.view.clip.on)
-    assert look.GetBackfaceCulling()
     window.document.set("weave", "caps", False)
     wait_until(lambda: settled(window))
     assert not look.GetBackfaceCulling()
+
+
+@pytest.mark.parametrize("color", ["own", "displacement"])
+def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
+    window = open_window()
+    view, look = window.view, window.view._fabric.GetProperty()
+    window.document.set("view", "color", color)
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and view.clip.on)
+    # The plane itself is in the way.
+    view.clip._handle.show(False)
+    window.tools.cameras["side"].trigger()
+    for azimuth in (0, 25, -50):
+        view.plotter.camera.Azimuth(azimuth)
+        solid = image(window)
+        # Nothing of the inside is in sight: without the far sides it is the same picture ...
+        look.BackfaceCullingOff()
+        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
+        # ... but not without the face of the cut.
+        view._face.VisibilityOff()
+        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > 2e-2
+        view._face.VisibilityOn()
+        look.BackfaceCullingOn()
+
+
+def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
+    window = open_window()
+    view = window.view
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and view.clip.on)
+    handle = view.clip._handle
+    x = view.clip.plane.GetOrigin()[0] + 7e-4
+    handle._shape.SetOrigin(x, 0.0, 0.0)
+    handle._widget.InvokeEvent("InteractionEvent")
+    bounds = view._face.GetMapper().GetInput().GetBounds()
+    np.testing.assert_allclose(bounds[:2], x, atol=1e-7)
+    window.tools.clip.trigger()
+    wait_until(lambda: settled(window) and not view.clip.on)
+    assert not view._face.GetVisibility()
 
 
 def test_every_camera_is_another_picture(open_window: Any) -> None:

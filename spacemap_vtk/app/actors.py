@@ -9,7 +9,11 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.app.pipeline import displacement_of
 from spacemap_vtk.filters.arrays import points_of, tetrahedra_of, to_cells, to_points
+from spacemap_vtk.scenes.glyphs import LINE
 from spacemap_vtk.scenes.surface_actor import rgb
+
+#: Width of a picked point's dot, in points.
+PICKED = 14.0
 
 
 class CageActor(vtkActor):
@@ -23,7 +27,7 @@ class CageActor(vtkActor):
         line = self.GetProperty()
         line.SetLighting(False)
         # Opaque: one thing that light passes through costs a quarter of a frame in software.
-        line.SetLineWidth(1.4)
+        line.SetLineWidth(LINE)
         self.SetPickable(False)
         self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
 
@@ -55,7 +59,7 @@ class PickActor(vtkActor):
         self.SetMapper(self._mapper)
         look = self.GetProperty()
         look.SetColor(*rgb("#d9642c"))
-        look.SetPointSize(14.0)
+        look.SetPointSize(PICKED)
         look.SetRenderPointsAsSpheres(True)
         self.SetPickable(False)
         self.show(np.zeros((0, 3)))

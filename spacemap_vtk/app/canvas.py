@@ -20,7 +20,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkRenderWindowInteractor,
 )
 
-from spacemap_vtk.scenes.camera import add_lights
+from spacemap_vtk.scenes.camera import add_lights, front_of
 
 # pyvistaqt would take any Qt binding that it finds; this program is written for one.
 os.environ["QT_API"] = "pyside6"
@@ -84,6 +84,9 @@ class Canvas(_Widget):
         # VTK would copy what it has drawn into a second buffer; Qt gets it from the first.
         self.render_window.SwapBuffersOff()
         self.render_window.AddRenderer(self.renderer)
+        #: Draws over all else, if it is to.
+        self.front = front_of(self.render_window, self.renderer)
+        self.front.DrawOff()
         self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # What the mouse turns is drawn when Qt comes to it, once, however many moves came before.

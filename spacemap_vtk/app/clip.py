@@ -28,16 +28,25 @@ class ClipPlane:
         What is cut.
     told : SignalInstance
         Emitted with normal and origin when the mouse has moved the plane.
+    moving : SignalInstance
+        Emitted while the mouse moves the plane, before it is drawn.
     """
 
     def __init__(
-        self, interactor: vtkRenderWindowInteractor, actors: Sequence[vtkActor], told: Any
+        self,
+        interactor: vtkRenderWindowInteractor,
+        actors: Sequence[vtkActor],
+        told: Any,
+        moving: Any,
     ) -> None:
         self.plane = vtkPlane()
         #: Normal and origin of the plane that was shown last, if it was one of this scene's.
         self.last: Cut | None = None
         self.on = False
+        #: Of the screen, in width, for one that a person sees.
+        self.pixels = 1.0
         self._interactor, self._actors, self._told = interactor, list(actors), told
+        self._moving = moving
         self._handle: ClipHandle | None = None
 
     def show(self, cut: Cut | None, points: NDArray[np.float64] | None) -> None:
@@ -53,7 +62,7 @@ class ClipPlane:
         if cut is not None and points is not None:
             self.last = cut
             self._handle = self._handle or self._made()
-            self._handle.place(cut, points)
+            self._handle.place(cut, points, self.pixels)
             self._handle.read(self.plane)
         on = cut is not None
         if on != self.on:
@@ -66,6 +75,11 @@ class ClipPlane:
             if self._handle is not None:
                 self._handle.show(on)
 
+    @property
+    def cut(self) -> Cut | None:
+        """Normal and origin of the plane where it is now; None: the whole is shown."""
+        return (self.plane.GetNormal(), self.plane.GetOrigin()) if self.on else None
+
     def _made(self) -> ClipHandle:
         # With VTK's widgets: most windows never cut anything.
         from spacemap_vtk.app.clip_handle import ClipHandle
@@ -77,6 +91,7 @@ class ClipPlane:
             if here is None or here._handle is None:
                 return
             here._handle.read(here.plane)
+            here._moving.emit()
             if done:
                 here._tell()
 

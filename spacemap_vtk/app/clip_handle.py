@@ -40,7 +40,6 @@ class ClipHandle:
         self._shape.GetSelectedPlaneProperty().SetOpacity(0.16)
         self._shape.GetSelectedPlaneProperty().SetColor(0.30, 0.61, 0.78)
         self._shape.SetEdgeColor(0.30, 0.61, 0.78)
-        self._shape.GetEdgesProperty().SetLineWidth(2.0)
         self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
         self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
         self._widget = vtkImplicitPlaneWidget2()
@@ -57,7 +56,7 @@ class ClipHandle:
             for event in ("InteractionEvent", "EndInteractionEvent")
         ]
 
-    def place(self, cut: Cut, points: NDArray[np.float64]) -> None:
+    def place(self, cut: Cut, points: NDArray[np.float64], pixels: float = 1.0) -> None:
         """Stand where a plane cuts what is seen.
 
         Parameters
@@ -66,7 +65,11 @@ class ClipHandle:
             Normal and origin [m].
         points : ndarray, shape (n, 3)
             What is seen.
+        pixels : float, optional
+            Of the screen, in width, for one that a person sees.
         """
+        self._shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
+        self._shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
         low, high = points.min(axis=0), points.max(axis=0)
         # A flat cloth too gets a box that the mouse can take hold of.
         slack = 0.15 * float(np.linalg.norm(high - low))

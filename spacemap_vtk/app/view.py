@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkCamera, vtkCellPicker
 
-from spacemap_vtk.app.actors import CageActor, PickActor, moved_points
+from spacemap_vtk.app.actors import PICKED, CageActor, PickActor, moved_points
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
@@ -21,7 +21,8 @@ from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.camera import aim
 from spacemap_vtk.scenes.coloring import SHOWN
-from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of
+from spacemap_vtk.scenes.cut_face import CutFaceActor
+from spacemap_vtk.scenes.glyphs import DOT, LINE, GhostActor, LoadActor, SupportActor, cut_of
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.surface_actor import (
     Span,
@@ -52,6 +53,8 @@ class View3D(QWidget):
     picks_changed = Signal(list)
     #: The mouse has moved the plane that cuts: its normal and origin.
     clipped = Signal(object, object)
+    #: The mouse is moving that plane.
+    clipping = Signal()
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -62,23 +65,29 @@ class View3D(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
         self._fabric, self._ghost = SurfaceActor(), GhostActor()
+        self._face = CutFaceActor()
         self._cage, self._supports, self._loads = CageActor(), SupportActor(), LoadActor()
         #: Where the user has picked.
         self.marks = PickActor()
-        for actor in (*self._actors, self.marks):
+        for actor in (*self._actors, self._face, self.marks):
             self.plotter.renderer.AddActor(actor)
+        self.plotter.front.AddActor(self._loads.through)
+        self._loads.VisibilityOff()
         self.plotter.renderer.AddViewProp(self._fabric.bar)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        # Half an arrow says nothing: loads are never cut.
-        self.clip = ClipPlane(self.plotter.interactor, self._actors[:-1], self.clipped)
+        # Loads are never cut, see `LoadActor`.
+        self.clip = ClipPlane(
+            self.plotter.interactor, self._actors[:-1], self.clipped, self.clipping
+        )
+        self.clipping.connect(self._fill)
         self._view: View | None = None
         self._cut: object = None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
         self._plain: tuple[int, ...] = (185, 196, 207)
-        self._colored: tuple[dict[str, Any], tuple[int, int]] | None = None
+        self._colored: tuple[dict[str, Any], tuple[int, int], float] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
@@ -100,6 +109,7 @@ class View3D(QWidget):
         view : View
             The scene's colours.
         """
+        self._fit_to_screen()
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
         self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
@@ -162,17 +172,29 @@ class View3D(QWidget):
             actor.SetVisibility(wanted)
             if wanted:
                 actor.show(frame.cage)
-        self._loads.SetVisibility(view.loads)
-        if view.loads:
-            self._loads.show(frame.arrows)
+        if view.loads != self._loads.GetVisibility():
+            self._loads.SetVisibility(view.loads)
+            self.plotter.front.SetDraw(view.loads)
+            self._keep_whole()
         cut = frame.generation, view.clip_normal, view.clip_origin
         if cut != self._cut:
             self._cut = cut
             self.clip.show(cut_of(view, frame.surface), self._extent())
+        self._fill()
         # Nobody sees the far sides of closed yarns, and they would cost as much as the near ones.
-        self._fabric.GetProperty().SetBackfaceCulling(frame.closed and not self.clip.on)
+        self._fabric.GetProperty().SetBackfaceCulling(frame.closed)
         if render:
             self.render()
+
+    def _fill(self) -> None:
+        """Draw the face of the cut, and the loads on what is left."""
+        frame, shown = self.frame, self.look.fabric and not self.look.wireframe
+        if frame is not None:
+            cut = self.clip.cut if shown else None
+            span = self._span and self._span[1]
+            self._face.fill(frame.surface, cut, frame.color, self._plain, span)
+            if self._loads.GetVisibility():
+                self._loads.show(frame.arrows, self.clip.cut)
 
     def render(self) -> None:
         """Draw as soon as Qt comes to it."""
@@ -361,19 +383,31 @@ class View3D(QWidget):
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         return False
 
+    def _fit_to_screen(self) -> None:
+        """Keep dots and lines as wide as they are on other screens."""
+        pixels = self.plotter.devicePixelRatioF()
+        self.marks.GetProperty().SetPointSize(PICKED * pixels)
+        self._supports.GetProperty().SetPointSize(DOT * pixels)
+        self._cage.GetProperty().SetLineWidth(LINE * pixels)
+        # Of objects of lines or points alone.
+        self._fabric.GetProperty().SetLineWidth(pixels)
+        self._fabric.GetProperty().SetPointSize(3.0 * pixels)
+        self.clip.pixels = pixels
+
     def _color(self, view: View) -> None:
-        if self._colored == (view.settings, self._size):
+        pixels = self.plotter.devicePixelRatioF()
+        if self._colored == (view.settings, self._size, pixels):
             return
-        self._colored = view.settings, self._size
+        self._colored = view.settings, self._size, pixels
         renderer, top = self.plotter.renderer, view.background_top
         renderer.SetBackground(*(c / 255 for c in view.background))
         renderer.SetGradientBackground(top is not None)
         if top is not None:
             renderer.SetBackground2(*(c / 255 for c in top))
-        self._cage.GetProperty().SetColor(*(c / 255 for c in view.cage_color))
+        self._cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self._plain = view.object_color
-        fit_scale(self._fabric.bar, self._size, view.background)
+        fit_scale(self._fabric.bar, self._size, view.background, pixels)
 
     @property
     def _size(self) -> tuple[int, int]:
@@ -399,6 +433,8 @@ class View3D(QWidget):
         if self.frame.cage is not None:
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
+        if self._loads.GetVisibility() and self.frame.arrows is not None:
+            clouds.append(self.frame.arrows.reach)
         return np.concatenate(clouds)
 
 

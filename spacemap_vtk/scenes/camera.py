@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
 #: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
 CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
@@ -40,6 +40,31 @@ def add_lights(renderer: vtkRenderer) -> None:
         light.SetIntensity(intensity)
         light.SetColor(*color)
         renderer.AddLight(light)
+
+
+def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
+    """Return a renderer that draws over another one, through the same camera.
+
+    Parameters
+    ----------
+    window : vtkRenderWindow
+        Gets it.
+    renderer : vtkRenderer
+        The one behind, lit.
+
+    Returns
+    -------
+    vtkRenderer
+        Without anything to draw.
+    """
+    front = vtkRenderer()
+    front.AutomaticLightCreationOff()
+    front.SetActiveCamera(renderer.GetActiveCamera())
+    front.SetLayer(1)
+    front.InteractiveOff()
+    window.SetNumberOfLayers(2)
+    window.AddRenderer(front)
+    return front
 
 
 def aim(

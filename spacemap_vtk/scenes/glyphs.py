@@ -19,6 +19,9 @@ from spacemap_vtk.scenes.surface_actor import rgb
 #: Normal and origin of a plane; the normal points to what stays in sight.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
+#: Width of a support's dot and of the cage's lines, in points.
+DOT, LINE = 9.0, 1.5
+
 
 class GhostActor(vtkActor):
     """The fabric at rest, pale: its moved points less their displacement."""
@@ -54,9 +57,8 @@ class SupportActor(vtkActor):
         super().__init__()
         self._mapper = vtkPolyDataMapper()
         self.SetMapper(self._mapper)
-        look = self.GetProperty()
-        look.SetPointSize(9.0)
-        look.SetRenderPointsAsSpheres(True)
+        self.GetProperty().SetPointSize(DOT)
+        self.GetProperty().SetRenderPointsAsSpheres(True)
         self.SetPickable(False)
         self._shown: tuple[Any, Any] = None, None
 
@@ -83,43 +85,68 @@ class SupportActor(vtkActor):
 
 
 class LoadActor(vtkActor):
-    """Arrows for what acts on the cage."""
+    """Arrows for what acts on the cage; `through` is the same, pale, for a renderer in front.
+
+    A load mostly acts where the cloth is, and often behind it: there its arrow shines through.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        shape = vtkArrowSource()
-        shape.SetTipResolution(24)
-        shape.SetShaftResolution(24)
-        shape.SetTipRadius(0.09)
-        shape.SetTipLength(0.3)
-        shape.SetShaftRadius(0.032)
-        mapper = self._mapper = vtkGlyph3DMapper()
-        mapper.SetSourceConnection(shape.GetOutputPort())
-        mapper.SetOrientationArray("vector")
-        mapper.SetScaleArray("vector")
-        mapper.SetScaleModeToScaleByMagnitude()
-        mapper.SetScalarModeToUsePointFieldData()
-        mapper.SelectColorArray("color")
-        mapper.SetColorModeToDirectScalars()
-        self.SetMapper(mapper)
+        self._shape = _arrow()
+        self.through = vtkActor()
+        for actor in (self, self.through):
+            actor.SetMapper(_arrows_mapper(self._shape))
+            actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
-        self.SetPickable(False)
+        look = self.through.GetProperty()
+        look.SetLighting(False)
+        look.SetOpacity(0.7)
+        look.BackfaceCullingOn()
 
-    def show(self, arrows: Arrows | None) -> None:
+    def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
         """Draw arrows.
 
         Parameters
         ----------
         arrows : Arrows or None
             What acts.
+        cut : tuple or None, optional
+            Normal and origin of a plane [m]: none is drawn for what acts on the side that is cut
+            away. Half an arrow says nothing, so all others are whole.
         """
         places = vtkPolyData()
         if arrows is not None and len(arrows.starts):
+            seen = np.ones(len(arrows.starts), bool)
+            if cut is not None:
+                seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
             colors = np.array([list(bytes.fromhex(KINDS[k][1:])) for k in arrows.kinds], np.uint8)
-            places.SetPoints(to_points(arrows.starts))
-            places.GetPointData().AddArray(to_array(arrows.vectors, "vector"))
-            places.GetPointData().AddArray(to_array(colors, "color"))
-        self._mapper.SetInputData(places)
+            places.SetPoints(to_points(arrows.starts[seen]))
+            places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
+            places.GetPointData().AddArray(to_array(colors[seen], "color"))
+        for actor in (self, self.through):
+            actor.GetMapper().SetInputData(places)
+
+
+def _arrow() -> vtkArrowSource:
+    shape = vtkArrowSource()
+    shape.SetTipResolution(24)
+    shape.SetShaftResolution(24)
+    shape.SetTipRadius(0.09)
+    shape.SetTipLength(0.3)
+    shape.SetShaftRadius(0.032)
+    return shape
+
+
+def _arrows_mapper(shape: vtkArrowSource) -> vtkGlyph3DMapper:
+    mapper = vtkGlyph3DMapper()
+    mapper.SetSourceConnection(shape.GetOutputPort())
+    mapper.SetOrientationArray("vector")
+    mapper.SetScaleArray("vector")
+    mapper.SetScaleModeToScaleByMagnitude()
+    mapper.SetScalarModeToUsePointFieldData()
+    mapper.SelectColorArray("color")
+    mapper.SetColorModeToDirectScalars()
+    return mapper
 
 
 def rest_of(surface: vtkPolyData) -> NDArray[np.floating[Any]]:

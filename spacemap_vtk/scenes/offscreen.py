@@ -12,9 +12,9 @@ import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.scenes.camera import add_lights
+from spacemap_vtk.scenes.camera import add_lights, front_of
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 
 
@@ -29,6 +29,8 @@ class Offscreen:
         Colours of the background; red, green, blue to 255.
     samples : int, optional
         Of a pixel, at the edges of what is drawn; 0: one.
+    pixels : int, optional
+        Drawn for one that a person will see, in width: letters grow with it.
     beside : Offscreen, optional
         Another one, drawn in turn with this one. Of the same size, they share the window: its
         buffers, the largest thing there is, and its shaders.
@@ -45,6 +47,7 @@ class Offscreen:
         below: Sequence[int],
         above: Sequence[int],
         samples: int = 0,
+        pixels: int = 1,
         beside: Offscreen | None = None,
     ) -> None:
         prepare_offscreen()
@@ -58,16 +61,35 @@ class Offscreen:
         if beside is not None and beside._size == size:
             self._window: vtkRenderWindow = beside._window
         else:
-            self._window = _window(size, samples)
+            self._window = _window(size, samples, pixels)
         self._window.AddRenderer(self.renderer)
+        #: Draws over all else; None while nothing is to be.
+        self.front: vtkRenderer | None = None
+
+    def add_in_front(self, prop: vtkProp) -> None:
+        """Add what is drawn over all else, wherever it stands.
+
+        Parameters
+        ----------
+        prop : vtkProp
+            Such as an actor.
+        """
+        if self.front is None:
+            self.front = front_of(self._window, self.renderer)
+        self.front.AddViewProp(prop)
 
     @property
     def camera(self) -> vtkCamera:
         """What the picture is seen through."""
         return self.renderer.GetActiveCamera()
 
-    def draw(self) -> NDArray[np.uint8]:
+    def draw(self, front: bool = True) -> NDArray[np.uint8]:
         """Draw.
+
+        Parameters
+        ----------
+        front : bool, optional
+            Also what is drawn over all else.
 
         Returns
         -------
@@ -75,7 +97,7 @@ class Offscreen:
             Red, green and blue.
         """
         for renderer in self._window.GetRenderers():
-            renderer.SetDraw(renderer is self.renderer)
+            renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
         self.renderer.ResetCameraClippingRange()
         self._window.Render()
         width, height = self._size
@@ -110,7 +132,7 @@ class Offscreen:
         self._window.Finalize()
 
 
-def _window(size: tuple[int, int], samples: int) -> vtkRenderWindow:
+def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
     window = vtkRenderWindow()
     window.SetOffScreenRendering(True)
     if hasattr(window, "SetConnectContextToNSView"):
@@ -118,4 +140,5 @@ def _window(size: tuple[int, int], samples: int) -> vtkRenderWindow:
         window.SetConnectContextToNSView(False)
     window.SetMultiSamples(samples)
     window.SetSize(*size)
+    window.SetDPI(72 * pixels)
     return window

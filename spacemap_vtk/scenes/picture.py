@@ -16,7 +16,16 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.scenes.camera import VIEW_ANGLE, aim
 from spacemap_vtk.scenes.coloring import add_measure, measure
-from spacemap_vtk.scenes.glyphs import GhostActor, LoadActor, SupportActor, cut_of, rest_of
+from spacemap_vtk.scenes.cut_face import CutFaceActor
+from spacemap_vtk.scenes.glyphs import (
+    DOT,
+    LINE,
+    GhostActor,
+    LoadActor,
+    SupportActor,
+    cut_of,
+    rest_of,
+)
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.load_arrows import Arrows, load_arrows
 from spacemap_vtk.scenes.offscreen import Offscreen
@@ -36,6 +45,8 @@ Image = NDArray[np.uint8]
 _OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
 _SAMPLES = 2
+#: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
+_USUAL, _LEAST = 960, 0.6
 
 
 class Place(NamedTuple):
@@ -46,6 +57,17 @@ class Place(NamedTuple):
     up: tuple[float, float, float]
     parallel_scale: float = 0.0
     """Half the height of what a parallel projection shows; 0 for perspective."""
+
+
+class _Panel(NamedTuple):
+    """A window, whether there are soft shadows in it, and what is in it."""
+
+    window: Offscreen
+    shaded: bool
+    solids: list[vtkActor]
+    """The things of the picture's room: they cast shadows."""
+    signs: list[vtkActor]
+    """Lines, dots and arrows, which do not."""
 
 
 class Picture:
@@ -91,18 +113,18 @@ class Picture:
         widths[-1] += width - sum(widths)
         self._followers: list[vtkAlgorithm] = []
         self._solids: list[SurfaceActor] = []
+        self._faces: list[CutFaceActor] = []
         self._ghosts: list[GhostActor] = []
         self._loads: list[LoadActor] = []
-        cut = cut_of(scene.view, scene.polygons)
+        self._cut = cut_of(scene.view, scene.polygons)
         self._plane = None
-        if cut is not None:
+        if self._cut is not None:
             self._plane = vtkPlane()
-            self._plane.SetNormal(cut[0])
-            self._plane.SetOrigin(cut[1])
-        self._panels: list[tuple[Offscreen, bool]] = []
+            self._plane.SetNormal(self._cut[0])
+            self._plane.SetOrigin(self._cut[1])
+        self._panels: list[_Panel] = []
         for panel, w in zip(panels, widths, strict=True):
-            window = self._panel(scene, panel, (w * _SAMPLES, height * _SAMPLES), extent)
-            self._panels.append((window, scene.view.shadows and panel != "cage"))
+            self._panels.append(self._panel(scene, panel, (w, height), extent))
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -128,22 +150,22 @@ class Picture:
             for solid in self._solids:
                 scene, view = self.scene, self.scene.view
                 solid.show(surface, view.color, view.object_color, self._span, scene.painting)
+            for face in self._faces:
+                face.fill(surface, self._cut, view.color, view.object_color, self._span)
             for ghost in self._ghosts:
                 ghost.show(surface)
         for arrows in self._loads:
-            arrows.show(_arrows(self.scene, time))
-        return np.concatenate([self._drawn(*panel) for panel in self._panels], axis=1)
+            arrows.show(_arrows(self.scene, time), self._cut)
+        return np.concatenate([self._drawn(panel) for panel in self._panels], axis=1)
 
-    def _drawn(self, window: Offscreen, shaded: bool) -> Image:
+    def _drawn(self, panel: _Panel) -> Image:
+        window, shade = panel.window, None
+        apart = panel.shaded and bool(panel.signs)
+        depths = [_depth_of(panel, part) for part in (panel.solids, panel.signs) if apart]
         pixels = window.draw()
+        if panel.shaded:
+            shade = self._shade(window, *(depths or [window.depth()]))
         height, width = pixels.shape[:2]
-        shade = None
-        if shaded:
-            camera = window.camera
-            half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
-            if camera.GetParallelProjection():
-                half = camera.GetParallelScale()
-            shade = contact_shade(window.depth(), self._relief, self._relief / (2 * half / height))
         image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
         for rows in strips(height):
             light = pixels[rows].astype(np.float32)
@@ -153,13 +175,38 @@ class Picture:
             image[rows.start // _SAMPLES : rows.stop // _SAMPLES] = mean
         return image
 
+    def _shade(
+        self,
+        window: Offscreen,
+        depth: NDArray[np.float32],
+        signs: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Return by what each pixel's light is to be multiplied."""
+        camera = window.camera
+        half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
+        if camera.GetParallelProjection():
+            half = camera.GetParallelScale()
+        shade = contact_shade(depth, self._relief, self._relief / (2 * half / len(depth)))
+        if signs is not None:
+            # A sign is no thing in the room: it neither casts a shadow nor stands in one.
+            shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
+        return shade
+
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
-    ) -> Offscreen:
+    ) -> _Panel:
         view = scene.view
-        beside = self._panels[-1][0] if self._panels else None
-        window = Offscreen(size, view.background, view.background_top, 4, beside)
-        solid = _solid() if panel in ("fabric", "both") else None
+        window = Offscreen(
+            (size[0] * _SAMPLES, size[1] * _SAMPLES),
+            view.background,
+            view.background_top,
+            samples=4,
+            pixels=_SAMPLES,
+            beside=self._panels[-1].window if self._panels else None,
+        )
+        # Dots and lines grow with the picture, as letters do, down to where they can be seen.
+        point = _SAMPLES * max(_LEAST, size[1] / _USUAL)
+        solid = _solid(point) if panel in ("fabric", "both") else None
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)
         camera = window.camera
@@ -171,36 +218,43 @@ class Picture:
             if self._place.parallel_scale:
                 camera.SetParallelScale(self._place.parallel_scale)
                 camera.SetParallelProjection(True)
-        actors: list[vtkActor] = []
+        solids: list[vtkActor] = []
+        signs: list[vtkActor] = []
+        cut: list[vtkActor] = []
         if solid is not None:
-            fit_scale(solid.bar, size, view.background)
+            fit_scale(solid.bar, size, view.background, _SAMPLES)
             camera.SetWindowCenter(room, 0.0)
             self._solids.append(solid)
-            actors.append(solid)
+            self._faces.append(CutFaceActor())
+            solids += [solid, self._faces[-1]]
+            cut.append(solid)
             window.renderer.AddViewProp(solid.bar)
             if view.ghost:
                 self._ghosts.append(GhostActor())
-                actors.append(self._ghosts[-1])
+                window.renderer.AddActor(self._ghosts[-1])
+                cut.append(self._ghosts[-1])
         if panel in ("cage", "both"):
             edges = _cage_edges(scene)
             self._followers.append(edges)
-            actors.append(_lines(edges, view.cage_color))
+            signs.append(_lines(edges, view.line_color, point))
             if view.supports and scene.mover is scene.response:
-                actors.append(_supports(scene, view.support_color))
+                signs.append(_supports(scene, view.support_color, point))
+            cut += signs
         if self._plane is not None:
-            for actor in actors:
+            for actor in cut:
                 actor.GetMapper().AddClippingPlane(self._plane)
-        if view.loads:  # half an arrow says nothing
+        if view.loads:  # never cut
             self._loads.append(LoadActor())
-            actors.append(self._loads[-1])
-        for actor in actors:
+            signs.append(self._loads[-1])
+            window.add_in_front(self._loads[-1].through)
+        for actor in (*solids, *signs):
             window.renderer.AddActor(actor)
-        return window
+        return _Panel(window, view.shadows and panel != "cage", solids, signs)
 
     def close(self) -> None:
         """Free the windows."""
-        for window, _ in self._panels:
-            window.close()
+        for panel in self._panels:
+            panel.window.close()
 
 
 def storyboard(
@@ -253,7 +307,7 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
         clouds.append(points[:: max(1, len(points) // 20_000)])
         arrows = _arrows(scene, time) if scene.view.loads else None
         if arrows is not None:
-            clouds += [arrows.starts, arrows.starts + arrows.vectors]
+            clouds.append(arrows.reach)
         numbers = measure(scene.polygons, scene.view.color)
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
@@ -278,6 +332,22 @@ def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
 
 
+def _depth_of(panel: _Panel, shown: list[vtkActor]) -> NDArray[np.float32]:
+    """Return how far from the camera some of the things of a panel are; NaN where none is."""
+    hidden = [
+        actor
+        for actor in (*panel.solids, *panel.signs)
+        if actor not in shown and actor.GetVisibility()
+    ]
+    for actor in hidden:
+        actor.VisibilityOff()
+    panel.window.draw(front=False)
+    depth = panel.window.depth()
+    for actor in hidden:
+        actor.VisibilityOn()
+    return depth
+
+
 def _relief(scene: Scene) -> float:
     """Return the size of the scene's relief in m, by which its contact shadows are made."""
     if scene.source is scene.weave:
@@ -286,12 +356,12 @@ def _relief(scene: Scene) -> float:
     return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()
 
 
-def _solid() -> SurfaceActor:
+def _solid(point: float) -> SurfaceActor:
     actor = SurfaceActor()
     surface = actor.GetProperty()
     # for objects of lines or points alone
-    surface.SetLineWidth(2.0 * _SAMPLES)
-    surface.SetPointSize(3.0 * _SAMPLES)
+    surface.SetLineWidth(2.0 * point)
+    surface.SetPointSize(3.0 * point)
     return actor
 
 
@@ -304,7 +374,7 @@ def _cage_edges(scene: Scene) -> vtkAlgorithm:
     return edges
 
 
-def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
+def _lines(edges: vtkAlgorithm, color: Sequence[int], point: float) -> vtkActor:
     mapper = vtkPolyDataMapper()
     mapper.SetInputConnection(edges.GetOutputPort())
     mapper.ScalarVisibilityOff()
@@ -313,13 +383,13 @@ def _lines(edges: vtkAlgorithm, color: Sequence[int]) -> vtkActor:
     line = actor.GetProperty()
     line.SetColor(*(c / 255 for c in color))
     line.SetLighting(False)
-    line.SetLineWidth(1.6 * _SAMPLES)
+    line.SetLineWidth(LINE * point)
     return actor
 
 
-def _supports(scene: Scene, color: Sequence[int]) -> SupportActor:
+def _supports(scene: Scene, color: Sequence[int], point: float) -> SupportActor:
     actor = SupportActor()
     actor.show(scene.modal.GetOutputDataObject(0))
     actor.GetProperty().SetColor(*(c / 255 for c in color))
-    actor.GetProperty().SetPointSize(actor.GetProperty().GetPointSize() * _SAMPLES)
+    actor.GetProperty().SetPointSize(DOT * point)
     return actor

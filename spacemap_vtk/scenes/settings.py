@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from spacemap_vtk.errors import InputError
@@ -11,6 +12,8 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
+#: Colours of the cage's edges, on a light background and on a dark one.
+LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
 #: Where the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
@@ -75,12 +78,40 @@ class View(Parameterised):
     )
     background = Color("#ffffff", "Colour of the background, at the bottom.")
     background_top = Color("#dfe6ee", "Colour of the background, at the top.")
-    cage_color = Color("#39424e", "Colour of the cage's edges.", when=_CAGE)
+    cage_color = Color(
+        None,
+        "Colour of the cage's edges.",
+        automatic="dark, or light on a dark background",
+        when=_CAGE,
+    )
     support_color = Color(
         "#d9642c", "Colour of the cage's fixed vertices.", when={**_CAGE, "supports": (True,)}
     )
     object_color = Color("#b9c4cf", "Colour of an object that has none of its own.")
     shadows = Flag(True, "Soft shadow where yarns meet, or an object has folds.")
+
+    @property
+    def line_color(self) -> tuple[int, int, int]:
+        """Colour of the cage's edges, red, green and blue to 255: one that can be seen."""
+        if self.cage_color is not None:
+            return self.cage_color
+        return LINES_ON_DARK if is_dark(self.background) else LINES
+
+
+def is_dark(color: Sequence[int]) -> bool:
+    """Return whether what is drawn over a colour must be light.
+
+    Parameters
+    ----------
+    color : sequence of int
+        Red, green and blue to 255.
+
+    Returns
+    -------
+    bool
+        True for the darker half of colours.
+    """
+    return sum(color) < 384
 
 
 class Animation(Parameterised):

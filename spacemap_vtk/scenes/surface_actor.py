@@ -14,6 +14,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 from spacemap_vtk.filters.arrays import to_array
 from spacemap_vtk.scenes.coloring import SHOWN, unit_of
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.settings import is_dark
 
 #: Colours of warp and weft where families are told apart; of yarns; of numbers from low on.
 FAMILIES = ("#2f7fb0", "#e2a03f")
@@ -220,24 +221,29 @@ def scale_title(color: str, unit: str) -> str:
     return "\n".join(line for line in (*lines, unit and f"[{unit}]") if line)
 
 
-def scale_share(size: tuple[int, int]) -> float:
+def scale_share(size: tuple[float, float]) -> float:
     """Return the share of a picture's width that a scale takes at the right.
 
     Parameters
     ----------
     size : tuple of 2 int
-        Of the picture, in pixels.
+        Of the picture, in points.
 
     Returns
     -------
     float
-        At most 0.35. "Displacement", the longest line, and "-0.00754" fit: letters grow with the
+        At most 0.36. "Displacement", the longest line, and "-0.00754" fit: letters grow with the
         picture's height, see `fit_scale`.
     """
-    return min(0.35, max(96.0, 0.19 * size[1]) / max(1, size[0]))
+    return min(0.36, max(104.0, 0.21 * size[1]) / max(1, size[0]))
 
 
-def fit_scale(bar: vtkScalarBarActor, size: tuple[int, int], background: Sequence[int]) -> None:
+def fit_scale(
+    bar: vtkScalarBarActor,
+    size: tuple[int, int],
+    background: Sequence[int],
+    pixels: float = 1.0,
+) -> None:
     """Fit a scale to a picture.
 
     Parameters
@@ -245,20 +251,22 @@ def fit_scale(bar: vtkScalarBarActor, size: tuple[int, int], background: Sequenc
     bar : vtkScalarBarActor
         The scale.
     size : tuple of 2 int
-        Of the picture, in pixels.
+        Of the picture, in points: pixels that a person sees.
     background : sequence of int
         Its colour; red, green, blue to 255.
+    pixels : float, optional
+        Drawn for one of them, in width; the window's dots per inch are as many times 72.
     """
     (width, height), share = size, scale_share(size)
     bar.SetPosition(1.0 - share, 0.25)
     bar.SetWidth(share)
-    ink = (0.92, 0.94, 0.97) if sum(background) < 384 else (0.16, 0.18, 0.21)
+    ink = (0.92, 0.94, 0.97) if is_dark(background) else (0.16, 0.18, 0.21)
     for text, lines in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
         text.SetFontSize(max(12, height // lines))
         text.SetColor(*ink)
-    bar.SetMaximumWidthInPixels(round(share * width))
-    bar.SetVerticalTitleSeparation(max(6, height // 90))
-    bar.SetTextPad(max(3, height // 200))
+    bar.SetMaximumWidthInPixels(round(pixels * share * width))
+    bar.SetVerticalTitleSeparation(round(pixels * max(6, height // 90)))
+    bar.SetTextPad(round(pixels * max(3, height // 200)))
 
 
 def rgb(color: str) -> tuple[float, float, float]:
