@@ -233,3 +233,16 @@ def test_nothing_acts_on_what_is_cut_away() -> None:
     # The weight is of all of it.
     assert len(shown["whole"]) == len(arrows.kinds)
     np.testing.assert_allclose(shown["left"], arrows.starts[left | ~pushing])
+
+
+def test_lines_and_dots_are_as_thick_as_the_scene_says() -> None:
+    shares = []
+    for scale in (1.0, 3.0):
+        scene = Scene.read("plain_weave")
+        scene.view.configure(line_scale=scale, supports=False, background_top="#ffffff")
+        picture = Picture(scene, [0.02], (640, 480), ["cage"])
+        dark = 255.0 - picture.draw(0.02).astype(float).mean(axis=2)
+        picture.close()
+        # The ink, in which lines that share a pixel count once.
+        shares.append(dark.sum())
+    assert 2.0 < shares[1] / shares[0] < 3.0

@@ -148,22 +148,38 @@ def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
     wait_until(lambda: np.abs(image(window) - before).max() < 8)
 
 
-def test_plus_and_minus_change_lines(view_of: Any, hand: Press) -> None:
+def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> None:
     window = view_of()
-    before = image(window)
-    line = window.view._cage.GetProperty()
-    width = line.GetLineWidth()
+    document = window.document
+    before, scene = image(window), document.text
+    line, dot = (actor.GetProperty() for actor in (window.view._cage, window.view._supports))
+    widths = line.GetLineWidth(), dot.GetPointSize()
     for _ in range(4):
         hand("+")
-    wait_until(lambda: line.GetLineWidth() == pytest.approx(width + 4))
+    wait_until(lambda: document.written("view", "line_scale") == 2.44)
+    # Later frames too are of the scene.
+    window.times.go(0.01)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.01)
+    assert line.GetLineWidth() == pytest.approx(2.44 * widths[0])
+    assert dot.GetPointSize() == pytest.approx(2.44 * widths[1])
+    window.times.go(0.02)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.02)
     assert (np.abs(image(window) - before).max(axis=2) > 60).mean() > 0.01
+    hand("-")
+    wait_until(lambda: document.written("view", "line_scale") == 1.95)
+    document.undo.undo()
+    assert document.written("view", "line_scale") == 2.44
     for _ in range(4):
         hand("-")
-    wait_until(lambda: line.GetLineWidth() == pytest.approx(width))
+    wait_until(lambda: document.written("view", "line_scale") is None)
+    wait_until(lambda: settled(window))
+    assert document.text == scene
     assert np.abs(image(window) - before).max() < 8
-    for _ in range(3):
-        hand("-")
-    wait_until(lambda: line.GetLineWidth() == 1.0)
+    # As thin as it can be told, and no thinner.
+    document.set("view", "line_scale", 0.1)
+    hand("-")
+    wait_until(lambda: "line_scale" in window.errors.text)
+    assert document.written("view", "line_scale") == 0.1
 
 
 def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand: Press) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -45,6 +46,8 @@ from spacemap_vtk.scenes.settings import View
 
 #: Milliseconds that a deed is told.
 _TOLD = 10_000
+#: How many times as thick a press of a key makes lines and dots.
+_THICKER = 1.25
 
 
 class MainWindow(QMainWindow):
@@ -228,6 +231,7 @@ class MainWindow(QMainWindow):
         self.tools.backed.connect(self._back)
         self.tools.switched.connect(self._switch)
         self.tools.clipped.connect(self._clip)
+        self.tools.keys.thickened.connect(self._thicken)
         # Queued: the plane is still in the mouse's hands.
         self.view.clipped.connect(self._clip, Qt.ConnectionType.QueuedConnection)
         for told in (self.document.changed, self.document.replaced):
@@ -279,6 +283,12 @@ class MainWindow(QMainWindow):
             "clip_origin": None if origin is None else list(origin),
         }
         self._try(partial(self.document.set_many, name="clip plane"), "view", written)
+
+    def _thicken(self, steps: int) -> None:
+        # In whole steps, so that as many back lead to where one was.
+        now = round(math.log(self.document.scene.view.line_scale, _THICKER))
+        wanted = round(_THICKER ** (now + steps), 2)
+        self._try(self.document.set, "view", "line_scale", None if wanted == 1.0 else wanted)
 
     def _show_view(self) -> None:
         self.tools.show_scene(self.document.scene)

@@ -109,7 +109,7 @@ class View3D(QWidget):
         view : View
             The scene's colours.
         """
-        self._fit_to_screen()
+        self._fit_to_screen(view)
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
         self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
@@ -137,6 +137,7 @@ class View3D(QWidget):
             self._color(view)  # behind what may never come
         elif view.settings != self._view.settings:
             self._view = view
+            self._fit_to_screen(view)
             self._color(view)
             self.refresh()
 
@@ -383,16 +384,16 @@ class View3D(QWidget):
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         return False
 
-    def _fit_to_screen(self) -> None:
-        """Keep dots and lines as wide as they are on other screens."""
-        pixels = self.plotter.devicePixelRatioF()
+    def _fit_to_screen(self, view: View) -> None:
+        """Keep dots and lines as wide as they are on other screens, and as the scene wants them."""
+        self.clip.pixels = self.plotter.devicePixelRatioF()
+        pixels = self.clip.pixels * view.line_scale
         self.marks.GetProperty().SetPointSize(PICKED * pixels)
         self._supports.GetProperty().SetPointSize(DOT * pixels)
         self._cage.GetProperty().SetLineWidth(LINE * pixels)
         # Of objects of lines or points alone.
         self._fabric.GetProperty().SetLineWidth(pixels)
         self._fabric.GetProperty().SetPointSize(3.0 * pixels)
-        self.clip.pixels = pixels
 
     def _color(self, view: View) -> None:
         pixels = self.plotter.devicePixelRatioF()

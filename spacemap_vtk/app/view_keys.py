@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from PySide6.QtCore import QObject, QPointF, Qt
+from PySide6.QtCore import QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QAction, QCursor, QKeySequence
 
 from spacemap_vtk.app.view import View3D
@@ -31,6 +31,9 @@ class ViewKeys(QObject):
         Qt's owner.
     """
 
+    #: By how many steps lines and dots shall be thicker.
+    thickened = Signal(int)
+
     def __init__(self, view: View3D, parent: QObject) -> None:
         super().__init__(parent)
         self._view = view
@@ -50,21 +53,14 @@ class ViewKeys(QObject):
         #: What concerns what is seen.
         self.looks = [
             self.wireframe,
-            self._action("Thicker lines and dots", "+", partial(self._thicken, 1.0)),
-            self._action("Thinner lines and dots", "-", partial(self._thicken, -1.0)),
+            self._action("Thicker lines and dots", "+", partial(self.thickened.emit, 1)),
+            self._action("Thinner lines and dots", "-", partial(self.thickened.emit, -1)),
             self._action("Read the point under the mouse", "P", self._pick),
         ]
 
     def _toggle_wireframe(self) -> None:
         self._view.look.wireframe = self.wireframe.isChecked()
         self._view.refresh()
-
-    def _thicken(self, by: float) -> None:
-        for actor in self._view.plotter.renderer.GetActors():
-            look = actor.GetProperty()
-            look.SetLineWidth(max(1.0, look.GetLineWidth() + by))
-            look.SetPointSize(max(1.0, look.GetPointSize() + by))
-        self._view.render()
 
     def _fly(self) -> None:
         found = self._view.pick(self._mouse.x(), self._mouse.y())

@@ -205,7 +205,7 @@ class Picture:
             beside=self._panels[-1].window if self._panels else None,
         )
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
-        point = _SAMPLES * max(_LEAST, size[1] / _USUAL)
+        point = _SAMPLES * max(_LEAST, size[1] / _USUAL) * scene.view.line_scale
         solid = _solid(point) if panel in ("fabric", "both") else None
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None else scale_share(size)

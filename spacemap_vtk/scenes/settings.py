@@ -63,6 +63,9 @@ class View(Parameterised):
     supports = Flag(True, "Dots at the cage's fixed vertices.", when=_CAGE)
     loads = Flag(False, "Arrows for what acts on the cage, as long as it is strong at the time.")
     ghost = Flag(False, "The fabric or object at rest, pale, where it is drawn moved.")
+    line_scale = Real(
+        1.0, "How many times as thick lines and dots are drawn.", minimum=0.1, maximum=20.0
+    )
     clip_normal = Direction(
         None,
         "Cut open with a plane: the direction of what stays in sight.",
