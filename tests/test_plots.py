@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 
 FEW = ("--set", "modal.modes=6")
@@ -35,7 +36,9 @@ def test_the_table_shows_effective_mass(capsys: pytest.CaptureFixture[str]) -> N
     assert "Σz" in rows
 
 
-def test_damping_of_each_mode_follows_the_scene(capsys: pytest.CaptureFixture[str]) -> None:
+def test_damping_of_each_mode_follows_the_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     ratio = ("--set", "response.alpha=0", "--set", "response.damping_ratio=0.05")
     assert run("modes", "plain_weave", "--json", *FEW, *ratio) == 0
     modes = json.loads(capsys.readouterr().out)["modes"]
@@ -49,7 +52,14 @@ def test_damping_of_each_mode_follows_the_scene(capsys: pytest.CaptureFixture[st
     assert run("modes", "plain_weave", "--set", "response.damping_ratio=0.1") == 2
     message = capsys.readouterr().err
     assert "damping_ratio and alpha both" in message
-    assert "plain_weave.toml" in message
+    assert "response.damping_ratio = 0.1" in message
+    # A file is named where it says the value, and only there.
+    assert "plain_weave.toml" not in message
+    mine = tmp_path / "mine.toml"
+    scene = (library.folder() / "plain_weave.toml").read_text(encoding="utf-8")
+    mine.write_text(scene.replace("[response]\n", "[response]\ndamping_ratio = 0.1\n"))
+    assert run("modes", str(mine)) == 2
+    assert "mine.toml: response.damping_ratio = 0.1" in capsys.readouterr().err
 
 
 def test_a_sheet_of_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
