@@ -124,7 +124,7 @@ def test_the_command_line_draws_colours(tmp_path: Path, color: str) -> None:
         pictures.append(np.asarray(Image.open(file)).astype(int))
     assert np.abs(pictures[0] - pictures[1]).max() > 60
     # A scale stands at the right where colours stand for numbers, and nowhere else.
-    strips = [np.ptp(picture[:, -60:], axis=2).max() for picture in pictures]
+    strips = [np.ptp(picture[:, -110:], axis=2).max() for picture in pictures]
     assert strips[0] < 40
     assert (strips[1] > 60) == (color != "family")
 

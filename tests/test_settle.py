@@ -193,10 +193,10 @@ def test_counts_yarn_by_yarn() -> None:
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (["0.2 mm", "x"], "value 2: not a number"),
+        (["0.2 mm", "x"], 'value 2, "x": not a number'),
         ([], "an empty list"),
         ("0.2 mm,", "value 2"),
-        ([0.1, -1], "value 2: out of range"),
+        ([0.1, -1], "value 2, -1: out of range"),
         ({}, "an empty list"),
     ],
 )
@@ -374,7 +374,7 @@ def test_the_interval_is_known_where_the_value_is_impossible() -> None:
 
 
 def test_feasible_says_so_where_the_draft_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="can't be read"):
+    with pytest.raises(InputError, match=r"none.wif\": no such file"):
         WeaveSource(draft=tmp_path / "none.wif").feasible  # noqa: B018
 
 
