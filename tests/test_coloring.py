@@ -17,6 +17,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import measure
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.graphics import prepare_offscreen
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.surface_actor import fit_scale, scale_bar, scale_share, scale_title
 
@@ -157,6 +158,7 @@ def test_a_scale_is_read_whole(
     bar.SetTitle(scale_title(color, unit))
     bar.SetVisibility(True)
     fit_scale(bar, size, (0, 0, 0))
+    prepare_offscreen()
     plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
     plotter.set_background("black")
     plotter.renderer.AddViewProp(bar)
