@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import sys
+import threading
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +18,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObjectBase, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline, vtkTrivialProducer
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
@@ -28,7 +31,8 @@ from spacemap_vtk import (
     WeaveSource,
 )
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
+from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
 
 
@@ -458,3 +462,44 @@ def test_pipelines_are_freed() -> None:
         gc.collect()
         assert [stage() for stage in stages] == [None] * 6
     assert count() <= before
+
+
+class Through(Stage):
+    """Hands its input on."""
+
+    inputs = ("vtkPointSet",)
+    output = SAME_AS_INPUT
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        output.ShallowCopy(inputs[0])
+
+
+@pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"piece": Piece(0, 1)}])
+def test_an_update_keeps_pythons_lock(asked: dict[str, Any]) -> None:
+    # VTK's collector may need it, holding a lock of its own that a thread with Python's waits for.
+    ticks, ended = [], threading.Event()
+
+    def tick() -> None:
+        while not ended.wait(0.0005):
+            ticks.append(1)
+
+    stage, thread, usual = Through(), threading.Thread(target=tick), sys.getswitchinterval()
+    sys.setswitchinterval(60.0)
+    try:
+        thread.start()
+        seen = []
+        for update in (lambda maker: stage.update(**asked), lambda maker: maker.Update()):
+            ball, maker = vtkSphereSource(), vtkPolyDataNormals()
+            ball.SetThetaResolution(300)
+            ball.SetPhiResolution(300)
+            maker.SetInputConnection(ball.GetOutputPort())
+            stage.SetInputConnection(maker.GetOutputPort())
+            before = len(ticks)
+            update(maker)
+            seen.append(len(ticks) - before)
+    finally:
+        sys.setswitchinterval(usual)
+        ended.set()
+        thread.join()
+    assert seen[0] <= 1
+    assert seen[1] > 5

@@ -115,9 +115,14 @@ class Canvas(_Widget):
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
         try:
-            window.Render()
+            # Not the window's own Render: VTK lets go of Python's lock in that. Then its collector,
+            # which holds a lock of all threads, needs Python's to free an array, and a thread that
+            # has Python's waits for the collector's: both would stand for ever.
+            self.interactor.EnableRenderOn()
+            self.interactor.Render()
             self._wait()
         finally:
+            self.interactor.EnableRenderOff()
             self._painting = False
         # What is told while drawing may have made another context current.
         self.makeCurrent()
@@ -138,7 +143,8 @@ class Canvas(_Widget):
         return bool(super().close())
 
     def _ask_for_paint(self, _interactor: object, _event: str) -> None:
-        self.update()
+        if not self._painting:
+            self.update()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Keep keys from VTK: the window's own mean something else, see `ViewKeys`."""

@@ -161,10 +161,19 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         if deferred:
             vtkGarbageCollector.DeferredCollectionPush()
         try:
+            # Not `UpdateTimeStep` nor `Update`: VTK lets go of Python's lock in these. Then its
+            # collector, which holds a lock of all threads, may need Python's to free an array, and
+            # a thread that has Python's waits for the collector's: both would stand for ever.
             if time is not None:
-                done = self.UpdateTimeStep(float(time), *(piece or self._requested()))
+                wishes = vtkInformation()
+                wishes.Set(_UPDATE_TIME, float(time))
+                for key, value in zip(_PIECE, piece or self._requested(), strict=True):
+                    wishes.Set(key, value)
+                done = self.Update(wishes)
+            elif piece is not None:
+                done = self.UpdatePiece(*piece)
             else:
-                done = self.Update() if piece is None else self.UpdatePiece(*piece)
+                done = self.GetExecutive().Update()
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
