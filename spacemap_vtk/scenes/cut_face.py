@@ -126,7 +126,8 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
     triangulated = vtkTriangleFilter()
     triangulated.SetInputData(face)
-    triangulated.Update()
+    # Through the executive, which keeps Python's lock: see `Stage.update`.
+    triangulated.GetExecutive().Update()
     return triangulated.GetOutput()
 
 
@@ -232,7 +233,7 @@ def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
     face.SetLines(to_ragged(offsets, np.concatenate(rings)))
     filled = vtkContourTriangulator()
     filled.SetInputData(face)
-    filled.Update()
+    filled.GetExecutive().Update()
     return filled.GetOutput()
 
 
