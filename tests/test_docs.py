@@ -1,7 +1,8 @@
-"""Everything that docs/dynamics.md shows is run: commands, and scenes."""
+"""The licence is there, and everything that docs/dynamics.md shows is run: commands, scenes."""
 
 from __future__ import annotations
 
+import importlib.metadata
 import re
 import shlex
 from pathlib import Path
@@ -13,6 +14,13 @@ from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
 from spacemap_vtk.scenes.scene import Scene
 
 TEXT = (Path(__file__).parents[1] / "docs" / "dynamics.md").read_text("utf-8")
+
+
+def test_the_licence_comes_with_the_package() -> None:
+    package = importlib.metadata.distribution("spacemap_vtk")
+    (name,) = package.metadata.get_all("License-File") or ["missing"]
+    file = next(file for file in package.files or () if file.name == name)
+    assert file.read_text().startswith(f"{package.metadata['License']} License\n")
 
 
 def blocks(kind: str) -> list[str]:
