@@ -114,7 +114,7 @@ def lowest(
     _check_count(count)
     report: Progress = progress or _ignore
     report(0.0)
-    with threads.for_size(len(pencil.where)):
+    with threads.one():
         modes = _of_pieces(pencil, count, report)
         eigenvalues = _verified(pencil.stiffness, pencil.mass, modes)
     order = np.argsort(eigenvalues, kind="stable")

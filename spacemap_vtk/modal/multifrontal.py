@@ -19,6 +19,7 @@ from scipy.linalg import blas, lapack
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.memory import require
+from spacemap_vtk.modal import threads
 from spacemap_vtk.modal.dissection import dissection
 from spacemap_vtk.modal.fronts import fronts
 
@@ -164,8 +165,9 @@ class Cholesky:
                     cure="Look for badly shaped tetrahedra in the cage",
                 )
             if len(side):
-                side = blas.dtrsm(1.0, triangle, side, side=1, lower=1, trans_a=1, overwrite_b=1)
-                left[number] = blas.dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
+                with threads.several(side.size * len(side)):
+                    side = blas.dtrsm(1, triangle, side, side=1, lower=1, trans_a=1, overwrite_b=1)
+                    left[number] = blas.dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
             self._blocks.append((triangle, side))
             if progress is not None:
                 progress(float(share[number]))
@@ -191,13 +193,13 @@ class Cholesky:
             mine = _divided(triangle, x[first:last], 1)
             x[first:last] = mine
             if len(border):
-                x[border] -= side @ mine
+                x[border] -= _product(side, mine)
         for (first, last), border, (triangle, side) in zip(
             reversed(analysis.runs), reversed(analysis.borders), reversed(self._blocks), strict=True
         ):
             mine = x[first:last]
             if len(border):
-                mine = mine - side.T @ x[border]
+                mine = mine - _product(side, x[border], 1)
             x[first:last] = _divided(triangle, mine, 0)
         solution = np.empty_like(x)
         solution[analysis.order] = x
@@ -256,14 +258,21 @@ def _eliminated(pivot: FloatArray, side: FloatArray, rest: FloatArray) -> int:
     inside = len(pivot) - size
     for first in range(0, inside, PANEL):
         strip = slice(first, min(first + PANEL, inside))
-        change = below[first:] @ solved[:, strip]
+        with threads.several(below[first:].size * PANEL):
+            change = _product(below[first:], solved[:, strip])
         pivot[size + first :, size:][:, strip] -= change[: inside - first]
         side[:, size:][:, strip] -= change[inside - first :]
     if len(side):
-        blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
+        with threads.several(below[inside:].size * len(side)):
+            blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
     # A block of two has one eigenvalue of either sign, or it would not have been chosen.
     single = swaps >= 0
     return int((factors.diagonal()[single] < 0).sum()) + int((~single).sum()) // 2
+
+
+def _product(block: FloatArray, right: FloatArray, transposed: int = 0) -> FloatArray:
+    """Return A b, or Aᵀ b; of a large block in half the time that NumPy's product takes."""
+    return blas.dgemm(1.0, block, right, trans_a=transposed)
 
 
 def _divided(triangle: FloatArray, right: FloatArray, transposed: int) -> FloatArray:

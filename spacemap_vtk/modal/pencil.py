@@ -216,7 +216,7 @@ class Pencil:
             If one of them is nothing but rounding.
         """
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
-        with threads.for_size(len(forces)):
+        with threads.one():
             rigid = self.rigid
             for piece in self.pieces:
                 mine = rigid[piece.rows]

@@ -1,39 +1,70 @@
-"""How many threads dense algebra may take."""
+"""How many threads dense algebra takes: one, but for the largest blocks.
+
+NumPy's and SciPy's wheels bring an OpenBLAS each, with threads of its own that keep their
+processor while they wait for the next call. Where calls are short and go to both in turn, they
+stand in each other's way: a cube of 95,000 degrees of freedom took 58 s by two threads of each and
+39 s by one.
+"""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
 from typing import Any
 
-#: Below so many degrees of freedom the dense blocks are small.
-_SMALL = 50_000
+#: Multiplications from which several threads are quicker than one.
+_MANY = 1e8
 
 
-def for_size(dof: int) -> AbstractContextManager[Any]:
-    """Return a context in which small problems are worked on by one thread.
-
-    Small blocks gain nothing by more, and where other programs want the processors too, OpenBLAS'
-    threads wait for each other: 9,000 degrees of freedom took 9 s in place of 0.3.
-
-    Parameters
-    ----------
-    dof : int
-        Size of the problem.
+def one() -> AbstractContextManager[Any]:
+    """Return a context in which dense algebra is done by the calling thread.
 
     Returns
     -------
     context manager
-        Does nothing for large problems, or where threadpoolctl is not installed.
+        Does nothing where threadpoolctl is not installed.
     """
-    controller = _controller() if dof < _SMALL else None
-    return nullcontext() if controller is None else controller.limit(limits=1, user_api="blas")
+    pools = _pools()
+    return nullcontext() if pools is None else pools[0].limit(limits=1)
+
+
+def several(work: float) -> AbstractContextManager[Any]:
+    """Return a context, within that of `one`, in which a large block is shared among threads.
+
+    Parameters
+    ----------
+    work : float
+        Multiplications that `scipy.linalg` does in it: NumPy's own products stay with one thread.
+
+    Returns
+    -------
+    context manager
+        Does nothing for small blocks.
+    """
+    pools = _pools() if work > _MANY else None
+    return nullcontext() if pools is None else _lifted(pools[1])
+
+
+@contextmanager
+def _lifted(pool: dict[Any, int]) -> Iterator[None]:
+    for library, most in pool.items():
+        library.set_num_threads(most)
+    try:
+        yield
+    finally:
+        for library in pool:
+            library.set_num_threads(1)
 
 
 @cache
-def _controller() -> Any:
+def _pools() -> tuple[Any, dict[Any, int]] | None:
+    """Return the control of every OpenBLAS, and of SciPy's how many threads it had at first."""
     try:
         from threadpoolctl import ThreadpoolController
     except ImportError:  # ParaView's own Python
         return None
-    return ThreadpoolController()
+    # MKL, which Pardiso brings, has threads that wait without a processor.
+    found = ThreadpoolController().select(internal_api="openblas")
+    scipys = [library for library in found.lib_controllers if "numpy.libs" not in library.filepath]
+    return found, {library: library.num_threads for library in scipys}

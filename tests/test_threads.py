@@ -1,0 +1,61 @@
+"""Dense algebra takes one thread, but for large blocks: asked of OpenBLAS itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.modal import threads
+from spacemap_vtk.modal.eigen import solve_modes
+from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+
+threadpoolctl = pytest.importorskip("threadpoolctl")
+
+
+@pytest.fixture(autouse=True)
+def two():
+    """Let every library have two threads, whatever the machine and its environment say."""
+    with threadpoolctl.threadpool_limits(2):
+        threads._pools.cache_clear()
+        yield
+    threads._pools.cache_clear()
+
+
+def taken() -> dict[str, set[int]]:
+    found: dict[str, set[int]] = {"numpy": set(), "scipy": set()}
+    for library in threadpoolctl.threadpool_info():
+        if library["internal_api"] == "openblas":
+            whose = "numpy" if "numpy.libs" in library["filepath"] else "scipy"
+            found[whose].add(library["num_threads"])
+    if not found["numpy"]:
+        pytest.skip("NumPy and SciPy share a library here")
+    return found
+
+
+def test_large_blocks_alone_are_shared():
+    with threads.one():
+        assert taken() == {"numpy": {1}, "scipy": {1}}
+        with threads.several(1e6):
+            assert taken() == {"numpy": {1}, "scipy": {1}}
+        with threads.several(1e9):
+            assert taken() == {"numpy": {1}, "scipy": {2}}
+        assert taken() == {"numpy": {1}, "scipy": {1}}
+    assert taken() == {"numpy": {2}, "scipy": {2}}
+
+
+def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
+    """Two threads of each library took half as long again as one for 95,000 unknowns."""
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.05), (92, 92, 1))
+    matrices = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
+    free = np.repeat(points[:, 1] < 1, 3)
+    assert free.sum() > 50_000
+
+    def stop(done: float) -> None:
+        if done > 0.0:
+            raise InterruptedError(taken())
+
+    with pytest.raises(InterruptedError) as interrupted:
+        solve_modes(*matrices, free, 4, stop)
+    assert interrupted.value.args == ({"numpy": {1}, "scipy": {1}},)
+    assert taken() == {"numpy": {2}, "scipy": {2}}
