@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -49,19 +50,34 @@ def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", "off")
 
 
+#: Every stage made. To look for them among all objects would take 25 ms, twice a test; and a set of
+#: weak references runs Python where a stage dies, which may be within VTK's collector.
+_made: list[weakref.ref[Stage]] = []
+
+
+@pytest.fixture(autouse=True, scope="session")
+def noted_stages() -> Iterator[None]:
+    make = Stage.__new__
+
+    def noted(cls: type[Stage], *args: Any, **values: Any) -> Stage:
+        stage = make(cls)
+        _made.append(weakref.ref(stage))
+        return stage
+
+    Stage.__new__ = noted
+    yield
+    Stage.__new__ = make
+
+
 @pytest.fixture(autouse=True)
 def no_leaked_stages() -> Iterator[None]:
-    before = _stages()
+    before = len(_made)
     yield
-    leaked = _stages() - before
-    if leaked:
+    if any(stage() is not None for stage in _made[before:]):
         gc.collect()
-        leaked = _stages() - before
+    leaked = [stage for stage in _made[before:] if stage() is not None]
+    del _made[before:]
     assert not leaked
-
-
-def _stages() -> set[int]:
-    return {id(thing) for thing in gc.get_objects() if isinstance(thing, Stage)}
 
 
 @pytest.fixture
