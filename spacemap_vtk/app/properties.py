@@ -77,6 +77,7 @@ class Properties(QScrollArea):
             row = ParameterRow(parameter)
             row.edited.connect(self._edited)
             row.held.connect(self.held)
+            row.restored.connect(self._restored)
             layout.addWidget(row)
             self.rows[name] = row
         layout.addStretch(1)
@@ -137,7 +138,14 @@ class Properties(QScrollArea):
             error.section = error.section or self.section
             self.mark(error)
             self.refused.emit(error)
+            self.rows[name].refused = True
         else:
             self.accepted.emit(burst)
-            # Refused before, and the value it had is typed again: nothing has changed.
+            # Refused before, and the value it had is chosen again: nothing has changed.
             self.rows[name].mark(None)
+
+    def _restored(self) -> None:
+        row = self.sender()
+        if row.refused:
+            row.mark(None)
+            self.accepted.emit(0)

@@ -18,25 +18,25 @@ class FileEditor(Editor):
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.button = QPushButton("Browse…")
-        self._shown = ""
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line, 1)
         layout.addWidget(self.button)
         self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:
         """Show the path."""
-        self._shown = "" if value is None else str(value)
-        self.line.setText(self._shown)
+        self.shown = "" if value is None else str(value)
+        self.line.setText(self.shown)
 
     def _typed(self) -> None:
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             self.edited.emit(self.line.text() or None, 0)
 
     def _browse(self) -> None:
-        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._shown)
+        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self.shown)
         if file:
             self.edited.emit(file, 0)
