@@ -215,6 +215,8 @@ class MainWindow(QMainWindow):
         # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
         self.director.failed.connect(self.modes.stop)
         self.cancel.clicked.connect(self.director.cancel)
+        self.director.given_up.connect(self._given_up)
+        self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
@@ -316,7 +318,15 @@ class MainWindow(QMainWindow):
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
         self.setWindowModified(not self.document.undo.isClean())
 
+    def _given_up(self, what: str) -> None:
+        self.errors.warn(f"The run was cancelled: {what}.", "cancel", can_run=True)
+
+    def _run(self) -> None:
+        self.errors.clear("cancel")
+        self.director.ask()
+
     def _drawn(self, frame: Frame) -> None:
+        self.errors.clear("cancel")
         # A swing runs less than the motion does.
         if frame.swing is None:
             self.errors.clear("run")
