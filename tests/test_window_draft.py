@@ -14,7 +14,7 @@ require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
 from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
-from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog  # noqa: E402
+from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog, QLabel  # noqa: E402
 
 from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
 from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
@@ -347,6 +347,88 @@ def test_drafts_are_opened_and_saved_as_wif(
     wait_until(lambda: window.errors.text)
     window.menus.actions["Undo"].trigger()
     assert woven(window).shape == (8, 8)
+
+
+def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: Path) -> None:
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+    qtbot.mouseClick(window.draft.saved, LEFT)
+    assert read_wif(file).loom == window.draft.grid.shown.loom
+
+
+def test_an_edited_draft_has_a_name_that_the_user_knows(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill)
+    window.stages.choose("weave")
+    line = window.properties.rows["draft"].editor.line
+    assert line.text() == str(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    assert line.text() == "edited draft"
+    assert [t for t in (w.text() for w in window.findChildren(QLabel)) if "spacemap-drafts" in t] == []
+    # To leave the field as it is changes nothing.
+    type_into(line, line.text())
+    assert window.errors.text == ""
+    assert window.document.drafts.holds(window.document.scene.weave.draft)
+    # Nor does a message have its file, as when somebody tidies up.
+    window.document.scene.weave.draft.unlink()
+    window.document.set("weave", "warp_spacing", "1 mm")
+    wait_until(lambda: window.errors.text)
+    assert "edited draft" in window.errors.text
+    assert "spacemap-drafts" not in window.errors.text
+    window.document.undo.undo()
+    window.document.undo.undo()
+    click(qtbot, window, "threading", 2, 4)
+    wait_until(lambda: settled(window))
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert line.text() == str(twill.parent / "mine.wif")
+
+
+def test_a_saved_draft_is_no_unsaved_change(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, text = draft_of(twill), twill.read_text()
+    click(qtbot, window, "threading", 2, 4)
+    assert window.isWindowModified()
+    # The scene's file names another draft than this one.
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert window.isWindowModified()
+    click(qtbot, window, "threading", 3, 4)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert not window.isWindowModified()
+    assert window.document.text == text
+    click(qtbot, window, "threading", 4, 1)
+    assert window.isWindowModified()
+    window.document.undo.undo()
+    assert not window.isWindowModified()
+    # What the draft does not hold is not saved with it.
+    window.document.set("response", "alpha", 3.0)
+    click(qtbot, window, "threading", 4, 1)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert window.isWindowModified()
+
+
+def test_a_draft_that_was_opened_is_saved_as_one(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    type_into(window.draft.counts["ends"].lineEdit(), "12")
+    click(qtbot, window, "warp", 2, 0)
+    assert window.isWindowModified()
+    file = twill.parent / "mine.wif"
+    save_draft(window, qtbot, monkeypatch, file)
+    assert not window.isWindowModified()
+    # Nothing is lost by leaving: the file is what is seen.
+    seen = window.document.scene.weave.fabric
+    again = Scene.read(file).weave.fabric
+    np.testing.assert_array_equal(again.drawdown, seen.drawdown)
+    np.testing.assert_array_equal(again.warp_colors, seen.warp_colors)
+    window.document.undo.undo()
+    assert window.isWindowModified()
+    window.document.undo.redo()
+    window.document.set("cage", "divisions", [3, 3, 1])
+    save_draft(window, qtbot, monkeypatch, file)
+    assert window.isWindowModified()
 
 
 def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None:

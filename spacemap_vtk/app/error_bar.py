@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Qt
@@ -39,6 +40,8 @@ class ErrorBar(QWidget):
         layout.addWidget(self.run)
         layout.addWidget(close)
         self._about = ""
+        #: Puts words in place of what nobody knows of.
+        self.told: Callable[[str], str] = str
         self.hide()
 
     def say(self, error: BaseException, about: str) -> None:
@@ -66,6 +69,7 @@ class ErrorBar(QWidget):
             Whether a button to run offers itself.
         """
         self._about = about
+        text = self.told(text)
         self.run.setVisible(can_run)
         self.label.setText(text)
         self.show()

@@ -66,6 +66,7 @@ class MainWindow(QMainWindow):
         self.stages = StageList()
         self.properties = Properties(self.document)
         self.errors = ErrorBar()
+        self.errors.told = self.document.drafts.told
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab()
         self.tabs = QTabWidget()
@@ -334,10 +335,11 @@ class MainWindow(QMainWindow):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.response)
         if not frame.coarse:
-            note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
+            warnings = self.document.drafts.told("\n".join(frame.warnings))
+            note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
-            self.told.setToolTip("\n".join(frame.warnings))
+            self.told.setToolTip(warnings)
 
     def _asked(self, at: float, going_on: bool) -> None:
         self.modes.stop()

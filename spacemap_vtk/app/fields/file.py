@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLineEdit, QPushButton
@@ -18,6 +20,8 @@ class FileEditor(Editor):
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.button = QPushButton("Browse…")
+        #: What to call a file.
+        self.told: Callable[[Path], str] = str
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line, 1)
@@ -29,7 +33,8 @@ class FileEditor(Editor):
 
     def show_value(self, value: Any) -> None:
         """Show the path."""
-        self.shown = "" if value is None else str(value)
+        self._file = "" if value is None else str(value)
+        self.shown = "" if value is None else self.told(value)
         self.line.setText(self.shown)
 
     def _typed(self) -> None:
@@ -37,6 +42,6 @@ class FileEditor(Editor):
             self.edited.emit(self.line.text() or None, 0)
 
     def _browse(self) -> None:
-        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self.shown)
+        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)
         if file:
             self.edited.emit(file, 0)
