@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 from window import require_display, settled, type_into, wait_until
 
 require_display()
@@ -364,7 +365,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     assert line.text() == str(twill.with_suffix(".wif"))
     click(qtbot, window, "threading", 2, 4)
     assert line.text() == "edited draft"
-    assert [t for t in (w.text() for w in window.findChildren(QLabel)) if "spacemap-drafts" in t] == []
+    assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
     # To leave the field as it is changes nothing.
     type_into(line, line.text())
     assert window.errors.text == ""
@@ -466,12 +467,38 @@ def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None
     assert now.center(Place("threading", 5, 1))[0] == now.center(Place("drawdown", 5, 1))[0]
     qtbot.mouseClick(window.draft.fit, LEFT)
     assert grid.layout_now().most == (0, 0)
-    # As the cloth lies: the first end left, the first pick below.
+    # As on paper: the first end right, the first pick above.
     first = grid.layout_now().center(Place("drawdown", 1, 1))
     qtbot.mouseClick(window.draft.cloth, LEFT)
     last = grid.layout_now().center(Place("drawdown", 1, 1))
-    assert last[0] < first[0]
-    assert last[1] > first[1]
+    assert last[0] > first[0]
+    assert last[1] < first[1]
+
+
+def test_the_drawdown_lies_as_the_cloth_does(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    # Neither turned nor mirrored is it the same: 8 ends, 6 picks, an end threaded against its line.
+    (twill.parent / "still.toml").write_text('[weave]\ndraft = "twill.wif"\npicks = 6\n')
+    window = draft_of(twill.parent / "still.toml")
+    click(qtbot, window, "threading", 2, 4)
+    wait_until(lambda: settled(window))
+    window.tools.cameras["front"].trigger()
+    view, layout, shown = window.view, window.draft.grid.layout_now(), window.draft.grid.shown
+    surface, renderer = pv.wrap(view.frame.surface), view.plotter.renderer
+    yarns = [surface.extract_cells(surface["yarn"] == k).center for k in range(14)]
+    left_to_right = sorted(center[0] for center in yarns[:8])
+    down = sorted((center[1] for center in yarns[8:]), reverse=True)
+    across, along = layout.panels["drawdown"]
+    for row, y in enumerate(down):
+        for column, x in enumerate(left_to_right):
+            renderer.SetWorldPoint(x, y, 0.0, 1.0)
+            renderer.WorldToDisplay()
+            at = np.array(renderer.GetDisplayPoint()[:2]) / view.plotter.devicePixelRatioF()
+            seen = view.pick(at[0], view.plotter.height() - 1 - at[1])
+            cell = layout.at(
+                across.begin + (column + 0.5) * across.size, along.begin + (row + 0.5) * along.size
+            )
+            over = shown.drawdown[cell.y - 1, cell.x - 1]
+            assert (seen.family, seen.number) == ((0, cell.x) if over else (1, cell.y))
 
 
 def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Path) -> None:

@@ -171,7 +171,9 @@ class DraftTab(QWidget):
         self.fit = _button("Fit", "Show the whole draft")
         self.colors = _button("Colours", "The yarns' colours; else black where the end is up", True)
         self.colors.setChecked(True)
-        self.cloth = _button("As cloth", "Count ends from the left and picks from below", True)
+        tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
+        self.cloth = _button("As cloth", tip, True)
+        self.cloth.setChecked(self.grid.as_cloth)
         for button in (self.opened, self.saved):
             first.addWidget(button)
         first.addStretch(1)
