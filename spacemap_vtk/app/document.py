@@ -174,7 +174,7 @@ class Document(QObject):
             self.changed.emit()
 
     def settle_draft(self, path: Path) -> None:
-        """Refer to the file that an edited draft was written to; nothing is unsaved, if that is all.
+        """Refer to the file that an edited draft was written to; if that is all, all is saved.
 
         Parameters
         ----------
