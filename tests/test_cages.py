@@ -228,6 +228,40 @@ def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
     assert volume == pytest.approx(1.0, rel=0.05)
 
 
+def test_what_hangs_on_an_edge_alone_gets_an_envelope(cache: Path) -> None:
+    """Two bars whose surfaces meet in an edge: one hangs by the other, and nothing turns."""
+    pytest.importorskip("pytetwild")
+    one = pv.Cube(x_length=1.0, y_length=1.0, z_length=1.0).triangulate()
+    bars = one.merge(one.translate((1.0, 1.0, 0.0)))
+    cage, grid = cage_of(bars, method="tetwild", edge_length=0.5)
+    assert "into 2 parts" in cage.warnings[-1]
+    assert "cage.inflate" in cage.warnings[-1]
+    tetrahedra = tetrahedra_of(grid)
+    assert split.parts(tetrahedra) == ([len(tetrahedra)], 1)
+    assert locate(bars.points, grid.points, tetrahedra, "error").outside == 0
+    modal = ModalSolver(fixed="-x", modes=3)
+    modal.SetInputConnection(cage.GetOutputPort())
+    modal.update()
+    frequencies = pv.wrap(modal.GetOutputDataObject(0)).field_data["frequencies"]
+    assert frequencies.min() > 0.01 * frequencies.max()
+    # Bodies that do not touch are two cages, and stay as they are.
+    apart = one.merge(one.translate((3.0, 0.0, 0.0)))
+    cage, grid = cage_of(apart, method="tetwild", edge_length=0.5)
+    assert cage.warnings == ()
+    assert check_mesh(grid.points, tetrahedra_of(grid)) == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("second", "expected"),
+    [([1, 2, 3, 4], ([2], 1)), ([2, 3, 4, 5], ([1, 1], 1)), ([3, 4, 5, 6], ([1, 1], 1))],
+    ids=["face", "edge", "vertex"],
+)
+def test_parts_hang_together_by_faces(second: list[int], expected: object) -> None:
+    assert split.parts(np.array([[0, 1, 2, 3], second])) == expected
+    away = np.array([[0, 1, 2, 3], second, [7, 8, 9, 10]])
+    assert split.parts(away) == ([*expected[0], 1], 2)
+
+
 def test_an_object_with_points_that_are_not_finite() -> None:
     ball = pv.Sphere()
     ball.points[5] = np.nan

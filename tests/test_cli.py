@@ -115,6 +115,14 @@ def test_animate_mp4(tmp_path: Path) -> None:
     assert film.read_bytes()[4:8] == b"ftyp"
 
 
+def test_animate_asks_for_its_encoder_before_it_reads_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    assert run("animate", "no_such_scene", "-o", str(tmp_path / "film.mp4")) == 1
+    assert "pip install 'spacemap_vtk[movie]'" in capsys.readouterr().err
+
+
 def test_storyboard_draws_two_rows(tmp_path: Path) -> None:
     file = tmp_path / "figure6.png"
     arguments = ["-o", str(file), "--times", "0,20ms,0.04", "--size", "300x200", "-q"]

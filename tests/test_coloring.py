@@ -18,8 +18,16 @@ from spacemap_vtk.filters.arrays import points_of
 from spacemap_vtk.scenes.coloring import measure
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.surface_actor import fit_scale, scale_bar, scale_share, scale_title
+from spacemap_vtk.scenes.surface_actor import (
+    RAMP,
+    fit_scale,
+    rgb,
+    scale_bar,
+    scale_share,
+    scale_title,
+)
 
 SMALL: dict[str, Any] = {
     "weave": {"ends": 4, "picks": 4},
@@ -168,3 +176,57 @@ def test_a_scale_is_read_whole(
     # Nothing is cut off by the edge, and nothing lies over the cloth.
     assert columns[-1] < size[0] - 1
     assert columns[0] >= size[0] * (1.0 - scale_share(size)) - 1
+
+
+def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None:
+    """A plate close behind another one: where yarns have a contact shadow, numbers have none."""
+    near = pv.Plane(
+        center=(0.0, 0.0, 0.2), i_size=0.8, j_size=0.8, i_resolution=20, j_resolution=20
+    )
+    far = pv.Plane(i_size=2.0, j_size=2.0, i_resolution=50, j_resolution=50)
+    (near + far).extract_surface(algorithm="dataset_surface").save(tmp_path / "plates.ply")
+    values = {
+        "object": {"file": str(tmp_path / "plates.ply")},
+        "cage": {"divisions": [2, 2, 1], "padding": 0.1},
+        "modal": {"youngs_modulus": "1 GPa", "fixed": "-y"},
+        "response": {"gravity": [0.0, 0.0, -1.0]},
+        "view": {"camera": "front", "size": [500, 400], "color": "displacement"},
+    }
+    offs = {}
+    for color in ("displacement", "own"):
+        scene = Scene({**values, "view": {**values["view"], "color": color}})
+        picture = Picture(scene, [0.001])
+        image = picture.draw(0.001) / 255
+        renderer = picture._panels[0].window.renderer
+        surface = scene.polygons
+        points = points_of(surface)
+        numbers = np.linalg.norm(
+            vtk_to_numpy(surface.GetPointData().GetArray("displacement")), axis=1
+        )
+        # The far plate beside the near one, and the near one itself.
+        aside = np.abs(points[:, :2]).max(axis=1)
+        flat = np.where(points[:, 2] > 0.1, aside < 0.35, (aside > 0.45) & (aside < 0.9))
+        shown = []
+        for point in points[flat]:
+            renderer.SetWorldPoint(*point, 1.0)
+            renderer.WorldToDisplay()
+            x, y, _ = renderer.GetDisplayPoint()
+            shown.append(image[len(image) - 1 - int(y / 2), int(x / 2)])
+        picture.close()
+        stops = np.array([rgb(stop) for stop in RAMP])
+        at = numbers[flat] / numbers.max() * (len(RAMP) - 1)
+        scale = np.stack([np.interp(at, range(len(RAMP)), stops[:, c]) for c in range(3)], axis=1)
+        if color == "own":
+            scale = np.broadcast_to(np.array(scene.view.object_color) / 255, scale.shape)
+        # Lambert's cosines of a plate that faces the camera, with the lights of `add_lights`.
+        light = np.full(3, 0.22)
+        for position, intensity, tint in (
+            ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
+            ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
+            ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
+        ):
+            light += 0.9 * intensity * position[2] / np.linalg.norm(position) * np.array(tint)
+        offs[color] = np.abs(np.array(shown) - light * scale).max()
+    # A touch of gloss is all there is besides.
+    assert offs["displacement"] < 0.05
+    assert offs["own"] > 0.1

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,32 @@ def test_a_thread_is_ended_where_it_stands() -> None:
     thread.join(10.0)
     assert ends
     assert ends[0] - begun < GRACE + 1.0
+
+
+def test_an_import_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a package would stay behind, and be found by all who import it later."""
+    package = tmp_path / "slow_to_import"
+    package.mkdir()
+    (package / "part.py").write_text("here = True\n")
+    (package / "__init__.py").write_text(
+        "import time\nfrom . import part\nend = time.monotonic() + 1.0\n"
+        "while time.monotonic() < end: pass\nwhole = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    interrupt, ends = Interrupt(), []
+
+    def work() -> None:
+        try:
+            interrupt.guard(lambda: (import_module("slow_to_import"), busy(30.0)))
+        except Interrupted:
+            ends.append(getattr(sys.modules.get("slow_to_import"), "whole", False))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    time.sleep(0.2)
+    interrupt.end()
+    thread.join(20.0)
+    assert ends == [True]
 
 
 def test_work_that_has_ended_is_left_in_peace() -> None:
@@ -124,14 +151,55 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     wait_until(lambda: not window.engine.busy)
     assert time.monotonic() - begun < slack()
     wait_until(lambda: window.stages.states[stage] == "stale" and not window.cancel.isVisible())
-    assert window.errors.text == ""
     assert window.view.frame is frame
+    # What lies below waits, too, and the picture is said to be of before.
+    sections = [s.section for s in window.document.scene.stages]
+    at = sections.index(stage)
+    assert {window.stages.states[s] for s in sections[:at]} <= {"fresh"}
+    assert {window.stages.states[s] for s in sections[at:]} == {"stale"}
+    assert window.errors.text == "The run was cancelled: the picture is older than the fields."
+    assert window.errors.run.isVisible()
     # What was begun is not taken for a result: the scene before comes back whole.
     before = np.array(frame.surface.GetBounds())
     window.document.undo.undo()
     wait_until(lambda: settled(window))
     np.testing.assert_allclose(window.view.frame.surface.GetBounds(), before, atol=1e-9)
     assert window.view.frame.cage.GetNumberOfPoints() == 72
+    assert window.errors.text == ""
+
+
+def cancel_when_running(window: Any, stage: str) -> None:
+    wait_until(lambda: window.stages.states[stage] == "running" and window.cancel.isVisible())
+    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: not window.engine.busy and window.errors.text)
+
+
+def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
+    window = open_window()
+    window.document.set_many("cage", {"divisions": [14, 14, 2], "order": 2})
+    cancel_when_running(window, "modal")
+    QTest.mouseClick(window.errors.run, Qt.MouseButton.LeftButton)
+    assert window.errors.text == ""
+    wait_until(lambda: settled(window))
+    assert window.view.frame.values == window.document.values
+    assert set(window.stages.states.values()) == {"fresh", "off", "settings"}
+    assert window.errors.text == ""
+    # An error has nothing to run.
+    window.report("value", ValueError("wrong"))
+    assert not window.errors.run.isVisible()
+
+
+def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.document.set("surface", "subdivisions", 64)
+    cancel_when_running(window, "surface")
+    assert "coarser" in window.errors.text
+    scene = tmp_path / "large.toml"
+    scene.write_text("[weave]\nends = 300\npicks = 300\n")
+    window.document.open(scene)
+    assert window.errors.text == ""
+    cancel_when_running(window, "weave")
+    assert "no picture of this scene" in window.errors.text
 
 
 def test_closing_ends_a_run_too(open_window: Any) -> None:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 from window import require_display, settled, type_into, wait_until
 
 require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
 from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
-from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog  # noqa: E402
+from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog, QLabel  # noqa: E402
 
 from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
 from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
@@ -349,6 +350,88 @@ def test_drafts_are_opened_and_saved_as_wif(
     assert woven(window).shape == (8, 8)
 
 
+def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: Path) -> None:
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+    qtbot.mouseClick(window.draft.saved, LEFT)
+    assert read_wif(file).loom == window.draft.grid.shown.loom
+
+
+def test_an_edited_draft_has_a_name_that_the_user_knows(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill)
+    window.stages.choose("weave")
+    line = window.properties.rows["draft"].editor.line
+    assert line.text() == str(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    assert line.text() == "edited draft"
+    assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
+    # To leave the field as it is changes nothing.
+    type_into(line, line.text())
+    assert window.errors.text == ""
+    assert window.document.drafts.holds(window.document.scene.weave.draft)
+    # Nor does a message have its file, as when somebody tidies up.
+    window.document.scene.weave.draft.unlink()
+    window.document.set("weave", "warp_spacing", "1 mm")
+    wait_until(lambda: window.errors.text)
+    assert "edited draft" in window.errors.text
+    assert "spacemap-drafts" not in window.errors.text
+    window.document.undo.undo()
+    window.document.undo.undo()
+    click(qtbot, window, "threading", 2, 4)
+    wait_until(lambda: settled(window))
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert line.text() == str(twill.parent / "mine.wif")
+
+
+def test_a_saved_draft_is_no_unsaved_change(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, text = draft_of(twill), twill.read_text()
+    click(qtbot, window, "threading", 2, 4)
+    assert window.isWindowModified()
+    # The scene's file names another draft than this one.
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert window.isWindowModified()
+    click(qtbot, window, "threading", 3, 4)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert not window.isWindowModified()
+    assert window.document.text == text
+    click(qtbot, window, "threading", 4, 1)
+    assert window.isWindowModified()
+    window.document.undo.undo()
+    assert not window.isWindowModified()
+    # What the draft does not hold is not saved with it.
+    window.document.set("response", "alpha", 3.0)
+    click(qtbot, window, "threading", 4, 1)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert window.isWindowModified()
+
+
+def test_a_draft_that_was_opened_is_saved_as_one(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    type_into(window.draft.counts["ends"].lineEdit(), "12")
+    click(qtbot, window, "warp", 2, 0)
+    assert window.isWindowModified()
+    file = twill.parent / "mine.wif"
+    save_draft(window, qtbot, monkeypatch, file)
+    assert not window.isWindowModified()
+    # Nothing is lost by leaving: the file is what is seen.
+    seen = window.document.scene.weave.fabric
+    again = Scene.read(file).weave.fabric
+    np.testing.assert_array_equal(again.drawdown, seen.drawdown)
+    np.testing.assert_array_equal(again.warp_colors, seen.warp_colors)
+    window.document.undo.undo()
+    assert window.isWindowModified()
+    window.document.undo.redo()
+    window.document.set("cage", "divisions", [3, 3, 1])
+    save_draft(window, qtbot, monkeypatch, file)
+    assert window.isWindowModified()
+
+
 def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None:
     window = draft_of(library.folder() / "32-shaft_twill.wif")
     window.splitter.setSizes([260, 300, 640])
@@ -384,12 +467,38 @@ def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None
     assert now.center(Place("threading", 5, 1))[0] == now.center(Place("drawdown", 5, 1))[0]
     qtbot.mouseClick(window.draft.fit, LEFT)
     assert grid.layout_now().most == (0, 0)
-    # As the cloth lies: the first end left, the first pick below.
+    # As on paper: the first end right, the first pick above.
     first = grid.layout_now().center(Place("drawdown", 1, 1))
     qtbot.mouseClick(window.draft.cloth, LEFT)
     last = grid.layout_now().center(Place("drawdown", 1, 1))
-    assert last[0] < first[0]
-    assert last[1] > first[1]
+    assert last[0] > first[0]
+    assert last[1] < first[1]
+
+
+def test_the_drawdown_lies_as_the_cloth_does(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    # Neither turned nor mirrored is it the same: 8 ends, 6 picks, an end threaded against its line.
+    (twill.parent / "still.toml").write_text('[weave]\ndraft = "twill.wif"\npicks = 6\n')
+    window = draft_of(twill.parent / "still.toml")
+    click(qtbot, window, "threading", 2, 4)
+    wait_until(lambda: settled(window))
+    window.tools.cameras["front"].trigger()
+    view, layout, shown = window.view, window.draft.grid.layout_now(), window.draft.grid.shown
+    surface, renderer = pv.wrap(view.frame.surface), view.plotter.renderer
+    yarns = [surface.extract_cells(surface["yarn"] == k).center for k in range(14)]
+    left_to_right = sorted(center[0] for center in yarns[:8])
+    down = sorted((center[1] for center in yarns[8:]), reverse=True)
+    across, along = layout.panels["drawdown"]
+    for row, y in enumerate(down):
+        for column, x in enumerate(left_to_right):
+            renderer.SetWorldPoint(x, y, 0.0, 1.0)
+            renderer.WorldToDisplay()
+            at = np.array(renderer.GetDisplayPoint()[:2]) / view.plotter.devicePixelRatioF()
+            seen = view.pick(at[0], view.plotter.height() - 1 - at[1])
+            cell = layout.at(
+                across.begin + (column + 0.5) * across.size, along.begin + (row + 0.5) * along.size
+            )
+            over = shown.drawdown[cell.y - 1, cell.x - 1]
+            assert (seen.family, seen.number) == ((0, cell.x) if over else (1, cell.y))
 
 
 def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Path) -> None:

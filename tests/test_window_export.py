@@ -101,6 +101,36 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     assert window.errors.text == ""
 
 
+@pytest.mark.parametrize("encoder", [True, False])
+def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoder: bool
+) -> None:
+    window = open_window()
+    if encoder:
+        pytest.importorskip("imageio_ffmpeg")
+    else:
+        monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    proposed: list[tuple[str, str]] = []
+
+    def look() -> None:
+        dialog = QApplication.activeModalWidget()
+        proposed.append((dialog.file.name, dialog._filters))
+        dialog.reject()
+
+    QTimer.singleShot(200, look)
+    window.menus.actions["Export film…"].trigger()
+    assert proposed[0][0] == ("film.mp4" if encoder else "film.gif")
+    assert ("*.mp4" in proposed[0][1]) == encoder
+    begun = time.monotonic()
+    window.exports.start("film", tmp_path / "film.mp4", (160, 120))
+    assert window.exports.busy == encoder
+    window.exports.stop()
+    if not encoder:
+        assert "pip install 'spacemap_vtk[movie]'" in window.errors.text
+        assert time.monotonic() - begun < 5.0
+    assert list(tmp_path.glob("*.mp4")) == []
+
+
 @pytest.mark.parametrize(
     ("words", "ending", "cells"),
     [

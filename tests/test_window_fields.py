@@ -212,3 +212,75 @@ def test_a_page_shows_what_its_stage_asks_for(open_window: Any, section: str) ->
     part, written = getattr(window.document.scene, section), window.document.values.get(section, {})
     for name, row in window.properties.rows.items():
         assert row.isHidden() == (bool(part.idle(name)) and name not in written)
+
+
+def type_again(line: Any, text: str) -> None:
+    line.selectAll()
+    QTest.keyClick(line, Qt.Key.Key_Backspace)
+    type_into(line, text)
+
+
+def take_back(line: Any, text: str) -> None:
+    while line.text() != text:
+        QTest.keyClick(line, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+
+
+@pytest.mark.parametrize("again", [type_again, take_back])
+@pytest.mark.parametrize(
+    ("scene", "section", "name", "wrong"),
+    [
+        ("animal_in_carved_cage", "object", "scale", "-5"),
+        ("plain_weave", "weave", "pattern", "twil"),
+        ("plain_weave", "weave", "warp_crimp_height", "high"),
+        ("plain_weave", "weave", "warp_color", "redish"),
+        ("plain_weave", "view", "background", "redish"),
+        ("plain_weave", "modal", "fixed", "top"),
+    ],
+)
+def test_a_field_that_has_its_value_again_is_no_longer_wrong(
+    open_window: Any, scene: str, section: str, name: str, wrong: str, again: Any
+) -> None:
+    window = open_window(scene)
+    line, row = editor(window, section, name).line, window.properties.rows[name]
+    right = line.text()
+    type_into(line, wrong)
+    assert row.property("bad")
+    assert name in window.errors.text
+    again(line, right)
+    assert (line.text(), window.errors.text) == (right, "")
+    assert not row.property("bad")
+    assert window.document.undo.isClean()
+
+
+def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_window: Any) -> None:
+    window = open_window("gust")
+    gravity = editor(window, "response", "gravity")
+    row = window.properties.rows["gravity"]
+    for component in gravity.components[:2]:
+        type_into(component.line, "down")
+    right = [component.shown for component in gravity.components]
+    type_again(gravity.components[0].line, right[0])
+    assert row.property("bad")
+    type_again(gravity.components[1].line, right[1])
+    assert not row.property("bad")
+    assert window.errors.text == ""
+    # The number of a load, a row within a row.
+    line = editor(window, "response", "loads").cards[0].rows["pressure"].editor.line
+    right = line.text()
+    type_into(line, "strong")
+    assert "pressure" in window.errors.text
+    type_again(line, right)
+    assert window.errors.text == ""
+
+
+def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_window: Any) -> None:
+    window = open_window()
+    window.document.set("weave", "warp_diameter", "1.9 mm")
+    wait_until(lambda: window.errors.text)
+    row = window.properties.rows["warp_diameter"]
+    assert row.property("bad")
+    line = row.editor.line
+    line.setFocus()
+    QTest.keyClick(line, Qt.Key.Key_Return)
+    assert row.property("bad")
+    assert window.errors.text

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from window import require_display
 
 from spacemap_vtk.app import requirements
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import MissingLibraryError
 
 
 def test_other_commands_import_no_qt() -> None:
@@ -98,17 +101,55 @@ def test_a_missing_system_library_is_named(
     assert "apt-get install" in capsys.readouterr().err
 
 
-def test_without_a_display_it_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "platform", "linux")
+def free_display() -> str:
+    """Return an X display that no server has."""
+    taken = {path.name for path in Path("/tmp/.X11-unix").glob("X*")}
+    return next(f":{number}" for number in range(77, 977) if f"X{number}" not in taken)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of X and Wayland")
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"DISPLAY": free_display()},
+        {"DISPLAY": "no name of a display"},
+        {"WAYLAND_DISPLAY": "wayland-77"},
+        {"DISPLAY": free_display(), "WAYLAND_DISPLAY": "wayland-77"},
+    ],
+)
+def test_without_a_display_it_says_so(given: dict[str, str]) -> None:
+    pytest.importorskip("PySide6")
+    rest = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-m", "spacemap_vtk", "gui"]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**rest, **given}
+    )
+    # Qt aborts the process.
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "xvfb-run -a spacemap gui" in done.stderr
+    for name, value in given.items():
+        assert f'{name}="{value}"' in done.stderr
+    assert given or "no display" in done.stderr
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of X and Wayland")
+def test_a_wayland_server_alone_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requirements, "PACKAGES", ())
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    with pytest.raises(SystemExit) as ended:
-        main(["gui"])
-    assert ended.value.code == 1
-    assert "no display" in capsys.readouterr().err
+    monkeypatch.setattr(requirements, "LIBRARIES", ())
+    monkeypatch.delenv("DISPLAY", raising=False)
+    # The name of a socket may not be long.
+    with TemporaryDirectory() as folder, socket.socket(socket.AF_UNIX) as server:
+        server.bind(f"{folder}/wayland-77")
+        server.listen()
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        for name in ("wayland-77", f"{folder}/wayland-77"):
+            monkeypatch.setenv("WAYLAND_DISPLAY", name)
+            requirements.require_window()
+        monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-78")
+        with pytest.raises(MissingLibraryError, match="wayland-78"):
+            requirements.require_window()
 
 
 def test_a_wrong_name_is_refused_before_anything_opens(

@@ -42,6 +42,8 @@ class Director(QObject):
     failed = Signal(object)
     #: A run that takes long: section and share done; empty when it has ended.
     progress = Signal(str, float)
+    #: The user has ended a run: what the picture therefore is not.
+    given_up = Signal(str)
 
     def __init__(
         self,
@@ -59,7 +61,7 @@ class Director(QObject):
         self.swing: Swing | None = None
         self._running = ""
         self._share = 0.0
-        self._held = False
+        self._held = self._giving_up = False
         self._settings: dict[str, dict[str, Any]] = {}
         self._rest = _timer(self, _REST, self._refine)
         self._notice = _timer(self, _NOTICE, self._show_running)
@@ -74,7 +76,7 @@ class Director(QObject):
         engine.failed.connect(self._failed)
         engine.cancelled.connect(self._cancelled)
         # What ends is told while the thread is still busy with ending.
-        engine.idle.connect(self._end_notice)
+        engine.idle.connect(self._idle)
 
     def ask(self, coarse: bool = False) -> None:
         """Ask for a frame of the present document and time.
@@ -95,6 +97,7 @@ class Director(QObject):
             coarse=coarse,
             swing=self.swing,
         )
+        self._giving_up = False
         self._engine.ask(self._asked)
         if not self._notice.isActive():
             self._notice.start()
@@ -138,6 +141,7 @@ class Director(QObject):
         """Give up what runs; the last picture stays."""
         self._times.pause()
         self._rest.stop()
+        self._giving_up = True
         self._engine.cancel()
 
     def stop(self) -> None:
@@ -234,22 +238,35 @@ class Director(QObject):
             # Of a newer wish the smooth frame is still to come.
             self._rest.stop()
         self._times.pause()
-        section = getattr(error, "section", None) or self._running
-        below = False
-        for stage in self._document.scene.stages:
-            if stage.section == section:
-                self._stages.set_state(section, "failed")
-                below = True
-            elif below:
-                self._stages.set_state(stage.section, "stale")
+        self._show_ended(getattr(error, "section", None) or self._running, "failed")
         self._end_notice()
         self.failed.emit(error)
 
     def _cancelled(self) -> None:
         self._times.waiting = False
-        if self._running:
-            self._stages.set_state(self._running, "stale")
+        self._show_ended(self._running or self._document.scene.stages[0].section, "stale")
         self._end_notice()
+
+    def _show_ended(self, section: str, state: str) -> None:
+        """Show what has become of a stage whose run has ended early; those below it wait."""
+        below = False
+        for stage in self._document.scene.stages:
+            if stage.section == section or below:
+                self._stages.set_state(stage.section, "stale" if below else state)
+                below = True
+
+    def _idle(self) -> None:
+        self._end_notice()
+        frame, asked = self._view.frame, self._asked
+        if not self._giving_up or asked is None:
+            return
+        self._giving_up = False
+        if frame is None or frame.generation != asked.generation:
+            self.given_up.emit("there is no picture of this scene yet")
+        elif (frame.values, frame.time) != (asked.values, asked.time):
+            self.given_up.emit("the picture is older than the fields")
+        elif frame.coarse:
+            self.given_up.emit("the picture is coarser than the fields say")
 
 
 def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:

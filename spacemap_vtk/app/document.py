@@ -23,6 +23,8 @@ from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: A longer list is written with a line for each value.
 _LINE = 8
+#: What of a weave a file of its draft holds: all that the draft tab edits.
+DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
 #: Milliseconds that a change of a drag waits at most.
 _LATEST = 50
 #: Section, values, burst and name, as for `Document.set_many`.
@@ -102,6 +104,7 @@ class Document(QObject):
         self._latest.setInterval(_LATEST)
         self._latest.timeout.connect(self.catch_up)
         self._load("")
+        self._clean = self._settings()
 
     def open(self, name: str | Path) -> None:
         """Read a scene, a draft, or a scene that comes with the program.
@@ -165,9 +168,32 @@ class Document(QObject):
         self.file = self.source = target
         self._folder = target.parent
         self._saved_draft = self.scene.weave.draft
+        self._clean = self._settings()
         self.undo.setClean()
         if self.text != before.text:
             self.changed.emit()
+
+    def settle_draft(self, path: Path) -> None:
+        """Refer to the file that an edited draft was written to; if that is all, all is saved.
+
+        Parameters
+        ----------
+        path : Path
+            Of the present draft.
+        """
+        if self.drafts.holds(self.scene.weave.draft):
+            beside = self.file is not None and path.parent == self._folder
+            written = path.name if beside else str(path)
+            self.set_many("weave", {"draft": written}, name="draft's file")
+        # If what was opened is a draft, its file has what the scene says of it.
+        of_draft = self.file is None and self.source and self.source.suffix.lower() == ".wif"
+        kept = DRAFTED if of_draft else ()
+        now, saved = (
+            {**settings, "weave": {k: v for k, v in settings["weave"].items() if k not in kept}}
+            for settings in (self._settings(), self._clean)
+        )
+        if now == saved:
+            self.undo.setClean()
 
     @property
     def scene(self) -> Scene:
@@ -366,9 +392,17 @@ class Document(QObject):
         self._folder = folder or Path.cwd()
         self._load(text)
         self._saved_draft = self.scene.weave.draft if self.file else None
+        self._clean = self._settings()
         self._overwritten.clear()
         self.undo.clear()
         self.replaced.emit()
+
+    def _settings(self) -> dict[str, dict[str, Any]]:
+        """Return the values of every section, by which it is told whether anything is unsaved."""
+        settings = {name: dict(getattr(self.scene, name).settings) for name in SECTIONS}
+        draft = settings["weave"]["draft"]
+        settings["weave"]["draft"] = draft and draft.resolve()
+        return settings
 
     def _parse(self, text: str) -> None:
         self._toml = tomlkit.parse(text)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QToolButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton, QWidget
 
 from spacemap_vtk.errors import SpacemapError, shown
 
@@ -27,6 +28,8 @@ class ErrorBar(QWidget):
         self.label = QLabel()
         self.label.setWordWrap(True)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        #: Goes on with a run that was cancelled.
+        self.run = QPushButton("Run")
         close = QToolButton()
         close.setText("✕")
         close.setAutoRaise(True)
@@ -34,8 +37,11 @@ class ErrorBar(QWidget):
         layout = QHBoxLayout(self)
         layout.setContentsMargins(10, 6, 6, 6)
         layout.addWidget(self.label, 1)
+        layout.addWidget(self.run)
         layout.addWidget(close)
         self._about = ""
+        #: Puts words in place of what nobody knows of.
+        self.told: Callable[[str], str] = str
         self.hide()
 
     def say(self, error: BaseException, about: str) -> None:
@@ -50,7 +56,7 @@ class ErrorBar(QWidget):
         """
         self.warn(_words(error), about)
 
-    def warn(self, text: str, about: str) -> None:
+    def warn(self, text: str, about: str, can_run: bool = False) -> None:
         """Show a sentence.
 
         Parameters
@@ -59,8 +65,12 @@ class ErrorBar(QWidget):
             What the user should know.
         about : str
             As for `say`.
+        can_run : bool, optional
+            Whether a button to run offers itself.
         """
         self._about = about
+        text = self.told(text)
+        self.run.setVisible(can_run)
         self.label.setText(text)
         self.show()
 

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QFileDialog, QProgressDialog
 
 from spacemap_vtk.app.ask_file import ended
 from spacemap_vtk.app.export_dialog import ExportDialog
-from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.filters.base import Cancelled
 from spacemap_vtk.scenes.background import Order
 from spacemap_vtk.scenes.output import check_output, whole_folder
@@ -64,7 +64,9 @@ class Exports(QObject):
 
     def film(self) -> None:
         """Ask for a film's file and size, and write it."""
-        self._drawn("film", "Films (*.mp4 *.gif);;Numbered frames (*.png)", "film.mp4")
+        endings = [".mp4", ".gif"] if _can_encode() else [".gif"]
+        filters = "Films ({});;Numbered frames (*.png)".format(" ".join(f"*{e}" for e in endings))
+        self._drawn("film", filters, f"film{endings[0]}")
 
     def data(self) -> None:
         """Ask for a file, and write what its format holds."""
@@ -115,6 +117,10 @@ class Exports(QObject):
             if self._process is not None:
                 raise InputError("something is being written already")
             check_output(path, endings)
+            if kind == "film":
+                from spacemap_vtk.scenes.film import require_encoder
+
+                require_encoder(path)
             if kind == "film" and path.suffix.lower() == ".png" and "%" not in path.name:
                 path = path.with_name(f"{path.stem}-%04d.png")
             self._files = ExitStack()
@@ -254,3 +260,14 @@ class Exports(QObject):
             self.written.emit(str(self._target))
         elif not isinstance(error, Cancelled):
             self.failed.emit(error)
+
+
+def _can_encode() -> bool:
+    """Whether .mp4 can be written here."""
+    from spacemap_vtk.scenes.film import require_encoder
+
+    try:
+        require_encoder(Path("film.mp4"))
+    except MissingLibraryError:
+        return False
+    return True

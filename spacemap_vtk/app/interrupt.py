@@ -2,13 +2,14 @@
 
 A stage looks up whenever it reports progress. One that does not is ended where it stands, between
 two steps of Python; only a single call into a library, such as the factorisation of one matrix, is
-waited for. What such a stage has kept is whole all the same: stages keep results by one assignment
-at their end.
+waited for, and an import: a module that was half imported could not be imported again. What such a
+stage has kept is whole all the same: stages keep results by one assignment at their end.
 """
 
 from __future__ import annotations
 
 import ctypes
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -81,7 +82,8 @@ class Interrupt:
             with self._lock:
                 if self._thread is None or self._run != run:
                     return
-                _set(self._thread, Interrupted)
+                if not _imports(self._thread):
+                    _set(self._thread, Interrupted)
 
     def _close(self) -> None:
         # A blow may fall while this very method runs: then it begins again.
@@ -94,6 +96,15 @@ class Interrupt:
                 return
             except Interrupted:
                 continue
+
+
+def _imports(thread: int) -> bool:
+    frame = sys._current_frames().get(thread)
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _set(thread: int, error: type[BaseException] | None) -> None:

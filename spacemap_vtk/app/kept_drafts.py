@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import tempfile
 import weakref
@@ -93,3 +94,20 @@ class KeptDrafts:
             True: nobody but this object knows of it, and it will go.
         """
         return path is not None and self._folder is not None and path.parent == self._folder
+
+    def told(self, text: object) -> str:
+        """Return what a user is told.
+
+        Parameters
+        ----------
+        text : object
+            A path, or a sentence that may name one.
+
+        Returns
+        -------
+        str
+            With words in place of files that nobody knows of.
+        """
+        if self._folder is None:
+            return str(text)
+        return re.sub(rf"{re.escape(str(self._folder))}/\w+\.\w+", "edited draft", str(text))

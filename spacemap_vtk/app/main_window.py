@@ -66,6 +66,7 @@ class MainWindow(QMainWindow):
         self.stages = StageList()
         self.properties = Properties(self.document)
         self.errors = ErrorBar()
+        self.errors.told = self.document.drafts.told
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab()
         self.tabs = QTabWidget()
@@ -215,6 +216,8 @@ class MainWindow(QMainWindow):
         # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
         self.director.failed.connect(self.modes.stop)
         self.cancel.clicked.connect(self.director.cancel)
+        self.director.given_up.connect(self._given_up)
+        self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
         self.times.play.clicked.connect(self.modes.stop)
         self.document.replaced.connect(self.modes.stop)
@@ -316,7 +319,15 @@ class MainWindow(QMainWindow):
         self.setWindowTitle(f"{self.document.name}[*] – spacemap")
         self.setWindowModified(not self.document.undo.isClean())
 
+    def _given_up(self, what: str) -> None:
+        self.errors.warn(f"The run was cancelled: {what}.", "cancel", can_run=True)
+
+    def _run(self) -> None:
+        self.errors.clear("cancel")
+        self.director.ask()
+
     def _drawn(self, frame: Frame) -> None:
+        self.errors.clear("cancel")
         # A swing runs less than the motion does.
         if frame.swing is None:
             self.errors.clear("run")
@@ -324,10 +335,11 @@ class MainWindow(QMainWindow):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.response)
         if not frame.coarse:
-            note = f"  ⚠ {frame.warnings[0]}" if frame.warnings else ""
+            warnings = self.document.drafts.told("\n".join(frame.warnings))
+            note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
             cells = frame.surface.GetNumberOfCells()
             self.told.setText(f"{cells:,} facets{note}")
-            self.told.setToolTip("\n".join(frame.warnings))
+            self.told.setToolTip(warnings)
 
     def _asked(self, at: float, going_on: bool) -> None:
         self.modes.stop()

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.feasible import intervals, settled
+from spacemap_vtk.app.fields.file import FileEditor
 from spacemap_vtk.app.fields.row import ParameterRow
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.scene import SECTIONS
@@ -75,8 +76,11 @@ class Properties(QScrollArea):
         layout.addWidget(about)
         for name, parameter in cls.parameters.items():
             row = ParameterRow(parameter)
+            if isinstance(row.editor, FileEditor):
+                row.editor.told = self._document.drafts.told
             row.edited.connect(self._edited)
             row.held.connect(self.held)
+            row.restored.connect(self._restored)
             layout.addWidget(row)
             self.rows[name] = row
         layout.addStretch(1)
@@ -100,7 +104,7 @@ class Properties(QScrollArea):
             if known != (value, default) or row.property("bad"):
                 row.show_value(value, default)
             if row.parameter.when:
-                row.show_idle(part.idle(name), written=not default)
+                row.show_idle(self._document.drafts.told(part.idle(name)), written=not default)
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()
@@ -137,7 +141,14 @@ class Properties(QScrollArea):
             error.section = error.section or self.section
             self.mark(error)
             self.refused.emit(error)
+            self.rows[name].refused = True
         else:
             self.accepted.emit(burst)
-            # Refused before, and the value it had is typed again: nothing has changed.
+            # Refused before, and the value it had is chosen again: nothing has changed.
             self.rows[name].mark(None)
+
+    def _restored(self) -> None:
+        row = self.sender()
+        if row.refused:
+            row.mark(None)
+            self.accepted.emit(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import importlib.util
 import os
 import sys
@@ -31,6 +32,10 @@ DEBIAN = (
     "libegl1 libgl1 libdbus-1-3 libfontconfig1 libglib2.0-0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0"
 )
+_CURE = (
+    'Start it {}, or with "xvfb-run -a spacemap gui"; '
+    '"spacemap render" and "spacemap animate" need no display.'
+)
 
 
 def require_window() -> None:
@@ -50,11 +55,10 @@ def require_window() -> None:
         )
     if not sys.platform.startswith("linux"):
         return
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    displays = {name: os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")}
+    if not any(displays.values()):
         raise MissingLibraryError(
-            "there is no display to open a window on",
-            cure='Start it from a desktop, or with "xvfb-run -a spacemap gui"; '
-            '"spacemap render" and "spacemap animate" need no display.',
+            "there is no display to open a window on", cure=_CURE.format("from a desktop")
         )
     absent = [name for name in LIBRARIES if not _loads(name)]
     if absent:
@@ -62,6 +66,38 @@ def require_window() -> None:
             f"{', '.join(absent)} not found: Qt needs them to open a window",
             cure=f'On Debian or Ubuntu: "apt-get install {DEBIAN}".',
         )
+    x, wayland = displays.values()
+    if not (x and _x_answers(x)) and not (wayland and _wayland_answers(wayland)):
+        named = " nor ".join(f'{name}="{value}"' for name, value in displays.items() if value)
+        raise MissingLibraryError(
+            f"no display server lets this program in at {named}",
+            cure=_CURE.format("with the name of a display that runs"),
+        )
+
+
+@functools.cache
+def _x_answers(display: str) -> bool:
+    """Whether an X server takes this program in, as Qt asks it."""
+    xcb = ctypes.CDLL("libxcb.so.1")
+    xcb.xcb_connect.restype = ctypes.c_void_p
+    xcb.xcb_connect.argtypes = ctypes.c_char_p, ctypes.c_void_p
+    xcb.xcb_connection_has_error.argtypes = (ctypes.c_void_p,)
+    # Left open as long as the process lives: a server like Xvfb begins anew when its last client
+    # goes, and Qt would have to wait for it.
+    return not xcb.xcb_connection_has_error(xcb.xcb_connect(os.fsencode(display), None))
+
+
+def _wayland_answers(display: str) -> bool:
+    """Whether a Wayland server listens."""
+    import socket  # only here: to import it takes longer than all else
+
+    with socket.socket(socket.AF_UNIX) as probe:
+        try:
+            # An absolute name needs no folder, and replaces it.
+            probe.connect(os.path.join(os.environ.get("XDG_RUNTIME_DIR", ""), display))
+        except OSError:
+            return False
+    return True
 
 
 def _loads(name: str) -> bool:

@@ -136,3 +136,32 @@ def mended(vertices: NDArray[np.float64], tetrahedra: Cells) -> tuple[Cells, int
     inverted = volume[good] < 0
     result[inverted] = result[inverted][:, [0, 2, 1, 3]]
     return result, int(inverted.sum()), int(np.count_nonzero(~good))
+
+
+def parts(tetrahedra: Cells) -> tuple[list[int], int]:
+    """Return how many tetrahedra each part of a mesh has, and how many parts hang together at all.
+
+    Parameters
+    ----------
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    sizes : list of int
+        Tetrahedra of the parts that hang together by faces, the largest first.
+    loose : int
+        Parts where edges and vertices count too. If there are fewer than sizes, some of those
+        hang on hinges.
+    """
+    from scipy import sparse  # with all it brings: a tenth of a second
+
+    faces = np.sort(tetrahedra[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]], axis=2)
+    shared = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 4)
+    labels = []
+    for corners in (shared, tetrahedra):
+        rows = np.repeat(np.arange(len(corners)), 4)
+        has = sparse.csr_matrix((np.ones(4 * len(corners)), (rows, corners.ravel())))
+        labels.append(sparse.csgraph.connected_components(has @ has.T, directed=False)[1])
+    by_faces, by_vertices = labels
+    return np.sort(np.bincount(by_faces))[::-1].tolist(), int(by_vertices.max()) + 1

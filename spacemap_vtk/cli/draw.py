@@ -83,6 +83,9 @@ def animate(
         A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
     check_output(output, FILM_FORMATS)
+    from spacemap_vtk.scenes.film import require_encoder, write_film, write_frames
+
+    require_encoder(output)
     numbered = output.suffix.lower() == ".png"
     if numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", output.name):
         example = re.sub("%[0-9]*[a-z]?", "", output.stem) + "-%04d.png"
@@ -91,7 +94,6 @@ def animate(
             allowed=f"for example {output.with_name(example)}",
         )
     opened_scene = opened(scene, set_, size=size, color=color)
-    from spacemap_vtk.scenes.film import write_film, write_frames
     from spacemap_vtk.scenes.picture import Picture
 
     opened_scene.check()

@@ -15,17 +15,21 @@ from spacemap_vtk.cage.bounds import padded_bounds
 from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
 from spacemap_vtk.cage.quadratic import with_midpoints
-from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import bounds_of_whole
-from spacemap_vtk.filters.outline import edge_faults, envelope, outline
+from spacemap_vtk.filters.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.filters.reading import merged, read_blocks
 from spacemap_vtk.filters.tetwild import filled
 from spacemap_vtk.filters.volume import tetrahedral
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
+from spacemap_vtk.units import format_quantity
+
+#: Distance of the envelope of an object that falls apart, as a share of its diagonal.
+_ENVELOPE = 0.02
 
 
 class TetraCage(Stage):
@@ -103,7 +107,8 @@ class TetraCage(Stage):
     )
     inflate = Real(
         0.0,
-        "Distance of the envelope that is filled; 0: the object's own surface.",
+        "Distance of the envelope that is filled; 0: the object's own surface, unless what that "
+        "encloses hangs together by an edge or a vertex alone.",
         unit="m",
         minimum=0.0,
         when={"method": ("tetwild",)},
@@ -189,25 +194,40 @@ class TetraCage(Stage):
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
         if self.inflate > 0.0:
-            points, triangles = envelope((points, triangles), self.inflate)
-        else:
-            triangles = triangles[triangles[:, 1] != triangles[:, 2]]
-            if not len(triangles):
-                raise GeometryError(
-                    "the object has no surface to fill",
-                    key="inflate",
-                    value=self.inflate,
-                    cure='Give it an envelope, as in inflate = "1 mm", or use method = "carved".',
-                )
-            open_, crowded = edge_faults(triangles, points)
-            faults = [f"{n} {what} edges" for n, what in ((open_, "open"), (crowded, "branching"))]
-            faults = [text for text in faults if not text.startswith("0 ")]
-            if faults:
-                self.warn(
-                    f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
-                    "own judgement: compare the cage, or give it an envelope (cage.inflate)"
-                )
-        (vertices, made), _ = filled(points, triangles, self.edge_length or diagonal / 10)
+            return self._filled(envelope((points, triangles), self.inflate), diagonal)
+        triangles = triangles[triangles[:, 1] != triangles[:, 2]]
+        if not len(triangles):
+            raise GeometryError(
+                "the object has no surface to fill",
+                key="inflate",
+                value=self.inflate,
+                cure='Give it an envelope, as in inflate = "1 mm", or use method = "carved".',
+            )
+        open_, crowded = edge_faults(triangles, points)
+        faults = [f"{n} {what} edges" for n, what in ((open_, "open"), (crowded, "branching"))]
+        faults = [text for text in faults if not text.startswith("0 ")]
+        if faults:
+            self.warn(
+                f"the object's surface has {' and '.join(faults)}; fTetWild mends them by its "
+                "own judgement: compare the cage, or give it an envelope (cage.inflate)"
+            )
+        vertices, tetrahedra = self._filled((points, triangles), diagonal)
+        sizes, loose = parts(tetrahedra)
+        if len(sizes) == loose:
+            return vertices, tetrahedra
+        # Nothing holds a part that can turn about an edge or a vertex: no solver could go on.
+        distance = _ENVELOPE * diagonal
+        self.warn(
+            f"what the object's surface encloses falls into {len(sizes)} parts, some of which hang "
+            "on an edge or a vertex alone: the cage fills an envelope at "
+            f"{format_quantity(float(f'{distance:.3g}'), 'm')} from it (cage.inflate sets another)"
+        )
+        return self._filled(envelope((points, triangles), distance), diagonal)
+
+    def _filled(
+        self, surface: Outline, diagonal: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        (vertices, made), _ = filled(*surface, self.edge_length or diagonal / 10)
         tetrahedra, _, flat = mended(vertices, made)
         if not len(tetrahedra):
             raise GeometryError(

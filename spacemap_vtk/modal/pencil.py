@@ -291,8 +291,8 @@ def _solved(piece: Piece, forces: FloatArray, rigid: FloatArray) -> tuple[FloatA
     if (share > _NO_DIGIT).any():
         raise SolverError(
             "no digit of a static solution is left by rounding",
-            cure="Take fewer divisions, or a thicker cage; look for badly shaped tetrahedra, and "
-            "for parts of the cage that hang by one vertex",
+            cure="Take a coarser cage, or a thicker one; look for badly shaped tetrahedra, and "
+            "for parts of the cage that hang by an edge or a vertex alone",
         )
     return u, share
 

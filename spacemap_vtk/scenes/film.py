@@ -32,6 +32,32 @@ def write_picture(file: Path, image: Pixels) -> None:
     Image.fromarray(image).save(file, compress_level=_COMPRESSION)
 
 
+def require_encoder(file: Path) -> None:
+    """Refuse a film that nothing here can write, before any work is done for it.
+
+    Parameters
+    ----------
+    file : Path
+        Ending in .gif, .mp4, or whatever.
+
+    Raises
+    ------
+    MissingLibraryError
+        If .mp4 is asked for without the extra ``[movie]``, or without a program ffmpeg.
+    """
+    if file.suffix.lower() != ".mp4":
+        return
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise MissingLibraryError(
+            f"{file.name}: .mp4 needs the package imageio-ffmpeg, with its program ffmpeg",
+            cure="Run: pip install 'spacemap_vtk[movie]', or write a .gif.",
+        ) from None
+
+
 def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
     """Write a film.
 
@@ -87,13 +113,9 @@ def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
 
 
 def _write_mp4(file: Path, images: Iterable[Pixels], rate: float) -> None:
-    try:
-        import imageio_ffmpeg
-    except ImportError:
-        raise MissingLibraryError(
-            ".mp4 needs the package imageio-ffmpeg",
-            cure="Run: pip install 'spacemap_vtk[movie]', or write a .gif.",
-        ) from None
+    require_encoder(file)
+    import imageio_ffmpeg
+
     writer = None
     for image in images:
         # H.264 takes even sizes only.

@@ -249,7 +249,9 @@ class Picture:
             window.add_in_front(self._loads[-1].through)
         for actor in (*solids, *signs):
             window.renderer.AddActor(actor)
-        return _Panel(window, view.shadows and panel != "cage", solids, signs)
+        # A colour that stands for a number must be found again in the scale.
+        shaded = view.shadows and panel != "cage" and self._span is None
+        return _Panel(window, shaded, solids, signs)
 
     def close(self) -> None:
         """Free the windows."""

@@ -91,7 +91,10 @@ class View(Parameterised):
         "#d9642c", "Colour of the cage's fixed vertices.", when={**_CAGE, "supports": (True,)}
     )
     object_color = Color("#b9c4cf", "Colour of an object that has none of its own.")
-    shadows = Flag(True, "Soft shadow where yarns meet, or an object has folds.")
+    shadows = Flag(
+        True,
+        "Soft shadow where yarns meet, or an object has folds; none on colours that have a scale.",
+    )
 
     @property
     def line_color(self) -> tuple[int, int, int]:

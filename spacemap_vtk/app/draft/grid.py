@@ -39,7 +39,7 @@ class DraftGrid(QAbstractScrollArea):
         super().__init__()
         self.shown: Shown | None = None
         self.cell = 10
-        self.as_cloth = False
+        self.as_cloth = True
         self.colored = True
         #: What the strips are painted with.
         self.color = QColor("#2d6a8e")

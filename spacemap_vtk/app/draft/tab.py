@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.ask_file import ask_file
-from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.document import DRAFTED, Document
 from spacemap_vtk.app.draft.grid import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.shown import Changes, Shown, as_draft, as_pattern, as_series, shown_of
@@ -136,8 +136,7 @@ class DraftTab(QWidget):
         name, _ = QFileDialog.getOpenFileName(self, "Open draft", "", _OPENED)
         if name:
             path = str(Path(name).resolve())
-            keys = ("pattern", "ends", "picks", "warp_color", "weft_color")
-            self._change({**dict.fromkeys(keys), "draft": path}, "draft")
+            self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")
 
     def save(self) -> None:
         """Ask for a name, and write the draft as WIF."""
@@ -145,19 +144,17 @@ class DraftTab(QWidget):
         if path is None:
             return
         path = path.resolve()
-        weave = self._document.scene.weave
         try:
             check_output(path, {".wif": "draft"})
-            data = format_wif(weave.wif)
+            data = format_wif(self._document.scene.weave.wif)
             self._document.remember(path)
             with whole_file(path) as file:
                 file.write_bytes(data)
+            self._document.settle_draft(path)
         except (SpacemapError, OSError) as error:
             self.unwritten.emit(error)
-            return
-        self.written.emit()
-        if self._document.drafts.holds(weave.draft):
-            self._change({"draft": str(path)}, "draft's file")
+        else:
+            self.written.emit()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Catch up with what has changed unseen."""
@@ -174,7 +171,9 @@ class DraftTab(QWidget):
         self.fit = _button("Fit", "Show the whole draft")
         self.colors = _button("Colours", "The yarns' colours; else black where the end is up", True)
         self.colors.setChecked(True)
-        self.cloth = _button("As cloth", "Count ends from the left and picks from below", True)
+        tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
+        self.cloth = _button("As cloth", tip, True)
+        self.cloth.setChecked(self.grid.as_cloth)
         for button in (self.opened, self.saved):
             first.addWidget(button)
         first.addStretch(1)

@@ -22,7 +22,6 @@ class ColorsEditor(Editor):
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
-        self._shown = ""
         self._colors: list[str] = []
         row = QHBoxLayout()
         row.addWidget(self.swatches)
@@ -33,19 +32,20 @@ class ColorsEditor(Editor):
         layout.addLayout(row)
         layout.addWidget(self.line)
         self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.swatches.chosen.connect(self._choose)
 
     def show_value(self, value: Any) -> None:
         """Show swatches and digits."""
-        self._shown = "" if value is None else self.parameter.show(value)
-        self._colors = self._shown.split(", ") if self._shown else []
+        self.shown = "" if value is None else self.parameter.show(value)
+        self._colors = self.shown.split(", ") if self.shown else []
         self.swatches.show_colors(self._colors)
-        self.line.setText(self._shown)
+        self.line.setText(self.shown)
         self.line.setCursorPosition(0)
 
     def _typed(self) -> None:
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             self.edited.emit(self.line.text() or None, 0)
 
     def _choose(self, number: int) -> None:

@@ -24,10 +24,14 @@ class Editor(QWidget):
     edited = Signal(object, int)
     #: Whether a drag goes on.
     held = Signal(bool)
+    #: The text is again that of the value that holds: what was refused since is gone.
+    restored = Signal()
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__()
         self.parameter = parameter
+        #: The value that holds, as text.
+        self.shown = ""
 
     def show_value(self, value: Any) -> None:
         """Show a checked value; emits nothing.
@@ -47,6 +51,23 @@ class Editor(QWidget):
         low, high : float
             In SI; infinite where there is no bound.
         """
+
+    def is_new(self, text: str) -> bool:
+        """Return whether a text is not that of the value that holds; if it is, that is told.
+
+        Parameters
+        ----------
+        text : str
+            As it stands in the editor's line.
+
+        Returns
+        -------
+        bool
+            False: nothing is to be set.
+        """
+        if text == self.shown:
+            self.restored.emit()
+        return text != self.shown
 
 
 def written_from(text: str) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtWidgets import QFileDialog, QHBoxLayout, QLineEdit, QPushButton
@@ -18,25 +20,28 @@ class FileEditor(Editor):
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
         self.button = QPushButton("Browse…")
-        self._shown = ""
+        #: What to call a file.
+        self.told: Callable[[Path], str] = str
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line, 1)
         layout.addWidget(self.button)
         self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:
         """Show the path."""
-        self._shown = "" if value is None else str(value)
-        self.line.setText(self._shown)
+        self._file = "" if value is None else str(value)
+        self.shown = "" if value is None else self.told(value)
+        self.line.setText(self.shown)
 
     def _typed(self) -> None:
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             self.edited.emit(self.line.text() or None, 0)
 
     def _browse(self) -> None:
-        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._shown)
+        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)
         if file:
             self.edited.emit(file, 0)

@@ -75,6 +75,7 @@ class LoadsEditor(Editor):
             for number, card in enumerate(self.cards):
                 card.edited.connect(self._card_edited)
                 card.held.connect(self.held)
+                card.restored.connect(self.restored)
                 self._layout.insertWidget(number, card)
         for card, load in zip(self.cards, value, strict=True):
             card.show_load(load)
@@ -102,6 +103,8 @@ class _Card(QFrame):
     #: Number of the load, what changes (None: it goes), burst.
     edited = Signal(int, object, int)
     held = Signal(bool)
+    #: As `Editor.restored`.
+    restored = Signal()
 
     def __init__(self, number: int, load: Load) -> None:
         # A row makes its editor, and this is one: imported late.
@@ -137,6 +140,7 @@ class _Card(QFrame):
             row.reset.setVisible(name in _optional(load))
             row.edited.connect(self._row_edited)
             row.held.connect(self.held)
+            row.restored.connect(self.restored)
             layout.addWidget(row)
             self.rows[name] = row
 

@@ -57,11 +57,11 @@ class NumberEditor(Editor):
         layout.addWidget(self.line)
         layout.addWidget(self.slider)
         self.setFocusProxy(self.line)
-        self._shown = ""
         self._value: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: Span | None = None
         self._burst = 0
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.slider.valueChanged.connect(self._slid)
         self.slider.sliderPressed.connect(self._pressed)
@@ -70,9 +70,9 @@ class NumberEditor(Editor):
     def show_value(self, value: Any) -> None:
         """Show it in the line, and on the slider unless that is being dragged."""
         self._value = value if isinstance(value, (int, float)) else None
-        self._shown = "" if value is None else self._text(value)
+        self.shown = "" if value is None else self._text(value)
         if not (self.line.hasFocus() and self.line.isModified()):
-            self.line.setText(self._shown)
+            self.line.setText(self.shown)
         self.slider.setEnabled(self._value is not None)
         if not self.slider.isSliderDown():
             self._place_slider()
@@ -105,7 +105,7 @@ class NumberEditor(Editor):
 
     def _typed(self) -> None:
         text = self.line.text()
-        if text != self._shown:
+        if self.is_new(text):
             self.line.setModified(False)
             written = None if text.strip() == "" and self.parameter.optional else written_from(text)
             self.edited.emit(written, 0)

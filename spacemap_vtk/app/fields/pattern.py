@@ -55,7 +55,6 @@ class PatternEditor(Editor):
         self.grid = PatternGrid()
         self.size = QLabel()
         self.size.setObjectName("about")
-        self._shown = ""
         beside = QGridLayout()
         beside.setSpacing(3)
         beside.addWidget(self.size, 0, 0, 1, 2)
@@ -87,16 +86,17 @@ class PatternEditor(Editor):
         layout.addLayout(below)
         self.setFocusProxy(self.box)
         self.box.textActivated.connect(self._typed)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.grid.painted.connect(self._painted)
         self.grid.held.connect(self.held)
 
     def show_value(self, value: Any) -> None:
         """Show name and squares."""
-        self._shown = (
+        self.shown = (
             value if isinstance(value, str) else "[" + ", ".join(f'"{row}"' for row in value) + "]"
         )
-        self.line.setText(self._shown)
+        self.line.setText(self.shown)
         self.line.setCursorPosition(0)
         try:
             self.grid.show_repeat(repeat_of(value))
@@ -106,7 +106,7 @@ class PatternEditor(Editor):
         self.size.setText(f"{ends} ends, {picks} picks")
 
     def _typed(self) -> None:
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             self.edited.emit(written_from(self.line.text()), 0)
 
     def _painted(self, burst: int) -> None:

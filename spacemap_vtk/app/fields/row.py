@@ -25,6 +25,8 @@ class ParameterRow(QWidget):
     edited = Signal(str, object, int)
     #: Whether a drag goes on.
     held = Signal(bool)
+    #: As `Editor.restored`.
+    restored = Signal()
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__()
@@ -60,10 +62,13 @@ class ParameterRow(QWidget):
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
         self.settled: Any = None
+        #: Whether it is marked for a value that the scene did not take: its own is as it was.
+        self.refused = False
         self._feasible = ""
         self._idle = ""
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
+        self.editor.restored.connect(self.restored)
         self.reset.clicked.connect(self._reset)
 
     def show_value(self, value: Any, is_default: bool) -> None:
@@ -126,6 +131,7 @@ class ParameterRow(QWidget):
         message : str or None
             One sentence.
         """
+        self.refused = False
         self._say(message or self._idle or self._feasible, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:

@@ -31,7 +31,6 @@ class SupportsEditor(Editor):
         self.sides: dict[str, QPushButton] = {}
         self.line = QLineEdit()
         self.line.setPlaceholderText("nothing is held")
-        self._shown = ""
         grid = QGridLayout()
         grid.setSpacing(4)
         for number, (side, word) in enumerate(_WORDS.items()):
@@ -48,14 +47,15 @@ class SupportsEditor(Editor):
         layout.addLayout(grid)
         layout.addWidget(self.line)
         self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
         self.show_value(())
 
     def show_value(self, value: Any) -> None:
         """Press the buttons of the sides that are held."""
-        self._shown = " ".join(value or ())
-        self.line.setText(self._shown)
-        held = {support.place: support for support in parse(self._shown)}
+        self.shown = " ".join(value or ())
+        self.line.setText(self.shown)
+        held = {support.place: support for support in parse(self.shown)}
         for side, button in self.sides.items():
             button.setChecked(side in held)
             components = held[side].components if side in held else "xyz"
@@ -64,17 +64,17 @@ class SupportsEditor(Editor):
 
     def _clicked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
-        kept = [str(support) for support in parse(self._shown) if support.place != side]
+        kept = [str(support) for support in parse(self.shown) if support.place != side]
         if self.sides[side].isChecked():
             kept.append(side)
         self.edited.emit(" ".join(kept), 0)
 
     def _typed(self) -> None:
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             try:
                 parse(self.line.text())
             except InputError:
                 pass  # whoever takes it says what is wrong
             else:
-                self._shown = self.line.text()
+                self.shown = self.line.text()
             self.edited.emit(self.line.text(), 0)

@@ -17,21 +17,21 @@ class TextEditor(Editor):
         super().__init__(parameter)
         self.line = QLineEdit()
         self.line.setPlaceholderText(parameter.automatic)
-        self._shown = ""
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line)
         self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._finished)
 
     def show_value(self, value: Any) -> None:
         """Show it with its unit."""
-        self._shown = "" if value is None else _bare(self.parameter.show(value))
-        self.line.setText(self._shown)
+        self.shown = "" if value is None else _bare(self.parameter.show(value))
+        self.line.setText(self.shown)
 
     def _finished(self) -> None:
         # Leaving a line that nobody touched is no edit.
-        if self.line.text() != self._shown:
+        if self.is_new(self.line.text()):
             text = self.line.text()
             written = None if text == "" and self.parameter.optional else written_from(text)
             self.edited.emit(written, 0)

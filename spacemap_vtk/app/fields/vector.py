@@ -26,6 +26,7 @@ class VectorEditor(Editor):
             editor.setObjectName(label)
             editor.edited.connect(self._edited)
             editor.held.connect(self.held)
+            editor.restored.connect(self._restored)
             editor.line.setMinimumWidth(34)
             editor.slider.setMinimumWidth(34)
             head = f"{label}  [{parameter.unit}]" if parameter.unit else label
@@ -42,6 +43,10 @@ class VectorEditor(Editor):
         self._value = value
         for number, editor in enumerate(self.components):
             editor.show_value(None if value is None else value[number])
+
+    def _restored(self) -> None:
+        if all(editor.line.text() == editor.shown for editor in self.components):
+            self.restored.emit()
 
     def _edited(self, written: object, burst: int) -> None:
         if self.parameter.is_automatic(written):
