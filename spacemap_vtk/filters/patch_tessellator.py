@@ -51,15 +51,14 @@ class PatchTessellator(Stage):
     >>> from spacemap_vtk import PatchTessellator, WeaveSource
     >>> weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
     >>> surface.SetInputConnection(weave.GetOutputPort())
-    >>> surface.update()
-    >>> patches = weave.GetOutputDataObject(0).GetNumberOfCells()
-    >>> surface.GetOutputDataObject(0).GetNumberOfCells() == 4 * patches
+    >>> polygons = surface.update().output.GetNumberOfCells()
+    >>> polygons == 4 * weave.output.GetNumberOfCells()
     True
     """
 
     section = "surface"
     inputs = ("vtkPointSet",)
-    output = "vtkPolyData"
+    output_type = "vtkPolyData"
 
     subdivisions = Integer(
         4, "Number of quadrilaterals along each side of a patch.", minimum=1, maximum=64
