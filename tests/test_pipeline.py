@@ -31,9 +31,11 @@ from spacemap_vtk import (
     WeaveSource,
 )
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+from spacemap_vtk.filters.arrays import add_array
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.paraview.patches import arrays_to_points
 
 
 class Chain:
@@ -496,6 +498,49 @@ def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
     surface.update()
     carried = surface.GetOutputDataObject(0).GetCellData().GetArray("yarn")
     assert (vtk_to_numpy(carried) == 7).all()
+
+
+def test_arrays_of_yarns_come_through_on_the_points_too() -> None:
+    weave = WeaveSource(ends=3, picks=4, exact=True)
+    usual, surface = PatchTessellator(subdivisions=2), PatchTessellator(subdivisions=2)
+    (weave >> usual).update()
+    grid = weave()
+    count, cells = grid.GetNumberOfCells(), grid.GetCellData()
+    add_array(cells, "patch", np.arange(count))  # neighbours differ
+    arrays_to_points(grid)
+    assert [cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())] == ["patch"]
+    assert weave.output.GetCellData().GetNumberOfArrays() == 3
+    varying = np.arange(grid.GetNumberOfPoints())
+    add_array(grid.GetPointData(), "varying", varying)
+    surface.SetInputDataObject(grid)
+    surface.update()
+    made = surface.output.GetCellData()
+    for name in ("yarn", "family", "color"):
+        found, expected = (
+            vtk_to_numpy(data.GetArray(name)) for data in (made, usual.output.GetCellData())
+        )
+        assert found.dtype == expected.dtype
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(vtk_to_numpy(made.GetArray("patch")), np.arange(4 * count) // 4)
+    points_made = surface.output.GetPointData()
+    assert {points_made.GetArrayName(i) for i in range(points_made.GetNumberOfArrays())} == {
+        "Normals",
+        "varying",
+    }
+    # interpolated: a patch's corners are points of the surface
+    corners = {grid.GetCell(0).GetPointId(corner) for corner in range(4)}
+    assert corners <= set(vtk_to_numpy(points_made.GetArray("varying")))
+
+    kept = made.GetArray("yarn")
+    grid.Modified()
+    surface.update()
+    assert surface.output.GetCellData().GetArray("yarn") is kept
+    array = grid.GetPointData().GetArray("yarn")
+    vtk_to_numpy(array)[:] = 7
+    array.Modified()
+    grid.Modified()
+    surface.update()
+    assert (vtk_to_numpy(surface.output.GetCellData().GetArray("yarn")) == 7).all()
 
 
 def test_any_point_set_can_ride_and_keeps_its_type() -> None:

@@ -132,9 +132,13 @@ def _has_colors(representation: Any) -> bool:
     if source is None:
         return False
     data = source.GetDataInformation(shown.GetOutputPortForConnection(0))
-    array = data.GetCellDataInformation().GetArrayInformation("color")
-    return (
+    found = (
+        arrays.GetArrayInformation("color")
+        for arrays in (data.GetCellDataInformation(), data.GetPointDataInformation())
+    )
+    return any(
         array is not None
         and array.GetDataType() == VTK_UNSIGNED_CHAR
         and array.GetNumberOfComponents() == 3
+        for array in found
     )
