@@ -83,6 +83,18 @@ surface.update(time=3.141592653589793 / eigenvalue**0.5)
 assert 1.9 * sag > lowest() > 2.2 * sag, (lowest(), sag)
 assert [stage.executions for stage in stages] == [1, 1, 1, 3, 3, 3], [s.executions for s in stages]
 
+# What later VTKs bring for all filters, but for `>>`.
+assert surface.update(time=0.0).output is surface.GetOutputDataObject(0)
+patches = weave()
+assert patches.GetNumberOfCells() == weave.output.GetNumberOfCells() == 1176
+assert PatchTessellator(subdivisions=3)(patches).GetNumberOfCells() == 9 * 1176
+try:
+    weave >> surface
+except TypeError as error:
+    assert "unsupported operand" in str(error), error
+else:
+    assert hasattr(type(weave), "__rshift__"), "VTK 9.2 has no >>"
+
 # Every kind of yarn and weave, on the oldest VTK: 8-end satin of flat yarns by their count.
 satin = WeaveSource(
     pattern="satin 8/3",

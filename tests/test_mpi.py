@@ -206,6 +206,18 @@ def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None
     assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
 
 
+@pytest.mark.parametrize("blind", ["both", "the second"])
+def test_without_a_display_all_end_with_the_message(blind: str, tmp_path: Path) -> None:
+    script = ROOT / "pipelines" / "paraview" / "cloth_over_ranks.py"
+    draws = ["pvbatch", script, tmp_path / "cloth.png", 2]
+    cannot = ["env", "-u", "DISPLAY", *draws]
+    ranks = ["-np", 1, *(cannot if blind == "both" else draws), ":", "-np", 1, *cannot]
+    code, out, error = mpirun(*ranks, timeout=100.0)
+    assert code == 1, out + error
+    assert error.count("spacemap: ParaView has no display to draw on. Set DISPLAY ") == 1, error
+    assert not (tmp_path / "cloth.png").exists()
+
+
 def test_memory_and_work_fall_with_the_number_of_processes(tmp_path: Path) -> None:
     taken = {}
     for processes in (1, 3):

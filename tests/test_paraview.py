@@ -55,6 +55,15 @@ def test_time_demand_windows_and_no_leaks() -> None:
     assert run(SCRIPTS / "behaviour.py") == "time, demand, windows, no leaks\n"
 
 
+def test_a_pipeline_built_by_hand_has_time_steps(tmp_path: Path) -> None:
+    out = run(SCRIPTS / "series.py", tmp_path)
+    assert out == "every step is offered, and any time between\n"
+
+
+def test_what_is_cut_out_of_the_patches_keeps_its_yarns() -> None:
+    assert run(SCRIPTS / "cuts.py") == "cut yarns keep their numbers and colours\n"
+
+
 def test_mistakes_are_told_and_the_last_good_state_stays() -> None:
     assert run(SCRIPTS / "mistakes.py") == "mistakes are told and do no harm\n"
 

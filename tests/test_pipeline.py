@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonCore import vtkObjectBase, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline, vtkTrivialProducer
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
-from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkFiltersGeneral import vtkShrinkPolyData, vtkTransformFilter
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk import (
@@ -31,9 +31,11 @@ from spacemap_vtk import (
     WeaveSource,
 )
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+from spacemap_vtk.filters.arrays import add_array
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.paraview.patches import arrays_to_points
 
 
 class Chain:
@@ -127,6 +129,28 @@ def test_the_time_range_reaches_the_end_of_the_pipeline() -> None:
         assert not stage.GetOutputInformation(0).Has(key)
 
 
+def test_steps_are_offered_over_the_duration_and_no_time_snaps_to_them() -> None:
+    chain = Chain()
+    chain.response.configure(duration=0.5, frames=6)
+    chain.surface.UpdateInformation()
+    key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    for stage in (chain.response, chain.warp, chain.surface):
+        np.testing.assert_allclose(
+            stage.GetOutputInformation(0).Get(key), [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
+        )
+    usual = Chain()
+    usual.response.configure(duration=60.0, frames=2)
+    for count, time in enumerate((0.1, 0.137, 0.2, 0.7), start=1):  # on a step, between, after
+        chain.update(time)
+        chain.update(time)
+        usual.update(time)
+        assert chain.counts == [1, 1, 1, count, count, count]
+        np.testing.assert_array_equal(points(chain.surface), points(usual.surface))
+    for frames in (-1, 1, 100_001):
+        with pytest.raises(InputError, match="at least 2 and at most 100000"):
+            chain.response.frames = frames
+
+
 def test_weights_are_kept_until_geometry_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     import spacemap_vtk.filters.barycentric_warp as module
 
@@ -170,6 +194,70 @@ def test_an_equal_mesh_read_again_keeps_the_weights(monkeypatch: pytest.MonkeyPa
         warp.update()
     assert warp.executions == 3
     assert len(calls) == 2  # the chain's own, and one for the copies
+
+
+# --- as VTK's own, from 9.4 on ------------------------------------------------------------------
+
+
+def test_arrows_calls_and_outputs_are_vtks_own() -> None:
+    chain = Chain()
+    for stage in chain.stages:
+        for port in range(stage.GetNumberOfInputPorts()):
+            stage.RemoveAllInputConnections(port)
+    weave, cage, modal, response, warp, surface = chain.stages
+    patches = (weave >> surface)()
+    assert patches.GetNumberOfCells() == surface.update().output.GetNumberOfCells() > 0
+    assert surface.output is surface.GetOutputDataObject(0)
+    assert (weave >> surface).update().output is surface.output
+    assert chain.counts == [1, 0, 0, 0, 0, 1]
+
+    # a tuple is an input for each port, as VTK's own `select_ports` would connect them
+    moved = (weave, weave >> cage >> modal >> response) >> warp >> surface
+    assert surface.update(time=0.05) is surface
+    assert chain.counts == [1, 1, 1, 1, 1, 2]
+    usual = Chain()
+    usual.update(0.05)
+    np.testing.assert_array_equal(points(surface), points(usual.surface))
+    result = moved()
+    assert chain.counts == [1, 1, 1, 1, 1, 2]
+    kept = vtk_to_numpy(result.GetPoints().GetData()).copy()
+    surface.update(time=0.0)
+    np.testing.assert_array_equal(vtk_to_numpy(result.GetPoints().GetData()), kept)
+    assert np.abs(points(surface) - kept).max() > 0
+
+    # VTK's own filters at either end
+    shrink = vtkShrinkPolyData()
+    shrunk = (surface >> shrink).update().output
+    assert shrunk.GetNumberOfPoints() == 4 * surface.output.GetNumberOfCells()
+    ball = vtkSphereSource()
+    np.testing.assert_array_equal((ball >> surface)().GetBounds(), ball.update().output.GetBounds())
+
+
+def test_a_stage_called_with_data_keeps_its_connections() -> None:
+    chain = Chain()
+    chain.update(0.05)
+    usual = points(chain.warp)
+    moving = vtkUnstructuredGrid()
+    moving.ShallowCopy(chain.response.output)
+    twice = numpy_to_vtk(2 * point_array(chain.response, "displacement"))
+    twice.SetName("displacement")
+    moving.GetPointData().AddArray(twice)
+    rest = points(chain.weave)
+    patches = chain.weave()
+    del chain.weave  # VTK's outputs hold no producers
+    moved = vtk_to_numpy(chain.warp(patches, moving).GetPoints().GetData())
+    np.testing.assert_allclose(moved - rest, 2 * (usual - rest), atol=1e-12)
+    chain.warp.update()
+    np.testing.assert_array_equal(points(chain.warp), usual)
+    surface = PatchTessellator()
+    with pytest.raises(InputError, match="nothing connected to input port 0"):
+        surface()
+    with pytest.raises(InputError, match="too many inputs for PatchTessellator: 2; allowed: 1"):
+        surface(patches, patches)
+    with pytest.raises(InputError, match="too many inputs for BarycentricWarp: 3; allowed: 2"):
+        (patches, moving, moving) >> chain.warp
+    with pytest.raises(GeometryError, match="overlap"):
+        (WeaveSource(warp_diameter="0.6 mm") >> surface)()
 
 
 # --- what fails, and recovers ------------------------------------------------------------------
@@ -412,6 +500,49 @@ def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
     assert (vtk_to_numpy(carried) == 7).all()
 
 
+def test_arrays_of_yarns_come_through_on_the_points_too() -> None:
+    weave = WeaveSource(ends=3, picks=4, exact=True)
+    usual, surface = PatchTessellator(subdivisions=2), PatchTessellator(subdivisions=2)
+    (weave >> usual).update()
+    grid = weave()
+    count, cells = grid.GetNumberOfCells(), grid.GetCellData()
+    add_array(cells, "patch", np.arange(count))  # neighbours differ
+    arrays_to_points(grid)
+    assert [cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())] == ["patch"]
+    assert weave.output.GetCellData().GetNumberOfArrays() == 3
+    varying = np.arange(grid.GetNumberOfPoints())
+    add_array(grid.GetPointData(), "varying", varying)
+    surface.SetInputDataObject(grid)
+    surface.update()
+    made = surface.output.GetCellData()
+    for name in ("yarn", "family", "color"):
+        found, expected = (
+            vtk_to_numpy(data.GetArray(name)) for data in (made, usual.output.GetCellData())
+        )
+        assert found.dtype == expected.dtype
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(vtk_to_numpy(made.GetArray("patch")), np.arange(4 * count) // 4)
+    points_made = surface.output.GetPointData()
+    assert {points_made.GetArrayName(i) for i in range(points_made.GetNumberOfArrays())} == {
+        "Normals",
+        "varying",
+    }
+    # interpolated: a patch's corners are points of the surface
+    corners = {grid.GetCell(0).GetPointId(corner) for corner in range(4)}
+    assert corners <= set(vtk_to_numpy(points_made.GetArray("varying")))
+
+    kept = made.GetArray("yarn")
+    grid.Modified()
+    surface.update()
+    assert surface.output.GetCellData().GetArray("yarn") is kept
+    array = grid.GetPointData().GetArray("yarn")
+    vtk_to_numpy(array)[:] = 7
+    array.Modified()
+    grid.Modified()
+    surface.update()
+    assert (vtk_to_numpy(surface.output.GetCellData().GetArray("yarn")) == 7).all()
+
+
 def test_any_point_set_can_ride_and_keeps_its_type() -> None:
     chain = Chain()
     chain.update(time=0.05)
@@ -468,7 +599,7 @@ class Through(Stage):
     """Hands its input on."""
 
     inputs = ("vtkPointSet",)
-    output = SAME_AS_INPUT
+    output_type = SAME_AS_INPUT
 
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
         output.ShallowCopy(inputs[0])

@@ -66,7 +66,7 @@ class BarycentricWarp(Stage):
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
     whole_inputs = (1,)
     input_names = ("Input", "Cage")
-    output = SAME_AS_INPUT
+    output_type = SAME_AS_INPUT
 
     outside = Choice(
         "extrapolate",

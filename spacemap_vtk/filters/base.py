@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
@@ -41,6 +41,9 @@ from spacemap_vtk.filters.extent import mark_owner
 from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, world
 from spacemap_vtk.parameters import Parameterised
 
+if TYPE_CHECKING:
+    from typing import Self  # Python 3.10, which some ParaViews bring, has none
+
 _TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
 _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 _UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
@@ -56,7 +59,7 @@ _PIECE = (
 #: there are VTK objects among them, the table is corrupted, and the program crashes later.
 _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
-#: For `Stage.output`: the output is of the type of the data on input port 0.
+#: For `Stage.output_type`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkPointSet"
 
 
@@ -75,7 +78,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     #: Name of each input port, where a window asks for inputs by name.
     input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
-    output: ClassVar[str] = "vtkUnstructuredGrid"
+    output_type: ClassVar[str] = "vtkUnstructuredGrid"
     #: Input ports that need the whole data set, whichever piece is asked for.
     whole_inputs: ClassVar[tuple[int, ...]] = ()
     #: Whether the output is whole in each piece.
@@ -97,7 +100,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
 
     def __init__(self, **values: Any) -> None:
         VTKPythonAlgorithmBase.__init__(
-            self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output
+            self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output_type
         )
         self._executions = 0
         self._warnings = []
@@ -131,7 +134,12 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         """What part of the output was asked for last."""
         return self._piece
 
-    def update(self, time: float | None = None, piece: Piece | None = None) -> None:
+    @property
+    def output(self) -> Any:
+        """The data object that the last update made."""
+        return self.GetOutputDataObject(0)
+
+    def update(self, time: float | None = None, piece: Piece | None = None) -> Self:
         """Bring the output up to date: run this stage, and those above it, as far as needed.
 
         Parameters
@@ -140,6 +148,11 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             Time in s. Without it the last requested time stays.
         piece : Piece, optional
             What part of the output is wanted. Without it the last requested piece stays.
+
+        Returns
+        -------
+        Stage
+            This one, for ``stage.update().output``.
 
         Raises
         ------
@@ -184,6 +197,68 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         if done == 0 or self._vtk_messages:
             text = self._vtk_messages[-1] if self._vtk_messages else "VTK could not update it"
             raise SpacemapError(f"{type(self).__name__}: {text}")
+        return self
+
+    def __call__(self, *data: Any) -> Any:
+        """Update, and return the output's data, which a later update leaves as they are.
+
+        Parameters
+        ----------
+        *data : vtkDataObject
+            Inputs in place of what is connected, for this run alone: one for each port, from the
+            first on.
+
+        Returns
+        -------
+        vtkDataObject
+            A shallow copy of the output.
+
+        Raises
+        ------
+        Exception
+            As from `update`.
+        InputError
+            If there are more inputs than ports.
+        """
+        self._require_ports(len(data))
+        former = []
+        for port, item in enumerate(data):
+            outputs = [
+                self.GetInputConnection(port, index)
+                for index in range(self.GetNumberOfInputConnections(port))
+            ]
+            # An output does not hold its producer.
+            former.append([(output.GetProducer(), output.GetIndex()) for output in outputs])
+            self.SetInputDataObject(port, item)
+        try:
+            made = self.update().output
+        finally:
+            for port, producers in enumerate(former):
+                self.RemoveAllInputConnections(port)
+                for producer, index in producers:
+                    self.AddInputConnection(port, producer.GetOutputPort(index))
+        copy = made.NewInstance()
+        copy.ShallowCopy(made)
+        return copy
+
+    def __rrshift__(self, producers: Any) -> Any:
+        # From 9.4 on VTK connects `a >> b`; a tuple all to one port, which no stage takes.
+        if not hasattr(vtkAlgorithm, "__rshift__"):
+            return NotImplemented
+        if not isinstance(producers, Sequence) or not producers:
+            return super().__rrshift__(producers)
+        from vtkmodules.util.execution_model import Pipeline, select_ports
+
+        self._require_ports(len(producers))
+        for port, producer in reversed(list(enumerate(producers))):
+            made = Pipeline(producer, select_ports(port, self) if port else self)
+        return made
+
+    def _require_ports(self, count: int) -> None:
+        if count > len(self.inputs):
+            raise InputError(
+                f"too many inputs for {type(self).__name__}: {count}", allowed=str(len(self.inputs))
+            )
 
     def upstream(self) -> Iterator[vtkAlgorithm]:
         """Yield this stage and all above it, each once, consumers before producers.
@@ -325,7 +400,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     def _request_data_object(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
     ) -> None:
-        if self.output != SAME_AS_INPUT:
+        if self.output_type != SAME_AS_INPUT:
             return  # the executive makes an object of the stated type
         source = in_info[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
         info = out_info.GetInformationObject(0)

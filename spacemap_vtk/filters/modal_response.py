@@ -22,7 +22,7 @@ from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation, stra
 from spacemap_vtk.modal.motion import Drive, Motion, State
 from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
 from spacemap_vtk.modal.timefunctions import step
-from spacemap_vtk.parameters import Choice, Flag, Real, Text, Vector
+from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Text, Vector
 
 FloatArray = NDArray[np.float64]
 
@@ -135,6 +135,14 @@ class ModalResponse(Stage):
         unit="s",
         above=0.0,
     )
+    frames = Integer(
+        101,
+        "Number of time steps, evenly from 0 to the duration, that players and writers of other "
+        "programs are offered; any time in between can be asked for too. The frames of a scene's "
+        "own film are those of its animation.",
+        minimum=2,
+        maximum=100_000,
+    )
 
     _kept_modes: tuple[int, CageModes] | None = None
     _kept_motion: tuple[tuple[int, int], _Prepared] | None = None
@@ -174,6 +182,10 @@ class ModalResponse(Stage):
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
         """Return the continuous range of times."""
         return 0.0, self.duration
+
+    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
+        """Return the times of the frames, without which ParaView would write one step only."""
+        return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float

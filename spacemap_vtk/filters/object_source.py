@@ -46,7 +46,7 @@ class ObjectSource(Stage):
     """
 
     section = "object"
-    output = "vtkPointSet"
+    output_type = "vtkPointSet"
 
     file = FilePath(None, "The mesh to read.", automatic="no file")
     texture = FilePath(

@@ -42,7 +42,9 @@ class PatchTessellator(Stage):
 
     Notes
     -----
-    Points are not shared between patches: their normals are each patch's own. Of a grid of other
+    Points are not shared between patches: their normals are each patch's own. A whole number that
+    is the same at all points of each patch, as that of a yarn in ParaView, is no quantity to
+    interpolate, and becomes an array of the polygons as those of cells do. Of a grid of other
     cells comes its surface, with its lines and points; curved cells are subdivided by VTK. A
     surface passes as it is.
 
@@ -51,15 +53,14 @@ class PatchTessellator(Stage):
     >>> from spacemap_vtk import PatchTessellator, WeaveSource
     >>> weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
     >>> surface.SetInputConnection(weave.GetOutputPort())
-    >>> surface.update()
-    >>> patches = weave.GetOutputDataObject(0).GetNumberOfCells()
-    >>> surface.GetOutputDataObject(0).GetNumberOfCells() == 4 * patches
+    >>> polygons = surface.update().output.GetNumberOfCells()
+    >>> polygons == 4 * weave.output.GetNumberOfCells()
     True
     """
 
     section = "surface"
     inputs = ("vtkPointSet",)
-    output = "vtkPolyData"
+    output_type = "vtkPolyData"
 
     subdivisions = Integer(
         4, "Number of quadrilaterals along each side of a patch.", minimum=1, maximum=64
@@ -93,6 +94,9 @@ class PatchTessellator(Stage):
         for array in _numeric_arrays(grid.GetPointData()):
             if array is rational:
                 continue  # it says how to interpolate, and is nothing on the surface
+            if (label := prepared.label(array, grid)) is not None:
+                output.GetCellData().AddArray(prepared.cell_array(label))
+                continue
             # In float32 as the positions are: twice the bytes would say no more.
             values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
             output.GetPointData().AddArray(to_array(values, array.GetName()))
@@ -137,10 +141,26 @@ class _Prepared:
         self.cells = Connectivity(grid)
         self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
         self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
+        self.patches = patches
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
+        self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
     def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
         return self.subdivisions == subdivisions and self.cells.matches(grid)
+
+    def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
+        """Return an array of points as one of patches, where it is a whole number of theirs."""
+        name = array.GetName()
+        values = vtk_to_numpy(array)
+        if values.dtype.kind not in "iu" or grid.GetCellData().HasArray(name):
+            return None
+        kept = self.labels.get(name)
+        if kept is None or kept[0] is not array or kept[1] != array.GetMTime():
+            own = values[self.patches[:, 0]]
+            whole = bool((values[self.patches] == own[:, np.newaxis]).all())
+            kept = array, array.GetMTime(), to_array(own, name) if whole else None
+            self.labels[name] = kept
+        return kept[2]
 
     def cell_array(self, array: vtkDataArray) -> vtkDataArray:
         name = array.GetName()

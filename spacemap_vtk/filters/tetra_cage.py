@@ -52,8 +52,7 @@ class TetraCage(Stage):
     >>> from spacemap_vtk import TetraCage, WeaveSource
     >>> weave, cage = WeaveSource(), TetraCage(divisions=(5, 5, 1))
     >>> cage.SetInputConnection(weave.GetOutputPort())
-    >>> cage.update()
-    >>> cage.GetOutputDataObject(0).GetNumberOfCells()
+    >>> cage.update().output.GetNumberOfCells()
     125
     """
 

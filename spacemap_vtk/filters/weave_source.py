@@ -46,8 +46,7 @@ class WeaveSource(Stage):
     --------
     >>> from spacemap_vtk import WeaveSource
     >>> weave = WeaveSource(ends=7, picks=7, warp_diameter="0.3 mm")
-    >>> weave.update()
-    >>> weave.GetOutputDataObject(0).GetNumberOfCells()
+    >>> weave.update().output.GetNumberOfCells()
     1176
     """
 

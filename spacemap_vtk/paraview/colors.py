@@ -43,13 +43,27 @@ def _follow_new(manager: Any) -> None:
     follow: dict[str, Callable[[Any], None]]
     follow = {"representations": _follow, "scalar_bars": _follow_legend}
     for group, observe in follow.items():
-        for proxy in _registered(session, group):
+        for proxy in registered(session, group):
             if proxy.GetGlobalID() not in _followed:
                 _followed.add(proxy.GetGlobalID())
                 observe(proxy)
 
 
-def _registered(session: Any, group: str) -> Iterator[Any]:
+def registered(session: Any, group: str) -> Iterator[Any]:
+    """Yield the proxies of a group.
+
+    Parameters
+    ----------
+    session : vtkSMSessionProxyManager
+        Of the connection.
+    group : str
+        Name of the group, as "views".
+
+    Yields
+    ------
+    vtkSMProxy
+        Each one.
+    """
     from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
 
     iterator = vtkSMProxyIterator()
@@ -99,7 +113,7 @@ def _maps(legend: Any) -> bool:
     table = _table(legend)
     mapped = [
         bool(proxy.GetProperty("MapScalars").GetElement(0))
-        for proxy in _registered(legend.GetSessionProxyManager(), "representations")
+        for proxy in registered(legend.GetSessionProxyManager(), "representations")
         if proxy.GetProperty("MapScalars") is not None and _table(proxy) == table
     ]
     return table is None or any(mapped) or not mapped
@@ -118,9 +132,13 @@ def _has_colors(representation: Any) -> bool:
     if source is None:
         return False
     data = source.GetDataInformation(shown.GetOutputPortForConnection(0))
-    array = data.GetCellDataInformation().GetArrayInformation("color")
-    return (
+    found = (
+        arrays.GetArrayInformation("color")
+        for arrays in (data.GetCellDataInformation(), data.GetPointDataInformation())
+    )
+    return any(
         array is not None
         and array.GetDataType() == VTK_UNSIGNED_CHAR
         and array.GetNumberOfComponents() == 3
+        for array in found
     )

@@ -21,6 +21,7 @@ from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.processes import is_first
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.paraview.patches import arrays_to_points
 from spacemap_vtk.paraview.properties import command, property_of
 from spacemap_vtk.paraview.proxies import FileType, proxy_xml
 from spacemap_vtk.paraview.scene_reader import SceneReader
@@ -74,8 +75,11 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             return self._fail(request, out_info)
         if request.Has(_REQUEST_DATA):
             output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
-            # What ParaView colours by where nobody has chosen; no matter where there is none.
-            output.GetAttributes(vtkDataObject.CELL).SetActiveScalars("color")
+            arrays_to_points(output)
+            # What ParaView colours by where nobody has chosen.
+            for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
+                if output.GetAttributes(kind).HasArray("color"):
+                    output.GetAttributes(kind).SetActiveScalars("color")
             self._last = output.NewInstance()
             self._last.ShallowCopy(output)
             new = [text for text in self._warnings if text not in self._said]

@@ -27,7 +27,7 @@ class SceneReader(Stage):
 
     section = "scene"
     #: What `_request_data_object` makes is one; VTK would replace what is not.
-    output = "vtkPointSet"
+    output_type = "vtkPointSet"
 
     file = FilePath(None, "The scene (.toml).", automatic="no scene")
     show = Choice(

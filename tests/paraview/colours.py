@@ -7,7 +7,7 @@ from paraview import simple
 from paraview.modules.vtkRemotingViews import vtkSMTransferFunctionManager
 from pipeline import connected
 
-surface = connected()[-1]
+warp, surface = connected()[-2:]
 clip = simple.Clip(Input=surface, Crinkleclip=1)
 ball = simple.Sphere()
 view = simple.CreateRenderView(ViewSize=[300, 200], OrientationAxesVisibility=0)
@@ -49,5 +49,7 @@ photograph("map", mapped=1)
 assert legends()[0] == 1
 # What ParaView's own filters make of it keeps its colours; other data know nothing of all this.
 assert simple.Show(clip, view).MapScalars == 0
+patches = simple.Show(warp, view)
+assert (list(patches.ColorArrayName), patches.MapScalars) == (["POINTS", "color"], 0)
 assert simple.Show(ball, view).MapScalars == 1
 print("yarns in their own colours")
