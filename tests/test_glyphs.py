@@ -102,9 +102,10 @@ def test_the_plane_goes_through_the_middle_at_rest_or_a_point() -> None:
     assert cut_of(scene.view, scene.polygons) == ((0.0, 0.0, 1.0), (0.001, 0.0, 0.0))
 
 
-def test_a_direction_of_no_length_is_refused() -> None:
+@pytest.mark.parametrize("tiny", [0, 1e-300])
+def test_a_direction_of_no_length_is_refused(tiny: float) -> None:
     with pytest.raises(InputError, match=r"view\.clip_normal.*no direction"):
-        Scene({"view": {"clip_normal": [0, 0, 0]}})
+        Scene({"view": {"clip_normal": [0, tiny, 0]}})
 
 
 def test_a_still_scene_has_none_of_it_and_is_drawn() -> None:

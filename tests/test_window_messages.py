@@ -120,6 +120,7 @@ def test_a_failure_of_before_stops_no_later_wish(open_window: Any) -> None:
     wait_until(lambda: settled(window))
     assert len(told) == 1
     assert window.errors.text == ""
+    assert not window.properties.rows["warp_diameter"].property("bad")
     # Nor is it told of a scene that is no longer there.
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_without_window(lambda: not window.engine.busy)

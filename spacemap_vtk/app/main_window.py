@@ -128,7 +128,7 @@ class MainWindow(QMainWindow):
             elsewhere = section in SECTIONS and section != self.properties.section
             if elsewhere and not self.director.held:
                 self.stages.choose(section)
-            self.properties.mark(error)
+            self.properties.mark(error, about)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before anything is freed."""
@@ -331,6 +331,7 @@ class MainWindow(QMainWindow):
         # A swing runs less than the motion does.
         if frame.swing is None:
             self.errors.clear("run")
+            self.properties.clear("run")
         if not (frame.coarse and self.director.held):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.response)

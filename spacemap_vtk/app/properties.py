@@ -121,18 +121,32 @@ class Properties(QScrollArea):
         taken = time.thread_time() - begun
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 
-    def mark(self, error: SpacemapError) -> None:
+    def mark(self, error: SpacemapError, about: str = "value") -> None:
         """Mark the field that an error names, if it is here.
 
         Parameters
         ----------
         error : SpacemapError
             With `section` and `key`.
+        about : str, optional
+            As `ErrorBar.say` has it.
         """
         row = self.rows.get(error.key or "")
         if row is not None and error.section in (None, self.section):
-            row.mark(error.message + (f": {error.cure}" if error.cure else ""))
+            row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
             self.ensureWidgetVisible(row)
+
+    def clear(self, about: str) -> None:
+        """Mark no field for something any more.
+
+        Parameters
+        ----------
+        about : str
+            What has been put right, as `ErrorBar.clear` has it.
+        """
+        for row in self.rows.values():
+            if row.about == about:
+                row.mark(None)
 
     def _edited(self, name: str, written: object, burst: int) -> None:
         try:
@@ -141,7 +155,7 @@ class Properties(QScrollArea):
             error.section = error.section or self.section
             self.mark(error)
             self.refused.emit(error)
-            self.rows[name].refused = True
+            self.rows[name].about = "value"  # a part of it may be to blame, which has no mark
         else:
             self.accepted.emit(burst)
             # Refused before, and the value it had is chosen again: nothing has changed.
@@ -149,6 +163,6 @@ class Properties(QScrollArea):
 
     def _restored(self) -> None:
         row = self.sender()
-        if row.refused:
+        if row.about == "value":  # a run would fail with it again
             row.mark(None)
             self.accepted.emit(0)

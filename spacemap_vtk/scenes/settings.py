@@ -15,6 +15,9 @@ MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
 LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
+#: A vector that is no longer points nowhere, as far as rounding leaves it a length.
+_SHORTEST = 1e-100
+
 #: Where the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
 
@@ -25,7 +28,7 @@ class Direction(Vector):
     def convert(self, value: Any) -> tuple[Any, ...]:
         """Return three numbers."""
         found = super().convert(value)
-        if not any(found):
+        if not sum(c * c for c in found) > _SHORTEST**2:
             raise InputError("no direction: its length is zero")
         return found
 

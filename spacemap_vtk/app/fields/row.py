@@ -62,8 +62,8 @@ class ParameterRow(QWidget):
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
         self.settled: Any = None
-        #: Whether it is marked for a value that the scene did not take: its own is as it was.
-        self.refused = False
+        #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
+        self.about = ""
         self._feasible = ""
         self._idle = ""
         self.editor.edited.connect(self._edited)
@@ -123,15 +123,17 @@ class ParameterRow(QWidget):
         if not self.note.property("bad"):
             self.mark(None)
 
-    def mark(self, message: str | None) -> None:
+    def mark(self, message: str | None, about: str = "") -> None:
         """Mark the row as refused, with the reason; None: as good.
 
         Parameters
         ----------
         message : str or None
             One sentence.
+        about : str, optional
+            As `ErrorBar.say` has it.
         """
-        self.refused = False
+        self.about = about
         self._say(message or self._idle or self._feasible, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:
