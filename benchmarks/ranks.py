@@ -23,6 +23,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,10 +66,13 @@ def work(size: int, folder: Path) -> None:
         ModalResponse,
         ModalSolver,
         PatchTessellator,
+        SpacemapWarning,
         TetraCage,
         WeaveSource,
     )
     from spacemap_vtk.filters.processes import Piece, Processes
+
+    warnings.simplefilter("ignore", SpacemapWarning)  # the cage is doubtful, its cost is not
 
     controller = vtkMultiProcessController.GetGlobalController()
     piece = Piece(controller.GetLocalProcessId(), controller.GetNumberOfProcesses())

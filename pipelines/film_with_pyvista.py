@@ -20,7 +20,7 @@ weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()
 swing = pv.wrap(surface.GetOutputDataObject(0)).spacemap.modal(
-    divisions=(5, 5, 2), modes=60, youngs_modulus="1 kPa", alpha=0.0, gravity=(0, -2, 2)
+    divisions=(5, 5, 1), order=2, modes=60, youngs_modulus="4 kPa", alpha=0.0, gravity=(0, -2, 2)
 )
 modal = next(stage for stage in swing.upstream() if isinstance(stage, ModalSolver))
 period = 1.0 / pv.wrap(modal.GetOutputDataObject(0)).field_data["frequencies"][0]

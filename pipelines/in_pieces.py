@@ -20,8 +20,13 @@ modulus, density, gravity = 2e3, 300.0, 9.81  # Pa, kg/m3, m/s2
 scene = Scene(
     {
         "weave": {"ends": 24, "picks": 24},
-        "cage": {"divisions": [3, 3, 1], "order": 2},
-        "modal": {"youngs_modulus": modulus, "poissons_ratio": 0.0, "density": density},
+        "cage": {"divisions": [6, 6, 1], "order": 2},
+        "modal": {
+            "youngs_modulus": modulus,
+            "poissons_ratio": 0.0,
+            "density": density,
+            "modes": 90,
+        },
         "response": {"gravity": [0.0, -gravity, 0.0], "initial": "equilibrium"},
     }
 )

@@ -8,8 +8,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import BarycentricWarp, ModalResponse, ModalSolver, TetraCage, WeaveSource
 
-weave, cage = WeaveSource(ends=9, picks=9), TetraCage(divisions=(6, 6, 2))
-modal = ModalSolver(modes=12, fixed="+y")
+weave, cage = WeaveSource(ends=9, picks=9), TetraCage(divisions=(6, 6, 1), order=2)
+modal = ModalSolver(modes=24, fixed="+y")
 response = ModalResponse(initial="equilibrium", gravity=(0.0, 0.0, -9.81))
 warp = BarycentricWarp()
 cage.SetInputConnection(weave.GetOutputPort())

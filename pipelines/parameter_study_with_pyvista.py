@@ -16,11 +16,11 @@ weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()
 swing = pv.wrap(surface.GetOutputDataObject(0)).spacemap.modal(
-    divisions=(5, 5, 2), modes=60, fixed="+y", gravity=(0, -4, 4), initial="equilibrium"
+    divisions=(5, 5, 1), order=2, modes=60, fixed="+y", gravity=(0, -4, 4), initial="equilibrium"
 )
 modal = next(stage for stage in swing.upstream() if isinstance(stage, ModalSolver))
 
-moduli, hung = 500.0 * 4.0 ** np.arange(4), []
+moduli, hung = 2000.0 * 4.0 ** np.arange(4), []
 for modulus in moduli:
     modal.youngs_modulus = modulus  # only the solver and what follows runs again
     swing.update()

@@ -19,7 +19,7 @@ from spacemap_vtk import (
 from spacemap_vtk.scenes.graphics import prepare_offscreen
 
 weave = WeaveSource(ends=7, picks=7, warp_diameter="0.25 mm", weft_diameter="0.25 mm")
-cage, modal = TetraCage(divisions=(5, 5, 2)), ModalSolver(youngs_modulus="2 kPa", modes=60)
+cage, modal = TetraCage(divisions=(5, 5, 1), order=2), ModalSolver(youngs_modulus="8 kPa", modes=60)
 response, warp, surface = ModalResponse(alpha=10.0), BarycentricWarp(), PatchTessellator()
 for stage, source in ((cage, weave), (modal, cage), (response, modal), (warp, weave)):
     stage.SetInputConnection(source.GetOutputPort())

@@ -17,7 +17,7 @@ from spacemap_vtk import (
 )
 
 weave = WeaveSource(ends=7, picks=7)
-cage = TetraCage(divisions=(5, 5, 2))
+cage = TetraCage(divisions=(5, 5, 1), order=2)
 modal = ModalSolver(youngs_modulus="2 kPa", density="300 kg/m3", modes=100, fixed="+y")
 response = ModalResponse(alpha=0.0, gravity=(0.0, 0.0, -1.0))
 warp = BarycentricWarp()

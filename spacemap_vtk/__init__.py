@@ -9,6 +9,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from spacemap_vtk.errors import SpacemapWarning
+
 if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
     from spacemap_vtk.filters.modal_response import ModalResponse
@@ -28,11 +30,13 @@ __all__ = [
     "MotionReader",
     "ObjectSource",
     "PatchTessellator",
+    "SpacemapWarning",
     "TetraCage",
     "WeaveSource",
 ]
 
-_MODULES = {
+#: The filters, and the modules they are in.
+FILTERS = {
     "BarycentricWarp": "barycentric_warp",
     "ModalResponse": "modal_response",
     "ModalSolver": "modal_solver",
@@ -45,6 +49,6 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> object:
-    if name in _MODULES:
-        return getattr(importlib.import_module(f"spacemap_vtk.filters.{_MODULES[name]}"), name)
+    if name in FILTERS:
+        return getattr(importlib.import_module(f"spacemap_vtk.filters.{FILTERS[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""The errors of spacemap_vtk: a small tree over the built-in ones.
+"""The errors of spacemap_vtk: a small tree over the built-in ones, and its warnings.
 
 Every message names the thing at fault, its value, what is allowed and the cure, so that whoever
 shows it (command line, window, ParaView) needs to add nothing.
@@ -6,9 +6,14 @@ shows it (command line, window, ParaView) needs to add nothing.
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+#: Packages whose frames are not the user's own.
+_INSIDE = ("spacemap_vtk", "vtkmodules", "pyvista")
 
 
 class SpacemapError(Exception):
@@ -82,6 +87,36 @@ class SolverError(SpacemapError, RuntimeError):
 
 class MissingLibraryError(SpacemapError, RuntimeError):
     """A system library or an optional package that is not installed."""
+
+
+class SpacemapWarning(UserWarning):
+    """What a stage doubts about its own result; `warnings` of Python shows, hides or raises it."""
+
+
+def warn_user(text: str) -> None:
+    """Issue a `SpacemapWarning` at the line of whoever called the package, through VTK or not.
+
+    Parameters
+    ----------
+    text : str
+        One sentence.
+
+    Raises
+    ------
+    SpacemapWarning
+        If a filter of `warnings` wants it as an error.
+    """
+    frame = sys._getframe(1)
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _INSIDE:
+        frame = frame.f_back
+    warnings.warn_explicit(
+        text,
+        SpacemapWarning,
+        frame.f_code.co_filename,
+        frame.f_lineno,
+        frame.f_globals.get("__name__"),
+        frame.f_globals.setdefault("__warningregistry__", {}),
+    )
 
 
 @contextmanager

@@ -155,7 +155,8 @@ def test_scenes_and_files(processes: int, yarns: tuple[int, int], tmp_path: Path
     file = tmp_path / "scene.toml"
     file.write_text(
         f"[weave]\nends = {yarns[0]}\npicks = {yarns[1]}\n"
-        "[cage]\ndivisions = [3, 3, 2]\n[modal]\nmodes = 40\n[response]\ngravity = [0, 0, -9]\n"
+        "[cage]\ndivisions = [3, 3, 1]\norder = 2\n[modal]\nmodes = 40\n"
+        "[response]\ngravity = [0, 0, -9]\n"
     )
     code, out, error = mpirun("-np", processes, "pvbatch", SCRIPTS / "proxies.py", file, tmp_path)
     assert (code, error) == (0, ""), out + error

@@ -25,7 +25,7 @@ from spacemap_vtk.parameters import (
 )
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
-FILTERS = [getattr(spacemap_vtk, name) for name in spacemap_vtk.__all__]
+FILTERS = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
 
 
 class Thing(Parameterised):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import gc
+import math
 import sys
 import threading
+import warnings
 import weakref
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +23,14 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline, vtkTrivialProducer
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersGeneral import vtkShrinkPolyData, vtkTransformFilter
-from vtkmodules.vtkFiltersSources import vtkSphereSource
+from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 
 from spacemap_vtk import (
     BarycentricWarp,
     ModalResponse,
     ModalSolver,
     PatchTessellator,
+    SpacemapWarning,
     TetraCage,
     WeaveSource,
 )
@@ -378,7 +382,7 @@ def test_the_papers_cage() -> None:
     assert point_array(modal, "fixed").sum() == 12
     assert grid.GetFieldData().GetArray("eigenvalues").GetNumberOfTuples() == 180
     assert "stiffly" in modal.warnings[0]
-    cage.divisions = (5, 5, 2)
+    cage.order = 2
     modal.update()
     assert modal.warnings == ()
 
@@ -634,3 +638,82 @@ def test_an_update_keeps_pythons_lock(asked: dict[str, Any]) -> None:
         thread.join()
     assert seen[0] <= 1
     assert seen[1] > 5
+
+
+def test_warnings_reach_scripts_at_their_own_line_and_once() -> None:
+    chain = Chain()
+    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+        chain.update(time=0.0)
+    assert {Path(each.filename) for each in told} == {Path(__file__)}
+    text = Path(__file__).read_text("utf-8").splitlines()[told[0].lineno - 1]
+    assert "self.surface.update(time)" in text  # the last line that is not the package's
+    assert [str(each.message) for each in told] == [*chain.modal.warnings, *chain.response.warnings]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SpacemapWarning)
+        chain.update(time=0.01)
+        chain.modal.density = 400.0  # it runs again, and says the same
+        chain.update()
+    chain.modal.poissons_ratio = 0.49
+    with pytest.warns(SpacemapWarning, match="lock in volume") as told:
+        chain.update()
+    assert len(told) == 2  # one has another number in it
+
+
+def test_a_warning_that_is_wanted_as_an_error_comes_from_update() -> None:
+    chain = Chain()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SpacemapWarning)
+        for _ in range(2):
+            with pytest.raises(SpacemapWarning, match="too stiffly"):
+                chain.update(time=0.0)
+    chain.update(time=0.0)
+    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
+
+
+@pytest.mark.parametrize("how", ["Update", "consumer"])
+def test_warnings_come_through_plain_vtk_too(how: str) -> None:
+    chain = Chain()
+    normals = vtkPolyDataNormals()
+    normals.SetInputConnection(chain.surface.GetOutputPort())
+    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+        (chain.surface if how == "Update" else normals).Update()
+    assert Path(told[0].filename) == Path(__file__)
+
+
+def clamped(side: float, **settings: Any) -> tuple[ModalSolver, ModalResponse]:
+    """A square cage 0.3 mm thick, which no weave has, held by a side."""
+    box = vtkCubeSource()
+    box.SetBounds(0, side, 0, side, 0, 3e-4)
+    cage = TetraCage(divisions=(5, 5, 1), order=2)
+    modal = ModalSolver(youngs_modulus="1 MPa", modes=8)
+    response = ModalResponse(gravity=(0, 0, -1e-9), **settings)
+    for stage, source in ((cage, box), (modal, cage), (response, modal)):
+        stage.SetInputConnection(source.GetOutputPort())
+    return modal, response
+
+
+def test_a_thin_clamped_cage_hangs_and_does_not_fall() -> None:
+    for side in (0.5, 1.0):
+        modal, response = clamped(side, initial="equilibrium")
+        response.update(time=0.0)
+        tip = -point_array(response, "displacement")[:, 2].min()
+        # Leissa's first frequency, and a clamped strip's tip, which a plate stays below.
+        first = 3.4917 / side**2 * math.sqrt(1e6 * 3e-4**2 / (12 * 0.91 * 300)) / (2 * math.pi)
+        field = modal.GetOutputDataObject(0).GetFieldData()
+        assert field.GetArray("frequencies").GetValue(0) == pytest.approx(1.028 * first, rel=1e-3)
+        beam = 12 * 300 * 1e-9 * side**4 / (8 * 1e6 * 3e-4**2)
+        assert 0.85 * beam < tip < beam
+
+
+def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
+    modal, response = clamped(50.0, initial="equilibrium")
+    with pytest.raises(InputError, match=r"response\.initial.*rounding leaves no digit of \d"):
+        response.update(time=0.0)
+    assert "modes 0 to 2 is lost in rounding, no digit of it holds" in modal.warnings[0]
+    response.initial = "rest"
+    response.residual_vectors = False
+    response.update(time=0.0)
+    modal, response = clamped(5.0)
+    response.residual_vectors = False
+    response.update(time=0.0)
+    assert not any("rounding" in text for text in modal.warnings)

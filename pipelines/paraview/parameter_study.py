@@ -11,8 +11,8 @@ import sys
 from paraview import simple
 
 weave = simple.WeaveSource(Ends=7, Picks=7)
-cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 2])
-modal = simple.ModalSolver(Input=cage, Modes=12)
+cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 1], Order=2)
+modal = simple.ModalSolver(Input=cage, Modes=24)
 response = simple.ModalResponse(Input=modal, Initial="equilibrium", Gravity=[0.0, 0.0, -1.0])
 warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp)

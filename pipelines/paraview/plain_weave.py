@@ -12,7 +12,7 @@ import sys
 from paraview import simple
 
 weave = simple.WeaveSource(Ends=7, Picks=7, WarpDiameter="0.25 mm", WeftDiameter="0.25 mm")
-cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 2])
+cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 1], Order=2)
 modal = simple.ModalSolver(Input=cage, YoungsModulus=2e3, Modes=100, Fixed="+y")
 response = simple.ModalResponse(Input=modal, Alpha=0.0, Gravity=[0.0, -1.0, 1.0], Duration=0.2)
 warp = simple.BarycentricWarp(Input=weave, Cage=response)

@@ -25,6 +25,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 
@@ -126,7 +127,8 @@ class ModesTab(QWidget):
         self._known = known
         self.table.setRowCount(len(values))
         rates = damping.alphas(values), damping.beta
-        ratios, kinds = damping_ratio(values, *rates), regime(values, *rates)
+        lost = 0.0 if cage is None or array is None else rounding_of(cage)
+        ratios, kinds = damping_ratio(values, *rates), regime(values, *rates, lost)
         for row, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
             texts = (
                 str(row),

@@ -5,12 +5,13 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
 
 from spacemap_vtk import __version__
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapWarning
 
 app = App(
     name="spacemap",
@@ -76,7 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if words and words[0] in _COMMANDS:
             # The sentence of the table is for lists of commands: a command's own help says all.
             app[words[0]].help = None
-        app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        with warnings.catch_warnings():
+            # Commands and the window show what stages say in their own way.
+            warnings.simplefilter("ignore", SpacemapWarning)
+            app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _say(_plain(error))
         sys.exit(2)

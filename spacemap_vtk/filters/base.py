@@ -36,9 +36,9 @@ from vtkmodules.vtkCommonExecutionModel import (
     vtkStreamingDemandDrivenPipeline,
 )
 
-from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError, warn_user
 from spacemap_vtk.filters.extent import mark_owner
-from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, world
+from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, is_first, world
 from spacemap_vtk.parameters import Parameterised
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
 
     _executions: int
     _warnings: list[str]
+    _said: set[str]
     _vtk_messages: list[str]
     _error: BaseException | None
     _piece: Piece = WHOLE
@@ -104,6 +105,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         )
         self._executions = 0
         self._warnings = []
+        self._said = set()
         self._error = None
         self._vtk_messages = []
         # VTK would print these; `update` raises them. The observer knows the list, not the stage.
@@ -158,6 +160,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         ------
         Exception
             Whatever a stage raised, first of those above.
+        SpacemapWarning
+            If a filter of Python's `warnings` wants it as an error.
         InputError
             If an input is not connected, or the time is not a finite number.
         """
@@ -350,6 +354,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
     def warn(self, text: str) -> None:
         """Add a sentence to `warnings`; meant to be called from `run`.
 
+        After the run each new one is issued as a `SpacemapWarning` of Python's, too.
+
         Parameters
         ----------
         text : str
@@ -443,15 +449,28 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         output = info.Get(vtkDataObject.DATA_OBJECT())
         if self._processes is None:
             self._run(inputs, output, time)
-            return
-        try:
-            self._run(inputs, output, time)
-        except PeerError:
-            raise
-        except BaseException as error:
-            self._processes.fail(error)
-            raise
-        self._warnings = self._processes.finish(self._warnings)
+        else:
+            try:
+                self._run(inputs, output, time)
+            except PeerError:
+                raise
+            except BaseException as error:
+                self._processes.fail(error)
+                raise
+            self._warnings = self._processes.finish(self._warnings)
+            self._issue()  # those of the other processes
+
+    def _issue(self) -> None:
+        """Tell each new warning once: an animation would repeat it with every frame."""
+        for text in self._warnings:
+            if text not in self._said:
+                if self._processes is None or is_first():
+                    self._tell(text)
+                self._said.add(text)
+
+    def _tell(self, text: str) -> None:
+        """Issue a warning, while the user's call is still on the stack; it may be raised."""
+        warn_user(text)
 
     def _run(self, inputs: list[Any], output: Any, time: float) -> None:
         if self._untold is not None:
@@ -464,6 +483,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
                 self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
         if self.replicated and self._piece.of > 1:
             mark_owner(output, self._piece)
+        self._issue()
 
     def _request_update_extent(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector

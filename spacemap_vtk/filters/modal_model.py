@@ -68,6 +68,25 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
     )
 
 
+def rounding_of(grid: vtkUnstructuredGrid) -> NDArray[np.float64]:
+    """Return the share of each eigenvalue that is rounding.
+
+    Parameters
+    ----------
+    grid : vtkUnstructuredGrid
+        ModalSolver's output, or a file made from it.
+
+    Returns
+    -------
+    ndarray of float64
+        One for each mode; a file that does not tell has only zeros, as many as it has eigenvalues.
+    """
+    field = grid.GetFieldData()
+    if field.GetArray("eigenvalue_rounding") is None:
+        return np.zeros(len(array_of(field, "eigenvalues", "the modes")))
+    return array_of(field, "eigenvalue_rounding", "the modes")
+
+
 def static_displacements(
     model: Model, forces: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

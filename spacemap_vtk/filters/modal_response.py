@@ -14,12 +14,14 @@ from spacemap_vtk.filters.arrays import add_array, vectors_of
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_modes import Basis, CageModes, Pattern
 from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.filters.response_parameters import DampingPairs
 from spacemap_vtk.modal.damping import Damping, rayleigh
 from spacemap_vtk.modal.energy import Account
 from spacemap_vtk.modal.harmonic import steady
 from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation, strains
 from spacemap_vtk.modal.motion import Drive, Motion, State
+from spacemap_vtk.modal.oscillator import LOST
 from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
 from spacemap_vtk.modal.timefunctions import step
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Text, Vector
@@ -327,6 +329,15 @@ class ModalResponse(Stage):
         return self._kept_motion[1]
 
     def _prepared(self, grid: vtkUnstructuredGrid, modes: CageModes) -> _Prepared:
+        lost = int((rounding_of(grid) > LOST).sum())
+        if self.initial == "equilibrium" and lost:
+            raise InputError(
+                f"rounding leaves no digit of {lost} of the cage's modes, and so none of its shape "
+                "at rest",
+                key="initial",
+                value=self.initial,
+                cure='Take a thicker cage, fewer divisions or more modes, or start from "rest".',
+            )
         patterns = [modes.gravity(self.gravity, step())] if any(self.gravity) else []
         for number, load in enumerate(self.loads):
             try:

@@ -17,10 +17,11 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.memory import require
-from spacemap_vtk.modal.bending import bending_stiffness, layers_through_thickness
+from spacemap_vtk.modal.bending import Locking, layers_through_thickness, locking, sheet_of
 from spacemap_vtk.modal.fabrics import FABRICS
 from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic, volume_ratio
 from spacemap_vtk.modal.model import Model
+from spacemap_vtk.modal.oscillator import LOST
 from spacemap_vtk.modal.supports import held_components
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
@@ -31,8 +32,12 @@ MODE_NAME = "mode_{:03d}"
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
 DENSITY = 300.0
 
-#: A measured fabric is warned of where its cage bends more often than this too stiffly or softly.
+#: A cage is warned of where it bends or twists more often than this too stiffly or softly.
 BENDS_ALIKE = 2.0
+
+#: Quadratic tetrahedra no wider than this many thicknesses twist a sheet as it is, within 5 % in
+#: frequency (see `spacemap_vtk.modal.bending.locking`).
+TWISTS_WELL = 4
 
 #: Above this ratio (see `spacemap_vtk.modal.materials.volume_ratio`) linear tetrahedra lock in
 #: volume too.
@@ -42,11 +47,20 @@ NEARLY_INCOMPRESSIBLE = 0.45
 #: drag, writing takes as long as solving.
 _QUICK, _PAUSE = 0.05, 1.0
 
+#: Eigenvalues are warned of where rounding is more than this share of them.
+ROUNDING = 1e-4
+
+#: Names of the arrays that are kept on disk.
+_STORED = ("eigenvalues", "shapes", "rounding")
+
 #: The materials that the moduli and ratios of each kind are for.
 _ISOTROPIC = {"material": ("isotropic",)}
 _ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
 
 FloatArray = NDArray[np.float64]
+
+#: Eigenvalues, shapes and rounding, see `spacemap_vtk.modal.eigen.Modes`.
+Solution = tuple[FloatArray, FloatArray, FloatArray]
 
 
 class ModalSolver(Stage):
@@ -61,7 +75,8 @@ class ModalSolver(Stage):
     value. The modes are mass-normalised; none is missed, which the inertia of K - μM proves.
 
     Point arrays of the output: ``fixed`` is 1 where a vertex is held in some direction,
-    ``fixed_components`` tells in which; ``nodal_mass`` (kg) are the row sums of M.
+    ``fixed_components`` tells in which; ``nodal_mass`` (kg) are the row sums of M. Its field array
+    ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding.
 
     Examples
     --------
@@ -157,10 +172,12 @@ class ModalSolver(Stage):
 
     #: Kept for those that come upon it by content: another support or material reuses parts.
     _model: Model | None = None
-    #: Digest, eigenvalues and shapes of the last solution, for unit modulus and density.
-    _kept: tuple[str, FloatArray, FloatArray] | None = None
+    #: Digest, and the last solution for unit modulus and density.
+    _kept: tuple[str, Solution] | None = None
     #: Digest, number and density of the modes that the output's arrays hold, and these.
     _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
+    #: Digest of the last model, and how stiff its tetrahedra are.
+    _locking: tuple[str, Locking] | None = None
     _stored: float = -math.inf
 
     def run(
@@ -179,12 +196,11 @@ class ModalSolver(Stage):
         extent = float(np.ptp(vertices[:, 2]))
         elasticity, density = self.constants(extent)
         linear = elements.shape[1] == 4
-        corners = elements[:, :4]
-        layers = layers_through_thickness(vertices, corners)
+        layers = layers_through_thickness(vertices, elements)
         self._model = model = Model(
             vertices, elements, elasticity, density, held, self.mass == "lumped"
         )
-        eigenvalues, shapes = self._solved(model, layers if linear else 2 * layers)
+        eigenvalues, shapes, rounding = self._solved(model, layers if linear else 2 * layers)
 
         output.ShallowCopy(grid)
         attach(output, model)
@@ -193,10 +209,13 @@ class ModalSolver(Stage):
         eigenvalues = eigenvalues * (model.modulus / model.density)
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
+        add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
         if self.material in FABRICS and self.youngs_moduli is None:
             self._warn_of_thickness(FABRICS[self.material].plate, extent)
+        self._warn_of_rounding(rounding)
+        self._warn_of_stiffness(model)
         if linear:
-            self._warn_of_stiffness(layers, bending_stiffness(vertices, corners), elasticity)
+            self._warn_of_volume(elasticity)
 
     def constants(self, extent: float) -> tuple[FloatArray, float]:
         """Return the material's constants.
@@ -244,7 +263,7 @@ class ModalSolver(Stage):
             return along_fabric(orthotropic(*(given[key] for key in keys[:3]))), density
         return isotropic(self.youngs_modulus, self.poissons_ratio), density
 
-    def _solve(self, model: Model, count: int, layers: float) -> tuple[FloatArray, FloatArray]:
+    def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # With all of scipy that solves: what is kept on disk needs none of it.
         from spacemap_vtk.modal.eigen import estimate_bytes, lowest
 
@@ -258,31 +277,33 @@ class ModalSolver(Stage):
         )
         return lowest(model.structure.pencil, count, self.report)
 
-    def _solved(self, model: Model, layers: float) -> tuple[FloatArray, FloatArray]:
+    def _solved(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
         count, digest = min(self.modes, int(model.free.sum())), model.digest
 
-        def solve() -> tuple[FloatArray, FloatArray]:
+        def solve() -> Solution:
             found = _read(digest, count, len(model.points))
             if found is None:
                 begun = clock.perf_counter()
                 found = self._solve(model, count, layers)
                 now = clock.perf_counter()
                 if now - begun > _QUICK or now - self._stored > _PAUSE:
-                    cache.store(f"modes-{digest}", eigenvalues=found[0], shapes=found[1])
+                    arrays = dict(zip(_STORED, found, strict=True))
+                    cache.store(f"modes-{digest}", **arrays)
                     self._stored = now
             return found
 
-        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1]) < count
+        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1][0]) < count
         processes = self._processes
         if processes is not None and processes.largest([missing])[0]:
-            values, shapes = processes.from_first(solve)
-            self._kept = digest, values, shapes
+            values, shapes, rounding = processes.from_first(solve)
+            self._kept = digest, (values, shapes, rounding)
         elif missing:
-            self._kept = digest, *solve()
+            self._kept = digest, solve()
         assert self._kept is not None
         self.report(1.0)
-        return self._kept[1][:count], self._kept[2][:count]
+        values, shapes, rounding = self._kept[1]
+        return values[:count], shapes[:count], rounding[:count]
 
     def _mode_arrays(self, shapes: FloatArray, density: float) -> list[vtkDataArray]:
         """Return the mode shapes as VTK has them: the same objects for the same modes."""
@@ -307,43 +328,81 @@ class ModalSolver(Stage):
                 f"and shear_moduli {times:.2g} times if bending matters more"
             )
 
-    def _warn_of_stiffness(self, layers: float, times: float, elasticity: FloatArray) -> None:
-        off = (
-            f"bends about {times:.2g} times too stiffly, its bending frequencies are about "
-            f"{math.sqrt(times):.2g} times too high"
+    def _warn_of_rounding(self, rounding: FloatArray) -> None:
+        worst = float(rounding.max())
+        if worst <= ROUNDING:
+            return
+        poor = np.flatnonzero(rounding > (LOST if worst > LOST else ROUNDING))
+        which = f"mode {poor[0]}" if len(poor) == 1 else f"modes {poor[0]} to {poor[-1]}"
+        digits = int(-math.log10(worst))
+        told = f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} hold"
+        if worst > LOST:
+            told = f"the frequency of {which} is lost in rounding, no digit of it holds"
+        self.warn(
+            f"{told}: the cage resists bending by so much less than stretching; take a thicker "
+            "cage, fewer divisions or more modes, whose higher ones tell the lowest apart"
         )
-        if layers < 1.9:
-            self.warn(
-                f"one layer of linear tetrahedra through the thickness {off}; set [cage] order = 2 "
-                "(quadratic tetrahedra), or raise the cage's divisions there"
+
+    def _warn_of_stiffness(self, model: Model) -> None:
+        if self._locking is None or self._locking[0] != model.digest:
+            held = ~model.free.reshape(-1, 3)
+            found = locking(model.points, model.cells, model.elasticity, held)
+            self._locking = model.digest, found
+        bending, twist = self._locking[1]
+        if max(bending, twist) <= BENDS_ALIKE:
+            return
+        sheet = sheet_of(model.points, model.cells)
+        wide = sheet.width / sheet.thickness
+        widest = format_quantity(float(f"{TWISTS_WELL * sheet.thickness:.3g}"), "m")
+        linear = model.cells.shape[1] == 4
+        off = {"bend": bending} if linear else {}
+        if twist > BENDS_ALIKE:
+            off["twist"] = twist
+        if not linear:
+            cure = "raise [cage] divisions until they are no wider than"
+            cure += f" {TWISTS_WELL} thicknesses ({widest})"
+        elif wide > TWISTS_WELL and "twist" in off:
+            cure = (
+                "set [cage] order = 2: quadratic tetrahedra bend right however wide they are, and "
             )
+            cure += f"twist right up to {TWISTS_WELL} thicknesses ({widest})"
+        else:
+            cure = "set [cage] order = 2 (quadratic tetrahedra), or raise its divisions until they "
+            cure += "are half as wide as it is thick"
+        self.warn(
+            f"the cage's {'linear' if linear else 'quadratic'} tetrahedra, {wide:.2g} times as "
+            "wide as it is thick, "
+            + " and ".join(f"{what} about {times:.2g} times" for what, times in off.items())
+            + " too stiffly, so that frequencies are about "
+            + " and ".join(f"{math.sqrt(times):.2g}" for times in off.values())
+            + f" times too high; {cure}"
+        )
+
+    def _warn_of_volume(self, elasticity: FloatArray) -> None:
         ratio = volume_ratio(elasticity)
         if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
             alike = self.material == "isotropic"
             self.warn(
                 "linear tetrahedra lock in volume "
                 + ("at" if alike else "where a material keeps its volume as one with")
-                + f" a Poisson's ratio of {ratio:.4g}"
-                + (f": this cage {off}, and more" if times > 1 else ", and are too stiff")
-                + "; set [cage] order = 2 (quadratic tetrahedra), or lower "
-                + ("it to 0.45" if alike else "poissons_ratios")
+                + f" a Poisson's ratio of {ratio:.4g}, and are too stiff; set [cage] order = 2 "
+                "(quadratic tetrahedra), or lower " + ("it to 0.45" if alike else "poissons_ratios")
             )
 
 
-def _read(digest: str, count: int, vertices: int) -> tuple[FloatArray, FloatArray] | None:
+def _read(digest: str, count: int, vertices: int) -> Solution | None:
     """Return modes from disk; None if there are none, too few, or not what they should be."""
     entry = cache.load(f"modes-{digest}") or {}
-    values, shapes = entry.get("eigenvalues"), entry.get("shapes")
+    values, shapes, rounding = (entry.get(name) for name in _STORED)
     if (
         values is None
         or shapes is None
-        or values.dtype != np.float64
-        or shapes.dtype != np.float64
+        or rounding is None
         or values.ndim != 1
         or len(values) < count
         or shapes.shape != (len(values), vertices, 3)
-        or not np.isfinite(values).all()
-        or not np.isfinite(shapes).all()
+        or rounding.shape != values.shape
+        or not all(a.dtype == np.float64 and np.isfinite(a).all() for a in entry.values())
     ):
         return None
-    return values, shapes
+    return values, shapes, rounding

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -42,8 +43,30 @@ RESIDUAL = 1e-6
 #: Share of ‖|K| |φ|‖ that rounding may leave in Kφ.
 NOISE = 1e-13
 
-#: Share of |φ|ᵀ |K| |φ| that rounding may leave in φᵀKφ: below it a mode is rigid.
+#: Share of |φ|ᵀ |K| |φ| that rounding may leave in φᵀKφ: below it a mode is rigid, where only K is
+#: known.
 RIGID = 1e-14
+
+#: Below this share, too many digits are lost in φᵀKφ: strains tell, where they are known.
+DOUBTFUL = 1e-10
+
+#: Share that rounding of the displacements leaves in the strain energy of a motion without strain:
+#: of a part that hangs by a vertex. A clamped sheet bends with more up to a million thicknesses.
+STRAINLESS = 1e-27
+
+#: Relative error of float64.
+_ROUNDING = 2.0**-53
+
+
+class Modes(NamedTuple):
+    """The lowest modes of a supported mesh."""
+
+    eigenvalues: FloatArray
+    """λ = ω² [1/s²], ascending, (n,); exactly 0.0 for a rigid mode."""
+    shapes: FloatArray
+    """Mode shapes [1/√kg], (n, V, 3)."""
+    rounding: FloatArray
+    """An estimate, from above, of the share of each λ that is rounding, (n,): 0 to 1."""
 
 
 def solve_modes(
@@ -87,12 +110,10 @@ def solve_modes(
         mode is missing, or K is not positive semidefinite.
     """
     _check_count(count)
-    return lowest(Pencil(stiffness, mass, free), count, progress)
+    return lowest(Pencil(stiffness, mass, free), count, progress)[:2]
 
 
-def lowest(
-    pencil: Pencil, count: int, progress: Progress | None = None
-) -> tuple[FloatArray, FloatArray]:
+def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
     """Return the lowest vibration modes of a pencil, as `solve_modes` does.
 
     Parameters
@@ -106,22 +127,27 @@ def lowest(
 
     Returns
     -------
-    eigenvalues : ndarray of float64, shape (n,)
-        As for `solve_modes`.
-    shapes : ndarray of float64, shape (n, V, 3)
-        As for `solve_modes`.
+    Modes
+        Eigenvalues and shapes as for `solve_modes`, and how many of their digits are rounding.
+
+    Notes
+    -----
+    Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
+    leave. A thin sheet bends by so much more easily than it stretches that K holds nothing of its
+    lowest modes but rounding; in the space of the modes that are found, whose higher ones are
+    right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
+    outside of that space have.
     """
     _check_count(count)
     report: Progress = progress or _ignore
     report(0.0)
     with threads.one():
-        modes = _of_pieces(pencil, count, report)
-        eigenvalues = _verified(pencil.stiffness, pencil.mass, modes)
-    order = np.argsort(eigenvalues, kind="stable")
-    shapes = np.zeros((len(order), pencil.size))
-    shapes[:, pencil.where] = (modes * _signs(modes)).T[order]
+        eigenvalues, modes, rounding = _of_pieces(pencil, count, report)
+        _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
+    shapes = np.zeros((len(eigenvalues), pencil.size))
+    shapes[:, pencil.where] = (modes * _signs(modes)).T
     report(1.0)
-    return eigenvalues[order], shapes.reshape(len(order), -1, 3)
+    return Modes(eigenvalues, shapes.reshape(len(eigenvalues), -1, 3), rounding)
 
 
 def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
@@ -173,55 +199,142 @@ def _check_count(count: int) -> None:
         raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
 
 
-def _of_pieces(pencil: Pencil, count: int, report: Progress) -> FloatArray:
-    """Return the lowest modes of all pieces together, (N, n)."""
+def _of_pieces(
+    pencil: Pencil, count: int, report: Progress
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return λ of the lowest modes of all pieces together, these, (N, n), and their rounding."""
     total = len(pencil.where)
-    solved, done = [], 0
+    rows, solved, done = [], [], 0
     for piece in pencil.pieces:
 
         def part(share: float, done: int = done, size: int = len(piece.rows)) -> None:
             report((done + share * size) / total)
 
-        solved.append((piece.rows, *_of_piece(piece, min(count, len(piece.rows)), part)))
+        modes = _of_piece(piece, min(count, len(piece.rows)), part)
+        rows.append(piece.rows)
+        solved.append([found[..., :count] for found in _evaluated(pencil, piece, modes)])
         done += len(piece.rows)
-    if len(solved) == 1:
-        return solved[0][2]
-    eigenvalues = np.concatenate([values for _, values, _ in solved])
+    eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
     lowest = np.argsort(eigenvalues, kind="stable")[:count]
+    if len(solved) == 1:
+        return eigenvalues[lowest], solved[0][1], rounding[lowest]
     modes = np.zeros((total, len(lowest)))
     first = 0
-    for rows, values, vectors in solved:
-        mine = np.flatnonzero((lowest >= first) & (lowest < first + len(values)))
-        modes[np.ix_(rows, mine)] = vectors[:, lowest[mine] - first]
+    for mine, (values, vectors, _) in zip(rows, solved, strict=True):
+        chosen = np.flatnonzero((lowest >= first) & (lowest < first + len(values)))
+        modes[np.ix_(mine, chosen)] = vectors[:, lowest[chosen] - first]
         first += len(values)
-    return modes
+    return eigenvalues[lowest], modes, rounding[lowest]
 
 
-def _of_piece(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
-    if not _is_dense(len(piece.rows), count):
-        values, vectors = _counted(piece, count, report)
-        return values[:count], vectors[:, :count]
+def _of_piece(piece: Piece, count: int, report: Progress) -> FloatArray:
+    """Return at least the lowest modes of a piece."""
+    size = len(piece.rows)
+    if not _is_dense(size, count):
+        return _counted(piece, count, report)
     # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
-    few = 4 * count < len(piece.rows)
+    few = 4 * count < size
     try:
-        eigenvalues, modes = la.eigh(
+        modes = la.eigh(
             piece.stiffness.toarray(order="F"),
             piece.mass.toarray(order="F"),
             driver="gvx" if few else "gvd",
-            subset_by_index=[0, count - 1] if few else None,
+            subset_by_index=[0, min(count + SPARE, size) - 1] if few else None,
             overwrite_a=True,
             overwrite_b=True,
-        )
+        )[1]
     except la.LinAlgError as error:
         raise SolverError(
             f"the dense eigenvalue problem has no solution: {error}",
             cure="Look for badly shaped tetrahedra in the cage",
         ) from error
     report(1.0)
-    return eigenvalues[:count], modes[:, :count]
+    return modes
 
 
-def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, FloatArray]:
+def _evaluated(
+    pencil: Pencil, piece: Piece, modes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return λ of the modes of a piece, ascending, these modes, and their rounding.
+
+    The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
+    of both solvers equal down to rounding in K itself.
+    """
+    energy, noise = _energies(piece, modes)
+    rigid = energy <= RIGID * noise
+    rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
+    if pencil.strain_products is not None and (doubtful := energy <= DOUBTFUL * noise).any():
+        motions = pencil.motions(piece)
+        left = motions.shape[1]
+        rigid = np.zeros(len(energy), dtype=bool)
+        rigid[np.argsort(energy, kind="stable")[:left]] = True
+        if doubtful.sum() > left:
+            low = energy <= energy[doubtful].max()  # modes are mass-normalised: these are lowest
+            modes = _told_by_strains(pencil, piece, modes, low, motions)
+            noise = _energies(piece, modes)[1]
+            energy = np.diag(pencil.strain_products(_fields(pencil, piece, modes)))
+            rigid = (np.arange(len(energy)) < left) | (energy <= STRAINLESS * noise)
+            # Of second order, and left by the modes beyond the highest.
+            share = np.divide(noise, energy, out=np.full_like(noise, np.inf), where=energy > 0)
+            rounding = _ROUNDING**2 * share * noise / energy.max()
+    rounding = np.where(rigid, 0.0, np.minimum(rounding, 1.0))
+    eigenvalues = energy / np.einsum("nk,nk->k", modes, piece.mass @ modes)
+    eigenvalues[rigid] = 0.0
+    order = np.argsort(eigenvalues, kind="stable")
+    return eigenvalues[order], modes[:, order], rounding[order]
+
+
+def _energies(piece: Piece, modes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
+    size = abs(modes)
+    energy = np.einsum("nk,nk->k", modes, piece.stiffness @ modes)
+    return energy, np.einsum("nk,nk->k", size, abs(piece.stiffness) @ size)
+
+
+def _fields(pencil: Pencil, piece: Piece, modes: FloatArray) -> FloatArray:
+    """Return the modes of a piece as displacements of all vertices, (n, V, 3)."""
+    fields = np.zeros((modes.shape[1], pencil.size))
+    fields[:, pencil.where[piece.rows]] = modes.T
+    return fields.reshape(modes.shape[1], -1, 3)
+
+
+def _told_by_strains(
+    pencil: Pencil,
+    piece: Piece,
+    modes: FloatArray,
+    lowest: NDArray[np.bool_],
+    motions: FloatArray,
+) -> FloatArray:
+    """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others.
+
+    Each is freed of those before it alone, which have less energy: what is left of them in it does
+    no harm, where a trace of a high mode in a low one would.
+    """
+    assert pencil.strain_products is not None
+    mass, low = piece.mass, modes[:, lowest]
+    if motions.shape[1]:
+        # What of them is no rigid motion.
+        low = low @ la.null_space(motions.T @ (mass @ low))
+        low -= motions @ (motions.T @ (mass @ low))
+    others = modes[:, ~lowest]
+    both = np.concatenate([low, others], axis=1)
+    springs = pencil.strain_products(_fields(pencil, piece, both))
+    size = np.diag(springs) ** -0.5
+    inertia = both.T @ (mass @ both)
+    scale = np.outer(size, size)
+    # Of 1/λ the largest are exact, and with them the lowest modes.
+    try:
+        turn = la.eigh(inertia * scale, springs * scale)[1][:, ::-1][:, : low.shape[1]]
+    except la.LinAlgError:
+        return np.concatenate([motions, both], axis=1)  # pieces that hang by a vertex
+    low = (both * size) @ turn
+    low /= np.sqrt(np.einsum("nk,nk->k", low, mass @ low))
+    both = np.concatenate([motions, low, others], axis=1)
+    factor = np.linalg.cholesky(both.T @ (mass @ both))
+    return la.solve_triangular(factor, both.T, lower=True).T
+
+
+def _counted(piece: Piece, count: int, report: Progress) -> FloatArray:
     """Return a few more than the lowest modes, none of them missed.
 
     A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
@@ -256,7 +369,7 @@ def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, Fl
             lambda part: report(0.6 + 0.4 * part),
         )
         if found == below:
-            return values, vectors
+            return vectors
     raise SolverError(
         f"{found} modes lie below {math.sqrt(between) / (2 * math.pi):.6g} Hz, and {below} of "
         "them were found",
@@ -264,22 +377,17 @@ def _counted(piece: Piece, count: int, report: Progress) -> tuple[FloatArray, Fl
     )
 
 
-def _verified(stiffness: sp.csr_matrix, mass: sp.csr_matrix, modes: FloatArray) -> FloatArray:
-    """Return φᵀKφ / φᵀMφ of each mode, zero for rigid ones, or say which mode is wrong.
-
-    The quotient is exact to the square of the mode's error, and makes the eigenvalues of both
-    solvers equal down to rounding in K itself.
-    """
-    force, inertia = stiffness @ modes, mass @ modes
-    noise = abs(stiffness) @ abs(modes)
-    energy = np.einsum("nk,nk->k", modes, force)
-    eigenvalues = energy / np.einsum("nk,nk->k", modes, inertia)
-    eigenvalues[abs(energy) <= RIGID * np.einsum("nk,nk->k", abs(modes), noise)] = 0.0
+def _verify(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, eigenvalues: FloatArray, modes: FloatArray
+) -> None:
+    """Say which mode is wrong."""
     if eigenvalues.min() < 0:
         raise SolverError(
             f"the stiffness matrix is not positive semidefinite: λ = {eigenvalues.min():.3g}",
             cure="Check the material, and look for badly shaped tetrahedra in the cage",
         )
+    force, inertia = stiffness @ modes, mass @ modes
+    noise = abs(stiffness) @ abs(modes)
     residual = np.linalg.norm(force - inertia * eigenvalues, axis=0)
     size, rounding = np.linalg.norm(force, axis=0), np.linalg.norm(noise, axis=0)
     wrong = ~(residual <= np.maximum(RESIDUAL * size, NOISE * rounding))
@@ -291,7 +399,6 @@ def _verified(stiffness: sp.csr_matrix, mass: sp.csr_matrix, modes: FloatArray) 
             cure="Look for badly shaped tetrahedra in the cage and for moduli many powers of ten "
             "apart, or ask for fewer modes",
         )
-    return eigenvalues
 
 
 def _signs(modes: FloatArray) -> FloatArray:

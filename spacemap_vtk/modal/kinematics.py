@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.modal.elasticity import barycentric_gradients
+from spacemap_vtk.modal.elements import shape_slopes
 
 FloatArray = NDArray[np.float64]
 
@@ -100,3 +101,53 @@ def strains(gradients: FloatArray) -> FloatArray:
     """
     shears = [gradients[i, j] + gradients[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack([*(gradients[i, i] for i in range(3)), *shears], axis=1)
+
+
+#: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;
+#: their mean is exact.
+_SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
+
+#: Tetrahedra that are worked on at a time.
+_CHUNK = 4096
+
+
+def strain_products(
+    points: FloatArray, cells: NDArray[np.int64], elasticity: FloatArray, fields: FloatArray
+) -> FloatArray:
+    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε.
+
+    That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is the
+    small difference of large forces; here, where only displacements within a tetrahedron are
+    subtracted, it is a sum of positive terms, with twice as many digits.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
+    elasticity : ndarray of float64, shape (6, 6)
+        Elasticity matrix C [Pa].
+    fields : ndarray of float64, shape (n, V, 3)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, n)
+        In J; the diagonal is twice the strain energies.
+    """
+    gradients, volume = barycentric_gradients(points, cells)
+    linear = cells.shape[1] == 4
+    slopes = np.eye(4)[None] if linear else shape_slopes(_SAMPLES)
+    total = np.zeros((len(fields), len(fields)))
+    for start in range(0, len(cells), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        moved = fields[:, cells[part]]
+        moved = (moved - moved[:, :, :1]).swapaxes(2, 3)
+        for slope in slopes:
+            gradient = moved @ (slope @ gradients[part])  # n, t, i, j
+            strain = strains(gradient.transpose(2, 3, 0, 1).reshape(3, 3, -1))
+            stress = strain @ elasticity
+            stress.reshape(len(fields), -1, 6)[...] *= volume[part, None] / len(slopes)
+            total += stress.reshape(len(fields), -1) @ strain.reshape(len(fields), -1).T
+    return (total + total.T) / 2

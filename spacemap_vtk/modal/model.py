@@ -9,7 +9,7 @@ ModalResponse comes upon the factors that ModalSolver made, though only arrays p
 from __future__ import annotations
 
 import hashlib
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -245,9 +245,12 @@ class _Structure:
 
     @cached_property
     def pencil(self) -> Pencil:
-        from spacemap_vtk.modal.pencil import Pencil  # with all of scipy that solves
+        # With all of scipy that solves.
+        from spacemap_vtk.modal.kinematics import strain_products
+        from spacemap_vtk.modal.pencil import Pencil
 
-        return Pencil(self.stiffness, self.mass, self.free, self.points)
+        products = partial(strain_products, self.points, self._cells, self._elasticity)
+        return Pencil(self.stiffness, self.mass, self.free, self.points, products)
 
 
 _assemblies: WeakValues[Assembly] = WeakValues()

@@ -28,6 +28,8 @@ SHORT = 1.0
 TERMS = 24
 #: Distance of ζ from 1 within which damping is called critical.
 CRITICAL = 1e-9
+#: A mode is lost where rounding is above this share of its eigenvalue.
+LOST = 0.1
 
 
 class Oscillation(NamedTuple):
@@ -156,7 +158,9 @@ def damping_ratio(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> 
     return np.divide(h, omega, out=np.full(h.shape, np.nan), where=omega > 0)
 
 
-def regime(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> list[str]:
+def regime(
+    eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, rounding: ArrayLike = 0.0
+) -> list[str]:
     """Return the kind of motion of each mode.
 
     Parameters
@@ -166,11 +170,14 @@ def regime(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> list[st
     alpha, beta : array_like of float
         Damping α [1/s] and β [s], not negative.
 
+    rounding : array_like of float, optional
+        The share of each λ that is rounding.
+
     Returns
     -------
     list of str
         ``"rigid"`` (λ = 0), ``"underdamped"``, ``"critical"`` (ζ = 1 within 1e-9) or
-        ``"overdamped"``.
+        ``"overdamped"``; ``"lost in rounding"`` where no digit of λ is right.
 
     Raises
     ------
@@ -179,8 +186,8 @@ def regime(eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike) -> list[st
     """
     zeta = damping_ratio(eigenvalues, alpha, beta)
     kinds = np.select(
-        [np.isnan(zeta), abs(zeta - 1) <= CRITICAL, zeta < 1],
-        ["rigid", "critical", "underdamped"],
+        [np.asarray(rounding) > LOST, np.isnan(zeta), abs(zeta - 1) <= CRITICAL, zeta < 1],
+        ["lost in rounding", "rigid", "critical", "underdamped"],
         "overdamped",
     )
     return [str(kind) for kind in kinds]

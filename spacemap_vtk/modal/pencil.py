@@ -141,6 +141,9 @@ class Pencil:
         Which components can move.
     points : ndarray of float64, shape (V, 3), optional
         Vertices [m], for rigid motions.
+    strain_products : callable, optional
+        Maps n displacement fields, shape (n, V, 3), to the products with K of each two of them,
+        with more digits than K itself has.
 
     Raises
     ------
@@ -154,11 +157,13 @@ class Pencil:
         mass: sp.csr_matrix,
         free: ArrayLike,
         points: FloatArray | None = None,
+        strain_products: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
         self.where = _checked(stiffness, mass, free)
         self.size = stiffness.shape[0]
         self._whole = stiffness
         self.points = points
+        self.strain_products = strain_products
         self.stiffness = stiffness[self.where][:, self.where]
         self.mass = mass[self.where][:, self.where]
         massless = self.mass.diagonal() <= 0
@@ -189,7 +194,7 @@ class Pencil:
         """The motions without strain, mass-normalised, shape (N, r)."""
         blocks = []
         for piece in self.pieces:
-            motions = self._motions(piece)
+            motions = self.motions(piece)
             whole = np.zeros((len(self.where), motions.shape[1]))
             whole[piece.rows] = motions
             blocks.append(whole)
@@ -225,11 +230,26 @@ class Pencil:
                 rounding = np.maximum(rounding, share)
         return result, rounding
 
-    def _motions(self, piece: Piece) -> FloatArray:
+    def motions(self, piece: Piece) -> FloatArray:
         """Return what of the six rigid motions moves nothing that is held.
 
         That is seen from the vertices alone. The energy of such a motion would not tell: that of a
         thin clamped sheet that turns about its edge is rounding in K.
+
+        Parameters
+        ----------
+        piece : Piece
+            One of `pieces`.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, r)
+            Motions of the piece, mass-normalised.
+
+        Raises
+        ------
+        InputError
+            If the vertices are unknown.
         """
         if self.points is None:
             raise InputError("rigid motions need the vertices", key="points")

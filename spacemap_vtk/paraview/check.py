@@ -13,8 +13,8 @@ def main() -> None:
     from spacemap_vtk.paraview.hosted import PROXIES
 
     weave = simple.WeaveSource(Ends=3, Picks=3)
-    cage = simple.TetraCage(Input=weave, Divisions=[2, 2, 2])
-    modal = simple.ModalSolver(Input=cage, Modes=10)
+    cage = simple.TetraCage(Input=weave, Divisions=[2, 2, 1], Order=2)
+    modal = simple.ModalSolver(Input=cage, Modes=20)
     response = simple.ModalResponse(Input=modal)
     warp = simple.BarycentricWarp(Input=weave, Cage=response)
     surface = simple.PatchTessellator(Input=warp)

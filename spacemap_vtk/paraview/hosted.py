@@ -38,7 +38,6 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
 
     _error: BaseException | None
     _last: vtkDataObject | None = None
-    _said: frozenset[str] = frozenset()
     _observed: bool = False
 
     def ProcessRequest(
@@ -82,13 +81,11 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
                     output.GetAttributes(kind).SetActiveScalars("color")
             self._last = output.NewInstance()
             self._last.ShallowCopy(output)
-            new = [text for text in self._warnings if text not in self._said]
-            self._said |= set(new)  # each once: an animation would repeat it with every frame
-            if self._processes is not None and not is_first():
-                new = []
-            for text in new:
-                vtkOutputWindow.GetInstance().DisplayWarningText(f"{_name(self)}: {text}.\n")
         return done
+
+    def _tell(self, text: str) -> None:
+        """Say a warning in the output window, in place of Python's way."""
+        vtkOutputWindow.GetInstance().DisplayWarningText(f"{_name(self)}: {text}.\n")
 
     def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
         error, self._error = self._error, None
@@ -166,7 +163,7 @@ def _name(stage: Stage) -> str:
 
 #: Every proxy of the plugin by name.
 PROXIES: dict[str, type[Hosted]] = {
-    **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.__all__},
+    **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
     "WIFReader": hosted(WeaveSource, "WIFReader", FileType("draft", "wif", "Weaver's draft")),
     "SceneReader": hosted(SceneReader, file=FileType("file", "toml", "Space mapping scene")),
 }

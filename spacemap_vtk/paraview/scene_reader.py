@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Choice, FilePath
 
@@ -67,7 +68,9 @@ class SceneReader(Stage):
     def run(self, inputs: list[Any], output: vtkDataObject, time: float) -> None:
         """Run the scene's pipeline to `time`."""
         scene = self.scene
-        scene.update(time, self.piece)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SpacemapWarning)  # this stage says what those say
+            scene.update(time, self.piece)
         for text in scene.warnings:
             self.warn(text)
         data = {

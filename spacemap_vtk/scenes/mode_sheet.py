@@ -83,7 +83,9 @@ def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> N
 def _note(mode: dict[str, Any]) -> str:
     shares = mode["effective_mass_share"]
     most = int(np.argmax(shares))
-    damping = "rigid" if mode["regime"] == "rigid" else f"damping {mode['damping_ratio']:.3g}"
+    damping = mode["regime"]
+    if damping not in ("rigid", "lost in rounding"):
+        damping = f"damping {mode['damping_ratio']:.3g}"
     if shares[most] < 0.005:
         return f"{damping}, moves no mass as a whole"
     return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"

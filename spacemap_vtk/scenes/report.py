@@ -14,6 +14,7 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.filters.arrays import array_of, points_of
 from spacemap_vtk.filters.cage_modes import CageModes
+from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.modal.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
 
@@ -35,7 +36,8 @@ def modes(scene: Scene) -> dict[str, Any]:
         ``vertices``, ``tetrahedra``, ``dof`` (int), ``mass`` (kg), ``movable_mass`` (kg along x, y
         and z, the sum of the effective masses of all modes there are), ``alpha`` (1/s), ``beta``
         (s); ``modes``: a list of ``eigenvalue`` (1/s²), ``frequency_hz``, ``damping_ratio``
-        (infinite or NaN for a rigid mode), ``regime``, ``effective_mass`` (kg along x, y and z),
+        (infinite or NaN for a rigid mode), ``regime``, ``digits`` (of the
+        eigenvalue, that rounding leaves), ``effective_mass`` (kg along x, y and z),
         ``effective_mass_share`` and ``cumulative_mass_share`` (of the movable mass); ``warnings``.
 
     Raises
@@ -53,6 +55,7 @@ def modes(scene: Scene) -> dict[str, Any]:
     scene.update_stage(scene.modal)
     grid = scene.modal.GetOutputDataObject(0)
     eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", "modes")
+    rounding = rounding_of(grid)
     damping = scene.response.damping
     rates = damping.alphas(eigenvalues), damping.beta
     cage = CageModes(grid)
@@ -63,7 +66,8 @@ def modes(scene: Scene) -> dict[str, Any]:
         "eigenvalue": eigenvalues,
         "frequency_hz": np.sqrt(eigenvalues) / (2 * math.pi),
         "damping_ratio": damping_ratio(eigenvalues, *rates),
-        "regime": regime(eigenvalues, *rates),
+        "regime": regime(eigenvalues, *rates, rounding),
+        "digits": [int(-math.log10(max(share, 1e-15))) for share in rounding],
         "effective_mass": masses,
         "effective_mass_share": shares,
         "cumulative_mass_share": shares.cumsum(axis=0),

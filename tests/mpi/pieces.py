@@ -7,6 +7,7 @@ OUT gets ``NAME_RANK.npz`` for each case, CASES is JSON: by name, what `connecte
 
 import json
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,10 @@ from vtkmodules.vtkParallelCore import vtkMultiProcessController
 sys.path.insert(0, str(Path(__file__).parent))
 from cases import connected, surface
 
-from spacemap_vtk import ModalSolver
+from spacemap_vtk import ModalSolver, SpacemapWarning
 from spacemap_vtk.filters.processes import Piece
+
+warnings.simplefilter("ignore", SpacemapWarning)
 
 
 def solves(stages: list[Any]) -> bool:

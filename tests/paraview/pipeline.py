@@ -8,7 +8,7 @@ from paraview import simple
 def connected(**weave: Any) -> list[Any]:
     """Return the proxies from source to surface, two layers in the cage: nothing to warn of."""
     source = simple.WeaveSource(Ends=3, Picks=4, **weave)
-    cage = simple.TetraCage(Input=source, Divisions=[3, 3, 2])
+    cage = simple.TetraCage(Input=source, Divisions=[3, 3, 1], Order=2)
     modal = simple.ModalSolver(Input=cage, Modes=20, YoungsModulus=1e3)
     response = simple.ModalResponse(Input=modal, Gravity=[0.0, 0.0, -10.0], Duration=1.0)
     warp = simple.BarycentricWarp(Input=source, Cage=response)

@@ -19,7 +19,8 @@ from spacemap_vtk.paraview.properties import title
 scenes, folder = (Path(argument) for argument in sys.argv[1:3])
 DRAFT, SHEET = scenes / "32-shaft_twill.wif", scenes / "calculix" / "sheet.pvd"
 TUBES, WEAVE = scenes / "objects" / "tubes.vtp", folder / "scene.toml"
-WEAVE.write_text((scenes / "plain_weave.toml").read_text().replace("[5, 5, 1]", "[3, 3, 2]"))
+text = (scenes / "plain_weave.toml").read_text().replace("1.3 kPa", "5 kPa")
+WEAVE.write_text(text.replace("[5, 5, 1]", "[3, 3, 1]\norder = 2"))
 TIME = 0.013
 #: One of these is no default for each parameter there is; a third has no short decimal.
 VALUES: tuple[Any, ...] = (

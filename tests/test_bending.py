@@ -1,0 +1,250 @@
+"""How stiff thin cages are said to be, against the closed forms of plates and their own modes."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from vtkmodules.vtkFiltersSources import vtkCubeSource
+
+from spacemap_vtk import ModalSolver, TetraCage
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.modal.bending import layers_through_thickness, locking
+from spacemap_vtk.modal.eigen import lowest
+from spacemap_vtk.modal.materials import isotropic
+from spacemap_vtk.modal.model import Model
+
+SIDE, DENSITY = 0.1, 300.0
+STUFF = isotropic(1e6, 0.3)
+#: First bending and first twist of a square held by a side, ω a² √(ρh/D), ν = 0.3: Leissa,
+#: Vibration of Plates, NASA SP-160 (1969), table 4.48.
+BENDING, TWIST = 3.4917, 8.5246
+
+
+def square(cells, layers, wide, order):
+    """A square sheet whose cells are `wide` times as wide as it is thick, held by one side."""
+    thickness = SIDE / cells / wide
+    points, tetrahedra = lattice((0, SIDE, 0, SIDE, 0, thickness), (cells, cells, layers))
+    if order == 2:
+        points, tetrahedra = with_midpoints(points, tetrahedra)
+    return points, tetrahedra, thickness
+
+
+def held(points):
+    return np.repeat(points[:, 1:2] > SIDE * (1 - 1e-9), 3, axis=1)
+
+
+def measured(points, tetrahedra, thickness, count=14):
+    """How many times too high the eigenvalues of first bending and first twist are."""
+    model = Model(points, tetrahedra, STUFF, DENSITY, held(points))
+    eigenvalues, shapes, _ = lowest(model.structure.pencil, count)
+    plate = 1e6 * thickness**3 / (12 * (1 - 0.3**2))
+    known = np.sqrt(eigenvalues * model.modulus * thickness / plate) * SIDE**2
+    edge = points[:, 1] < 1e-9
+    arm = points[edge, 0] - SIDE / 2
+    found = {}
+    for value, shape in zip(known, shapes, strict=True):
+        if (shape[:, :2] ** 2).sum() > (shape[:, 2] ** 2).sum():
+            continue  # it moves in its plane
+        tip = shape[edge, 2]
+        turns = abs(tip @ arm) > 0.7 * np.linalg.norm(tip) * np.linalg.norm(arm)
+        found.setdefault("twist" if turns else "bending", value)
+    return (found["bending"] / BENDING) ** 2, (
+        found["twist"] / TWIST
+    ) ** 2 if "twist" in found else 0.0
+
+
+# The thickness is at most a 25th of the side: Kirchhoff's plate does not shear.
+LINEAR = [
+    (cells, layers, wide)
+    for cells, layers, wide in itertools.product((5, 10), (1, 2, 3, 6), (2.5, 5, 10, 30, 70))
+    if cells * wide >= 25 and cells * layers < 50
+] + [(20, 1, 1.25), (20, 2, 1.25)]
+
+
+@pytest.mark.parametrize(("cells", "layers", "wide"), LINEAR)
+def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
+    points, tetrahedra, thickness = square(cells, layers, wide, 1)
+    said = locking(points, tetrahedra, STUFF, held(points))
+    bending, twist = measured(points, tetrahedra, thickness)
+    assert 0.97 < said.bending / bending < (1.07 if wide >= 5 else 1.3)
+    if twist:  # where it is so stiff that it is none of the lowest modes
+        assert 1.1 < said.twist / twist < 2.2
+
+
+@pytest.mark.parametrize(
+    ("cells", "layers", "wide"),
+    [
+        *((5, layers, wide) for layers in (1, 2, 3, 6) for wide in (5, 10, 30, 70)),
+        *((10, layers, wide) for layers in (1, 2) for wide in (2.5, 5, 10, 30, 70)),
+    ],
+)
+def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
+    points, tetrahedra, thickness = square(cells, layers, wide, 2)
+    said = locking(points, tetrahedra, STUFF, held(points))
+    bending, twist = measured(points, tetrahedra, thickness)
+    assert said.bending == 1.0
+    assert 1.0 < bending < 1.07  # five and ten cells, however thin
+    assert 0.8 < said.twist / twist < 1.2
+
+
+@pytest.mark.parametrize("cells", [10, 16])
+def test_four_thicknesses_a_cell_twist_right(cells):
+    bending, twist = np.sqrt(measured(*square(cells, 1, 4, 2)))
+    assert 1.0 < bending < 1.02
+    assert 1.0 < twist < 1.05
+
+
+@pytest.mark.parametrize("layers", [1, 2, 6])
+@pytest.mark.parametrize("wide", [10, 70])
+def test_the_leading_terms_are_in_closed_form(layers, wide):
+    points, tetrahedra, _ = square(6, layers, wide, 1)
+    said = locking(points, tetrahedra, STUFF, held(points))
+    shear, along = 1 / 2.6, 1 / (1 - 0.3**2)
+    assert said.bending == pytest.approx(1 + 2 * shear / along * wide**2, rel=0.03)
+    swelling = STUFF[2, 2] / 1e6
+    twist = 1 + layers**2 * swelling / (4 * shear) * wide**4
+    assert said.twist == pytest.approx(twist, rel=0.04)
+
+
+def test_a_bar_of_cubes():
+    """Measured first frequencies of 10 x 1 x 1 m of steel, see test_eigen.py, over Timoshenko's."""
+    for cells, first in ((1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533)):
+        points, tetrahedra = lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
+        said = locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
+        assert 0.97 < said.bending / (first / 8.013) ** 2 < 1.3
+        assert said.twist == 1.0
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.4, 0.45, 0.49])
+@pytest.mark.parametrize(("divisions", "thickness"), [((15, 15, 1), 1 / 7), ((8, 8, 1), 0.02)])
+def test_other_poissons_ratios(ratio, divisions, thickness):
+    """Against quadratic tetrahedra, which bend however thin and however incompressible."""
+    stuff, found = isotropic(1e6, ratio), []
+    for order, cells in ((1, divisions), (2, (8, 8, 1))):
+        points, tetrahedra = lattice((0, 1, 0, 1, 0, thickness), cells)
+        clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
+        if order == 1:
+            said = locking(points, tetrahedra, stuff, clamped)
+        else:
+            points, tetrahedra = with_midpoints(points, tetrahedra)
+            clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
+        model = Model(points, tetrahedra, stuff, DENSITY, clamped)
+        found.append(lowest(model.structure.pencil, 1).eigenvalues[0])
+    assert 0.7 < said.bending / (found[0] / found[1]) < 1.7
+
+
+def test_what_is_no_sheet_is_not_judged():
+    points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
+    nothing = np.zeros(points.shape, bool)
+    assert locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
+    assert layers_through_thickness(points, tetrahedra) == np.inf
+    layers = layers_through_thickness(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3)))
+    assert layers == pytest.approx(3)
+
+
+@pytest.mark.parametrize("normal", [0, 1, 2])
+def test_any_axis_may_be_the_thin_one(normal):
+    points, tetrahedra, _ = square(5, 1, 20, 1)
+    said = locking(points, tetrahedra, STUFF, held(points))
+    turned = np.roll(points, normal + 1, axis=1)
+    clamped = np.roll(held(points), normal + 1, axis=1)
+    np.testing.assert_allclose(locking(turned, tetrahedra, STUFF, clamped), said, rtol=1e-9)
+    quadratic = with_midpoints(points, tetrahedra)
+    said = locking(*quadratic, STUFF, held(quadratic[0]))
+    turned = np.roll(quadratic[0], normal + 1, axis=1)
+    clamped = np.roll(held(quadratic[0]), normal + 1, axis=1)
+    np.testing.assert_allclose(locking(turned, quadratic[1], STUFF, clamped), said, rtol=1e-9)
+
+
+def prisms(cells, thickness, seed):
+    """A square sheet of prisms on an irregular triangulation, three tetrahedra each."""
+    from scipy.spatial import Delaunay
+
+    grid = np.linspace(0, SIDE, cells + 1)
+    plane = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    inner = ((plane > 1e-9) & (plane < SIDE - 1e-9)).all(axis=1)
+    shift = np.random.default_rng(seed).uniform(-0.25, 0.25, plane.shape) * SIDE / cells
+    plane[inner] += shift[inner]
+    a, b, c = np.sort(Delaunay(plane).simplices, axis=1).T
+    above = len(plane)
+    split = [
+        (a, b, c, above + c),
+        (a, b, above + b, above + c),
+        (a, above + a, above + b, above + c),
+    ]
+    points = np.concatenate([np.c_[plane, np.full(above, z)] for z in (0.0, thickness)])
+    return points, np.concatenate([np.stack(four, axis=1) for four in split])
+
+
+@pytest.mark.parametrize("wide", [5, 20, 50])
+def test_where_diagonals_do_not_cross(wide):
+    """Then twist locks as bending does in linear tetrahedra, and hardly in quadratic ones."""
+    thickness = SIDE / 8 / wide
+    points, tetrahedra = prisms(8, thickness, seed=0)
+    said = locking(points, tetrahedra, STUFF, held(points))
+    bending, twist = measured(points, tetrahedra, thickness)
+    assert 0.97 < said.bending / bending < 1.3
+    assert 1.1 < said.twist / twist < 2.2
+    points, tetrahedra = with_midpoints(points, tetrahedra)
+    bending, twist = measured(points, tetrahedra, thickness)
+    assert bending < 1.1
+    assert twist < 1.8
+    assert locking(points, tetrahedra, STUFF, held(points)).twist == pytest.approx(1.0)
+
+
+def test_the_readmes_figures():
+    """A cage of 100 x 100 x 0.3 mm: how many times too high its first frequencies are."""
+    for cells, layers, times in ((20, 2, 14), (5, 3, 55)):
+        bending, _ = measured(*square(cells, layers, SIDE / cells / 3e-4, 1))
+        assert times <= np.sqrt(bending) < times + 1
+    bending, twist = measured(*square(5, 1, SIDE / 5 / 3e-4, 2))
+    assert 1.0 < np.sqrt(bending) < 1.03
+    assert twist == pytest.approx(199, rel=0.01)  # CalculiX and scikit-fem say the same
+
+
+def thin_cage(**settings):
+    """A cage of 100 x 100 x 0.3 mm, held by a side, and its solver."""
+    box = vtkCubeSource()
+    box.SetBounds(0, SIDE, 0, SIDE, 0, 3e-4)
+    cage = TetraCage(**settings)
+    cage.SetInputConnection(box.GetOutputPort())
+    solver = ModalSolver(modes=10)
+    solver.SetInputConnection(cage.GetOutputPort())
+    solver.update()
+    return solver
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (
+            {"divisions": (20, 20, 2)},
+            r"linear.* 17 times as wide.*bend about 2e\+02 times.* 14 and ",
+        ),
+        ({"divisions": (5, 5, 3)}, r"linear.*bend about 3.1e\+03 times.* 56 and .*order = 2: "),
+        (
+            {"divisions": (5, 5, 1), "order": 2},
+            r"quadratic.*67 times as wide.* twist about 2\.2e\+02 times too stiffly.* 15 times too "
+            r"high; raise \[cage\] divisions .*4 thicknesses \(1\.2 mm\)",
+        ),
+    ],
+)
+def test_thin_cages_are_warned_of(settings, said):
+    with pytest.warns(match=said):
+        solver = thin_cage(**settings)
+    assert len(solver.warnings) == 1
+
+
+def test_good_cages_are_not_warned_of():
+    for settings in ({"divisions": (5, 5, 1), "order": 2}, {"divisions": (20, 20, 3)}):
+        box = vtkCubeSource()
+        box.SetBounds(0, 1, 0, 1, 0, 0.15)
+        cage = TetraCage(**settings)
+        cage.SetInputConnection(box.GetOutputPort())
+        solver = ModalSolver(modes=2)
+        solver.SetInputConnection(cage.GetOutputPort())
+        solver.update()
+        assert solver.warnings == ()
