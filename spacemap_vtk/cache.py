@@ -13,13 +13,14 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from spacemap_vtk.vanishing import vanishing
 
 #: Environment variable that names the folder, or switches the cache off.
 VARIABLE = "SPACEMAP_CACHE"
@@ -105,21 +106,17 @@ def store(key: str, **arrays: NDArray[Any]) -> None:
     size = sum(array.nbytes for array in arrays.values())
     if place is None or size > LARGEST / 2:
         return
-    temporary = None
-    try:
+    with contextlib.suppress(OSError):
         place.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(suffix=".part", dir=place)
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
-        os.replace(temporary, _path(place, key))
+        with vanishing(place / f"{os.urandom(6).hex()}.part") as part:
+            part.touch(mode=0o600)
+            with part.open("wb") as file:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+            os.replace(part, _path(place, key))
         _stored["bytes"] += size
         if _stored["bytes"] > _LOOK * LARGEST:
             _shrink(place)
             _stored["bytes"] = 0
-    except OSError:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
 
 
 def _path(place: Path, key: str) -> Path:

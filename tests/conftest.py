@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import subprocess
 import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -78,6 +79,27 @@ def no_leaked_stages() -> Iterator[None]:
     leaked = [stage for stage in _made[before:] if stage() is not None]
     del _made[before:]
     assert not leaked
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Callable[..., Path]]:
+    """Make disks that are full after so many bytes, if this user may mount any."""
+    made = []
+
+    def make(size: int, options: str = "") -> Path:
+        disk = tmp_path / f"disk{len(made)}"
+        disk.mkdir()
+        command = ["mount", "-t", "tmpfs", "-o", f"size={size}{options}", "tmpfs", str(disk)]
+        try:
+            subprocess.run(command, check=True, capture_output=True, text=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            pytest.skip(f"no disk can be mounted here: {getattr(error, 'stderr', error)}")
+        made.append(disk)
+        return disk
+
+    yield make
+    for disk in made:
+        subprocess.run(["umount", "--recursive", str(disk)], check=True)
 
 
 @pytest.fixture

@@ -5,14 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import dtx_to_wif
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.settle import settle
 from spacemap_vtk.fabric.wif import WifDraft, parse_wif, read_wif
 from spacemap_vtk.fabric.wif_writer import format_wif
@@ -107,6 +110,35 @@ def test_distances_that_no_spaces_give() -> None:
     source.update()
     with pytest.raises(InputError, match="cannot hold the distances between the warp yarns"):
         source.wif  # noqa: B018
+
+
+def woven_by_another(file: Path) -> tuple[Any, NDArray[np.bool_]]:
+    """Return what another program reads of a WIF, and the drawdown that this gives."""
+    with file.open() as stream:
+        pattern = dtx_to_wif.read_wif(stream)
+    lifts = dtx_to_wif.make_liftplan(pattern)
+    assert pattern.is_rising_shed
+    ends, picks = range(1, pattern.warp.threads + 1), range(1, pattern.weft.threads + 1)
+    up = [[bool(pattern.threading.get(end, set()) & lifts.get(pick, set())) for end in ends]
+          for pick in picks]  # fmt: skip
+    return pattern, np.array(up)
+
+
+@pytest.mark.parametrize("colors", [(), ("warp",), ("weft",), ("warp", "weft")])
+def test_another_program_reads_a_draft_that_had_no_colors(
+    colors: tuple[str, ...], tmp_path: Path
+) -> None:
+    own = {f"{family}_colors": np.full((2, 3), 9, np.uint8) for family in colors}
+    original, file = Draft(np.eye(2, dtype=bool), **own), tmp_path / "plain.wif"
+    file.write_bytes(format_wif(original))
+    pattern, up = woven_by_another(file)
+    np.testing.assert_array_equal(up, np.eye(2, dtype=bool))
+    woven = settle(original, Wishes())
+    for family in ("warp", "weft"):
+        number = getattr(pattern, family).color
+        np.testing.assert_array_equal(
+            [pattern.color_table[number]] * 2, getattr(woven, f"{family}_colors")
+        )
 
 
 @pytest.mark.parametrize("name", [*library.names(), str(REAL)])

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -226,6 +230,31 @@ def test_a_disk_that_takes_nothing_is_no_error(monkeypatch, tmp_path, calls):
     result(solver())
     assert calls["solved"] == 1
     assert cache.load("entry") is None
+
+
+@pytest.mark.parametrize("room", [0, 2**13])
+def test_a_full_disk_keeps_nothing_and_is_no_error(small_disk, monkeypatch, calls, room):
+    disk = small_disk(2**17)
+    with contextlib.suppress(OSError), (disk / "fill").open("wb", buffering=0) as fill:
+        fill.write(bytes(2**17 - room))
+    monkeypatch.setenv("SPACEMAP_CACHE", str(disk / "cache"))
+    assert result(solver())[0].shape == result(solver())[0].shape
+    assert calls["solved"] == 2
+    cache.store("entry", a=np.zeros(10**5))
+    assert cache.load("entry") is None
+    assert list(disk.glob("cache/*")) == []
+
+
+def test_a_process_that_is_ended_leaves_no_half_entry(place):
+    program = "import numpy as np\nfrom spacemap_vtk import cache\n"
+    program += "while True: cache.store('entry', a=np.zeros(10**7))"
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        end = time.monotonic() + 30
+        while not list(place.glob("*.part")):
+            assert time.monotonic() < end
+        process.terminate()
+        assert process.wait(20) in (143, -signal.SIGTERM)
+    assert [path.suffix for path in place.glob("*")] in ([], [".npz"])
 
 
 def test_cancelling_works_on_a_cached_solution(place):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -177,6 +181,32 @@ def test_nothing_is_left_where_the_user_works(
     meshes = [cage_of(part, method="tetwild", edge_length=0.6)[1] for _ in range(2)]
     assert all(mesh.n_cells for mesh in meshes)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ftetwild_is_ended_with_the_process_that_waits_for_it(tmp_path: Path) -> None:
+    pytest.importorskip("pytetwild")
+    program = "import sys, numpy as np; from spacemap_vtk.filters import tetwild\n"
+    program += "tetwild._PROGRAM = 'import time; time.sleep(60)'  # a large surface\n"
+    program += "tetwild.filled(np.eye(3), np.array([[0, 1, 2]]), 0.1)"
+    given = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", program], env=given) as process:
+        end = time.monotonic() + 30
+        while not (child := _child(process.pid)):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        process.terminate()
+        assert process.wait(20) == 143
+    assert list(tmp_path.iterdir()) == []
+    assert not Path(f"/proc/{child}").exists()
+
+
+def _child(process: int) -> str | None:
+    """Return, in Linux's own words, the child that has begun its work."""
+    for child in Path(f"/proc/{process}/task/{process}/children").read_text().split():
+        words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+        if words[2:3] == [b"import time; time.sleep(60)"]:
+            return child
+    return None
 
 
 def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -427,6 +427,11 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         ),
         (["animate", "plain_weave", "-o", "f%s.png"], ["one number", "f-%04d.png"]),
         (["animate", "plain_weave", "-o", "f%d%04d.png"], ["one number", "f-%04d.png"]),
+        (["export", "plain_weave", "-o", "s_%04d.vtp"], ["no series", "s_0001.vtp", "--time"]),
+        (["export", "plain_weave", "-o", "s_%d.wif"], ["no series", "s_0001.wif"]),
+        (["render", "plain_weave", "-o", "s_%3d.png"], ["no series", "spacemap animate"]),
+        (["animate", "plain_weave", "-o", "s_%04d.mp4"], ["no series", "s_0001.mp4"]),
+        (["plot", "plain_weave", "-o", "s_%04d.pdf"], ["no series", "s_0001.pdf"]),
         (["plot", "plain_weave", "-o", "a.png", "--point", "1,2"], ["--point", "1mm,0,0.2mm"]),
         (["plot", "plain_weave", "-o", "a.png", "--point", "a,b,c"], ["--point", "1mm,0,0.2mm"]),
         (["plot", "plain_weave", "-o", "a.png", "--point", "nan,0,0"], ["--point", "nan,0,0"]),
@@ -634,17 +639,20 @@ def test_a_draft_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str])
             assert again[family][name] == pytest.approx(first[family][name], rel=1e-12)
 
 
-def test_a_folder_that_takes_no_file_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_what_is_odd_about_a_draft_is_told_when_it_is_exported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Full, or read-only in a way that permissions do not tell.
-    def refuses(*_: object, **__: object) -> str:
-        raise OSError(28, "No space left on device", "/x/.spacemap-secret")
-
-    monkeypatch.setattr("spacemap_vtk.scenes.output.tempfile.mkdtemp", refuses)
-    file = tmp_path / "twill.wif"
-    assert run("export", "twill_2_2", "-o", str(file), "-q") == 2
-    said = capsys.readouterr().err
-    assert str(tmp_path) in said
-    assert "No space left" in said
-    assert ".spacemap-" not in said
+    file, again = tmp_path / "odd.wif", tmp_path / "again.wif"
+    assert run("export", "twill_2_2", "-o", str(file), "-q") == 0
+    # no unit of the standard, and yarns as thick as their spacing: reader and loom have their say
+    text = file.read_text().replace("Units=Centimeters", "Units=mm")
+    file.write_text(text.replace("Thickness=0.0", "Thickness=0.1"))
+    assert run("info", str(file), "--json") == 0
+    told = json.loads(capsys.readouterr().out)["warnings"]
+    assert any("Units=mm is not of the standard" in warning for warning in told)
+    assert any("thick" in warning for warning in told)
+    assert run("export", str(file), "-o", str(again)) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert said == [f"spacemap: warning: {warning}" for warning in told]
+    assert run("export", str(file), "-o", str(again), "-q") == 0
+    assert capsys.readouterr().err == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,9 @@ from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
 from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
 from spacemap_vtk.app.draft.shown import as_series, shown_of  # noqa: E402
 from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
-from spacemap_vtk.fabric.wif import read_wif  # noqa: E402
+from spacemap_vtk.errors import InputError  # noqa: E402
+from spacemap_vtk.fabric.draft import Draft  # noqa: E402
+from spacemap_vtk.fabric.wif import parse_wif, read_wif  # noqa: E402
 from spacemap_vtk.fabric.wif_writer import format_wif  # noqa: E402
 from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
@@ -319,6 +322,22 @@ def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
     assert keeper.keep(read_wif(twill.with_suffix(".wif"))) == path
     del keeper
     assert not path.parent.exists()
+
+
+def test_a_draft_that_found_no_room_is_kept_whole_later(
+    small_disk: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = small_disk(2**16)
+    monkeypatch.setattr(tempfile, "tempdir", str(disk))
+    drawdown = np.random.default_rng(1).random((60, 60)) < 0.5
+    wif = parse_wif(format_wif(Draft(drawdown)))
+    assert len(format_wif(wif)) > 2**12
+    (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # half of it will do
+    keeper = KeptDrafts()
+    with pytest.raises(InputError, match=f"Make room in {disk}"):
+        keeper.keep(wif)
+    (disk / "fill").unlink()
+    np.testing.assert_array_equal(read_wif(keeper.keep(wif)).draft.drawdown, drawdown)
 
 
 def test_drafts_are_opened_and_saved_as_wif(

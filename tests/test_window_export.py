@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -175,6 +176,62 @@ def test_what_cannot_be_written_is_told(open_window: Any, tmp_path: Path) -> Non
     wait_until(lambda: not window.exports.busy)
     assert "animation.stop" in window.errors.text
     assert list(tmp_path.glob("none*")) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("surface", "x.vtp"), ("picture", "x.png"), ("film", "x.mp4")]
+)
+def test_a_full_disk_is_told_and_what_was_there_stays(
+    open_window: Any, small_disk: Any, kind: str, name: str
+) -> None:
+    disk = small_disk(2**15)
+    (disk / name).write_bytes(b"what was there")
+    window = open_window()
+    window.document.set("animation", "speed", 1.0)
+    window.exports.start(kind, disk / name, (480, 360))
+    wait_until(lambda: not window.exports.busy, 30)
+    assert f"{name}: could not be written: disk full. " in window.errors.text
+    assert ".spacemap-" not in window.errors.text
+    assert [(path.name, path.read_bytes()) for path in disk.iterdir()] == [
+        (name, b"what was there")
+    ]
+
+
+def test_a_folder_that_comes_in_the_way_is_told(open_window: Any, tmp_path: Path) -> None:
+    window = open_window()
+    window.exports.start("picture", tmp_path / "x.png", (160, 120))
+    (tmp_path / "x.png").mkdir()
+    wait_until(lambda: not window.exports.busy, 30)
+    assert "x.png: could not be written: is a directory" in window.errors.text
+    assert list(tmp_path.glob(".spacemap*")) == []
+
+
+_ENDED = """
+import sys
+from pathlib import Path
+import spacemap_vtk.app.qt
+from PySide6.QtCore import QTimer
+from spacemap_vtk.app.launch import launch
+def begin(window):
+    window.document.set("animation", "speed", 0.001)
+    window.exports.start("film", Path(sys.argv[1]), (320, 240))
+launch("plain_weave", lambda window: QTimer.singleShot(1000, lambda: begin(window)))
+"""
+
+
+def test_a_window_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+    target = tmp_path / "film.mp4"
+    target.write_bytes(b"what was there")
+    with subprocess.Popen([sys.executable, "-c", _ENDED, str(target)]) as process:
+        end = time.monotonic() + 60
+        while not list(tmp_path.glob(".spacemap-*/film.mp4")):
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        process.terminate()
+        assert process.wait(20) == 143
+    assert [(path, path.read_bytes()) for path in tmp_path.iterdir()] == [
+        (target, b"what was there")
+    ]
 
 
 @pytest.mark.parametrize("kind", ["nothing there", "no program", "ends at once"])

@@ -148,7 +148,7 @@ class Document(QObject):
         ------
         InputError
             If it has none, or a file that it names is gone.
-        OSError
+        SpacemapError
             If the file cannot be written; the document is as before then.
         """
         target = path or self.file
@@ -158,7 +158,7 @@ class Document(QObject):
         before = self.version
         try:
             self._move_from(self._folder, target.parent)
-            with whole_folder(target.parent) as folder:
+            with whole_folder(target) as folder:
                 self._save_draft(target, folder)
                 self._scene = Scene(self.values, target)
                 (folder / target.name).write_text(self.text, encoding="utf-8")

@@ -116,16 +116,17 @@ class Exports(QObject):
         try:
             if self._process is not None:
                 raise InputError("something is being written already")
-            check_output(path, endings)
+            numbered = kind == "film" and path.suffix.lower() == ".png"
+            check_output(path, endings, numbered)
             if kind == "film":
                 from spacemap_vtk.scenes.film import require_encoder
 
                 require_encoder(path)
-            if kind == "film" and path.suffix.lower() == ".png" and "%" not in path.name:
+            if numbered and "%" not in path.name:
                 path = path.with_name(f"{path.stem}-%04d.png")
             self._files = ExitStack()
-            folder = self._files.enter_context(whole_folder(path.parent))
-        except (SpacemapError, OSError) as error:
+            folder = self._files.enter_context(whole_folder(path))
+        except SpacemapError as error:
             self.failed.emit(error)
             return
         self._target, self._error = path, None
@@ -248,7 +249,7 @@ class Exports(QObject):
                 files.close()
             else:
                 files.__exit__(type(error), error, None)
-        except OSError as failure:
+        except SpacemapError as failure:
             error = failure
         self._process = self._files = self._progress = None
         process.deleteLater()

@@ -120,7 +120,7 @@ class Files(QObject):
         view : View3D
             The view.
         """
-        from PIL import Image
+        from spacemap_vtk.scenes.film import write_picture
 
         filters = "Pictures (*.png *.jpg)"
         path = ask_file(self._window, "Save picture", "picture.png", filters, ".png")
@@ -129,7 +129,7 @@ class Files(QObject):
         try:
             check_output(path, _PICTURES)
             with whole_file(path) as file:
-                Image.fromarray(view.image()).save(file)
+                write_picture(file, view.image())
         except (SpacemapError, OSError) as error:
             self._errors.say(error, "picture")
         else:

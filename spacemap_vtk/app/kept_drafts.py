@@ -71,7 +71,11 @@ class KeptDrafts:
                 weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
             path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
-                path.write_bytes(data)
+                try:
+                    path.write_bytes(data)
+                except OSError:
+                    path.unlink(missing_ok=True)  # half of it would be taken for all
+                    raise
         except OSError as error:
             raise InputError(
                 f"the draft cannot be kept ({error.strerror})",

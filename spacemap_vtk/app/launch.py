@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QApplication
 
 from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
+from spacemap_vtk.vanishing import ENDING
 
 
 def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
@@ -29,6 +30,8 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
     ------
     InputError
         If the scene cannot be read.
+    SystemExit
+        If a signal has closed the window.
     """
     app = QApplication.instance() or QApplication(sys.argv[:1])
     app.setApplicationName("spacemap")
@@ -47,10 +50,23 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
     window.director.drawn.connect(_prepare, Qt.ConnectionType.SingleShotConnection)
     # Qt's loop runs no Python while nothing happens: without a timer Ctrl-C would wait for a click.
     signal.signal(signal.SIGINT, lambda *_: window.close())
+    ended: list[int] = []
+
+    def end(number: int, _frame: object) -> None:
+        # As by the window's own cross, without a question: of what is written nothing stays.
+        ended.append(number)
+        window.discard()
+        app.quit()
+
+    for number in ENDING:
+        if signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, end)
     timer = QTimer(window)
     timer.timeout.connect(_let_python_run)
     timer.start(200)
     app.exec()
+    if ended:
+        sys.exit(128 + ended[0])
 
 
 def _prepare(_frame: object) -> None:

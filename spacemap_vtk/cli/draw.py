@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Quiet, Set, Shown, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder
+from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder, write
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.picture import Image
@@ -73,7 +73,8 @@ def animate(
     """Make a film of a scene, or numbered frames.
 
     The section [animation] says which times it shows, and how many frames a second. Without
-    --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie].
+    --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie]. Numbered
+    frames appear all together, when the last is drawn.
 
     Parameters
     ----------
@@ -82,11 +83,11 @@ def animate(
     output : Path
         A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
-    check_output(output, FILM_FORMATS)
+    numbered = output.suffix.lower() == ".png"
+    check_output(output, FILM_FORMATS, numbered)
     from spacemap_vtk.scenes.film import require_encoder, write_film, write_frames
 
     require_encoder(output)
-    numbered = output.suffix.lower() == ".png"
     if numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", output.name):
         example = re.sub("%[0-9]*[a-z]?", "", output.stem) + "-%04d.png"
         raise InputError(
@@ -110,7 +111,7 @@ def animate(
                 tell(done)
 
         if numbered:
-            with whole_folder(output.parent) as folder:
+            with whole_folder(output) as folder:
                 write_frames(folder / output.name, images())
         else:
             with whole_file(output) as file:
@@ -195,14 +196,15 @@ def export(
     output : Path
         A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """
-    from spacemap_vtk.scenes.export import FORMATS, write
+    from spacemap_vtk.scenes.export import FORMATS, content
 
     check_output(output, {ending: " or ".join(kinds) for ending, kinds in FORMATS.items()})
-    kinds = FORMATS[output.suffix.lower()]
+    ending = output.suffix.lower()
+    kinds = FORMATS[ending]
     kind = what or kinds[0]
     if kind not in kinds:
         raise InputError(
-            f"{output.suffix} files do not hold that",
+            f"{ending} files do not hold that",
             key="--what",
             value=kind,
             allowed=", ".join(kinds),
@@ -211,8 +213,9 @@ def export(
     if kind != "draft":
         with progress(opened_scene, "Computing", 1, quiet):
             opened_scene.update(opened_scene.view.time)
+    parts = content(opened_scene, kind, ending)
     with whole_file(output) as file:
-        write(opened_scene, kind, file)
+        write(file, parts)
     tell_warnings(opened_scene, quiet)
 
 

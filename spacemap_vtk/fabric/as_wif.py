@@ -38,7 +38,7 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
     -------
     WifDraft
         Drawdown, loom, colours, spacing and thickness of each thread; the thickness is the width,
-        which is what weaving programs draw.
+        which is what weaving programs draw. Its warnings are the fabric's.
 
     Raises
     ------
@@ -68,7 +68,13 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
         if not plain or getattr(wishes, f"{family}_color") is not None:
             colors[f"{family}_colors"] = getattr(fabric, f"{family}_colors")
     return WifDraft(
-        Draft(fabric.drawdown, **colors, **lengths, title=own.title or title),
+        Draft(
+            fabric.drawdown,
+            **colors,
+            **lengths,
+            title=own.title or title,
+            warnings=tuple(fabric.warnings),
+        ),
         loom_of(source, fabric.drawdown),
         **each,
     )

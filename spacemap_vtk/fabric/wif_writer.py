@@ -12,14 +12,18 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.settle import colors_of
 from spacemap_vtk.fabric.wif import WifDraft
+from spacemap_vtk.fabric.wishes import Wishes
 
 
 def format_wif(draft: Draft | WifDraft) -> bytes:
     """Write a draft as a Weaving Information File.
 
     `parse_wif` gives the same draft again, its warnings apart: lengths to the last bit, colours in
-    the range 0 to 255.
+    the range 0 to 255. A family without colours gets the one that it is woven in here: there are
+    programs that read no draft without a palette, and none without the defaults of what is given
+    for each thread.
 
     Parameters
     ----------
@@ -45,8 +49,11 @@ def format_wif(draft: Draft | WifDraft) -> bytes:
     if wif is None or not _weaves(wif.loom, cloth):
         wif = WifDraft(cloth, Loom.from_drawdown(cloth.drawdown))
     loom = wif.loom
-    numbers, table = _color_table(cloth.warp_colors, cloth.weft_colors)
-    warp_numbers, weft_numbers = numbers
+    picks, ends = cloth.drawdown.shape
+    (warp_numbers, weft_numbers), table = _color_table(
+        colors_of("warp", ends, cloth.warp_colors, Wishes()),
+        colors_of("weft", picks, cloth.weft_colors, Wishes()),
+    )
     sections: dict[str, list[str]] = {
         "TEXT": [f"Title={title}"] if (title := _one_line(cloth.title)) else [],
         "WEAVING": [
@@ -55,10 +62,18 @@ def format_wif(draft: Draft | WifDraft) -> bytes:
             f"Rising Shed={'true' if loom.rising else 'false'}",
         ],
         "WARP": _family(
-            len(loom.threading), warp_numbers, cloth.warp_spacing, cloth.warp_thickness
+            len(loom.threading),
+            warp_numbers,
+            _default(cloth.warp_spacing, wif.warp_spacings),
+            _default(cloth.warp_thickness, wif.warp_thicknesses),
         ),
-        "WEFT": _family(len(loom.sheds()), weft_numbers, cloth.weft_spacing, cloth.weft_thickness),
-        "COLOR PALETTE": [f"Entries={len(table)}", "Form=RGB", "Range=0,255"] if table else [],
+        "WEFT": _family(
+            len(loom.sheds()),
+            weft_numbers,
+            _default(cloth.weft_spacing, wif.weft_spacings),
+            _default(cloth.weft_thickness, wif.weft_thicknesses),
+        ),
+        "COLOR PALETTE": [f"Entries={len(table)}", "Form=RGB", "Range=0,255"],
         "COLOR TABLE": _listed(table),
         "THREADING": _listed(loom.threading),
         # Without a line in [TIEUP] there would be no treadling to read.
@@ -104,10 +119,8 @@ def _one_line(title: str) -> str:
 def _family(
     threads: int, colors: Sequence[int], spacing: float | None, thickness: float | None
 ) -> list[str]:
-    lines = [f"Threads={threads}"]
-    if colors:
-        lines.append(f"Color={Counter(colors).most_common(1)[0][0]}")
-    lines.append("Units=Centimeters")
+    common = Counter(colors).most_common(1)[0][0]
+    lines = [f"Threads={threads}", f"Color={common}", "Units=Centimeters"]
     if spacing is not None:
         lines.append(f"Spacing={_centimetres(spacing)}")
     if thickness is not None:
@@ -115,16 +128,17 @@ def _family(
     return lines
 
 
+def _default(length: float | None, threads: NDArray[np.float64] | None) -> float | None:
+    return float(threads.mean()) if length is None and threads is not None else length
+
+
 def _color_table(
-    *families: NDArray[np.uint8] | None,
+    *families: NDArray[np.uint8],
 ) -> tuple[list[list[int]], list[tuple[int, ...]]]:
     """Return the number in the table of each thread's colour, and the table."""
     number: dict[tuple[int, ...], int] = {}
     numbers = [
-        [
-            number.setdefault(tuple(color), len(number) + 1)
-            for color in (family.tolist() if family is not None else ())
-        ]
+        [number.setdefault(tuple(color), len(number) + 1) for color in family.tolist()]
         for family in families
     ]
     return numbers, list(number)

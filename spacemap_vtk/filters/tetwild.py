@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from spacemap_vtk import cache
 from spacemap_vtk.child import run_child
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
+from spacemap_vtk.vanishing import vanishing_folder
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
 #: makes ten times as many tetrahedra near flat faces as a cage needs.
@@ -110,8 +111,7 @@ _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or met
 
 def _run(**surface: Any) -> dict[str, NDArray[Any]]:
     """Return the arrays of the mesh that another process makes, in a folder of its own."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
-        folder = Path(name)
+    with vanishing_folder(Path(tempfile.gettempdir())) as folder:
         np.savez(folder / "surface.npz", **surface)
         done = run_child([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():

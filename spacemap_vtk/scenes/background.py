@@ -80,13 +80,14 @@ def carry_out(order: Order) -> Iterator[tuple[int, int]]:
     scene, output = Scene(order.values, Path(order.base)), Path(order.output)
     scene.check()
     if order.kind not in ("picture", "film"):
-        from spacemap_vtk.scenes.export import write
+        from spacemap_vtk.scenes.export import content
+        from spacemap_vtk.scenes.output import write
 
         yield 0, 2
         if order.kind != "draft":
             scene.update(order.time)
         yield 1, 2
-        write(scene, order.kind, output)
+        write(output, content(scene, order.kind, output.suffix.lower()))
         yield 2, 2
         return
     from spacemap_vtk.scenes.picture import Picture, Place
@@ -130,9 +131,14 @@ def _say(line: dict[str, Any]) -> None:
 
 def main() -> None:
     """Carry out the order on standard input."""
+    from spacemap_vtk.scenes.output import telling_refusals
+
     try:
-        for done, of in carry_out(Order(**json.loads(sys.stdin.read()))):
-            _say({"done": done, "of": of})
+        order = Order(**json.loads(sys.stdin.read()))
+        output = Path(order.output)
+        with telling_refusals(output, output.name):  # of its folder the user has never heard
+            for done, of in carry_out(order):
+                _say({"done": done, "of": of})
     except Exception as error:
         known = isinstance(error, SpacemapError)
         names = ("message", "section", "key", "value", "allowed", "cure")

@@ -1,8 +1,7 @@
-"""Writing a scene's data for other programs."""
+"""A scene's data in the formats of other programs."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
@@ -10,6 +9,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkPolyDataNormals, vtkTr
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.scenes.polygon_files import ply, stl
 from spacemap_vtk.scenes.scene import Scene
 
 #: What each file format can hold, the default first.
@@ -22,8 +22,8 @@ FORMATS: dict[str, tuple[str, ...]] = {
 }
 
 
-def write(scene: Scene, what: str, file: Path) -> None:
-    """Write patches, cage or surface, as of the scene's last update, or the weave's draft.
+def content(scene: Scene, what: str, ending: str) -> list[Any]:
+    """Return what a file holds of patches, cage or surface as of the last update, or of the draft.
 
     Parameters
     ----------
@@ -31,66 +31,74 @@ def write(scene: Scene, what: str, file: Path) -> None:
         Updated to the time wanted.
     what : str
         ``"patches"``, ``"cage"``, ``"surface"`` or ``"draft"``, which needs no update.
-    file : Path
-        Its ending, a key of `FORMATS`, names the format.
+    ending : str
+        A key of `FORMATS`: the format.
+
+    Returns
+    -------
+    list of bytes or ndarray
+        The file, piece after piece, for `spacemap_vtk.scenes.output.write`.
 
     Raises
     ------
     InputError
         If the scene has no cage, and the cage is wanted.
     SpacemapError
-        If nothing was written.
+        If VTK does not make it.
     """
     if what == "draft":
-        file.write_bytes(format_wif(scene.draft))
-        return
+        return [format_wif(scene.draft)]
     data = {
         "patches": lambda: scene.patches,
         "cage": lambda: scene.deformed_cage,
         "surface": lambda: scene.polygons,
     }[what]()
-    _write(data, file)
-    if not file.is_file():
-        raise SpacemapError(f"{file.name}: nothing was written; is the disk full?")
+    if ending in (".vtu", ".vtp"):
+        return [_xml(data, ending)]
+    if ending == ".stl":
+        # The format knows triangles only; nothing but positions would arrive anyway.
+        bare = vtkPolyData()
+        bare.SetPoints(data.GetPoints())
+        bare.SetPolys(data.GetPolys())
+        return stl(_facing(_only_output(vtkTriangleFilter(), bare)))
+    return ply(_facing(data))
 
 
-def _write(data: vtkDataSet, file: Path) -> None:
-    """Write with VTK's writer for the ending."""
+def _xml(data: vtkDataSet, ending: str) -> bytes:
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
     writer: Any
-    if file.suffix in (".vtu", ".vtp"):
-        from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
-
-        if file.suffix == ".vtp":
-            writer = vtkXMLPolyDataWriter()
-        else:
-            writer = vtkXMLUnstructuredGridWriter()
-            if isinstance(data, vtkPolyData):
-                data = _only_output(vtkAppendFilter(), data)
-        writer.SetDataModeToBinary()
-        writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
+    if ending == ".vtp":
+        writer = vtkXMLPolyDataWriter()
     else:
-        if file.suffix == ".stl":
-            from vtkmodules.vtkIOGeometry import vtkSTLWriter
-
-            # The format knows triangles only; nothing but positions would arrive anyway.
-            bare = vtkPolyData()
-            bare.SetPoints(data.GetPoints())
-            bare.SetPolys(data.GetPolys())
-            data = _only_output(vtkTriangleFilter(), bare)
-            writer = vtkSTLWriter()
-        else:
-            from vtkmodules.vtkIOPLY import vtkPLYWriter
-
-            writer = vtkPLYWriter()
-        writer.SetFileTypeToBinary()
-        if data.GetNumberOfPolys() + data.GetNumberOfStrips():
-            # Neighbours that face the same side: what these files are read for asks for it.
-            normals = vtkPolyDataNormals()
-            normals.SplittingOff()
-            data = _only_output(normals, data)
-    writer.SetFileName(str(file))
+        writer = vtkXMLUnstructuredGridWriter()
+        if isinstance(data, vtkPolyData):
+            data = _only_output(vtkAppendFilter(), data)
+    writer.SetDataModeToBinary()
+    writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
     writer.SetInputData(data)
-    writer.Write()
+    writer.WriteToOutputStringOn()
+    done = writer.Write()
+    text = writer.GetOutputString()
+    fault = writer.GetErrorCode()
+    del writer  # and with it another copy
+    # Bytes where a name in the data is no UTF-8.
+    made = text if isinstance(text, bytes) else text.encode()
+    if not done or fault or not made.endswith(b"</VTKFile>\n"):
+        from vtkmodules.vtkCommonMisc import vtkErrorCode
+
+        why = vtkErrorCode.GetStringFromErrorCode(fault)
+        raise SpacemapError(f"VTK has not made the {ending} file: {why}")
+    return made
+
+
+def _facing(data: vtkPolyData) -> vtkPolyData:
+    """Return polygons of which neighbours face the same side, as readers of such files ask for."""
+    if data.GetNumberOfPolys() + data.GetNumberOfStrips() == 0:
+        return data
+    normals = vtkPolyDataNormals()
+    normals.SplittingOff()
+    return _only_output(normals, data)
 
 
 def _only_output(algorithm: Any, data: vtkDataSet) -> Any:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from collections.abc import Iterable
+from contextlib import suppress
+from fractions import Fraction
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
@@ -19,7 +24,7 @@ if TYPE_CHECKING:
 _COMPRESSION = 3
 
 
-def write_picture(file: Path, image: Pixels) -> None:
+def write_picture(file: Path, image: Pixels, **more: Any) -> None:
     """Write a picture.
 
     Parameters
@@ -28,8 +33,15 @@ def write_picture(file: Path, image: Pixels) -> None:
         Ending in .png, .jpg or .jpeg.
     image : ndarray of uint8, shape (height, width, 3)
         Red, green and blue.
+    **more
+        What Pillow knows to say of that format, as ``quality``.
+
+    Raises
+    ------
+    OSError
+        If the disk does not take it.
     """
-    Image.fromarray(image).save(file, compress_level=_COMPRESSION)
+    Image.fromarray(image).save(file, **{"compress_level": _COMPRESSION} | more)
 
 
 def require_encoder(file: Path) -> None:
@@ -74,6 +86,10 @@ def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
     ------
     MissingLibraryError
         If .mp4 is asked for without the extra ``[movie]``.
+    OSError
+        If the disk does not take it.
+    SpacemapError
+        If ffmpeg fails for another reason.
     """
     if file.suffix.lower() == ".gif":
         _write_gif(file, images, rate)
@@ -90,6 +106,11 @@ def write_frames(file: Path, images: Iterable[Pixels]) -> None:
         Its name has a number in it, as in ``%04d.png``.
     images : iterable of ndarray, shape (height, width, 3)
         The frames, taken one at a time.
+
+    Raises
+    ------
+    OSError
+        If the disk does not take them.
     """
     for number, image in enumerate(images):
         write_picture(file.with_name(file.name % number), image)
@@ -114,20 +135,45 @@ def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
 
 def _write_mp4(file: Path, images: Iterable[Pixels], rate: float) -> None:
     require_encoder(file)
-    import imageio_ffmpeg
+    from imageio_ffmpeg import get_ffmpeg_exe
 
-    writer = None
-    for image in images:
-        # H.264 takes even sizes only.
-        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
-        if writer is None:
-            writer = imageio_ffmpeg.write_frames(
-                str(file), (even.shape[1], even.shape[0]), fps=rate, quality=8, macro_block_size=2
-            )
-            writer.send(None)
+    # H.264 takes even sizes only.
+    even = (image[: len(image) // 2 * 2, : image.shape[1] // 2 * 2] for image in images)
+    first = next(even)
+    height, width, _ = first.shape
+    fps = Fraction(rate).limit_denominator()
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps} -i -"
+    kind = "-an -c:v libx264 -crf 10 -pix_fmt yuv420p -y"
+    with TemporaryFile() as told:
+        process = subprocess.Popen(
+            [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), str(file)],
+            stdin=subprocess.PIPE,
+            stderr=told,
+            start_new_session=True,  # Ctrl-C is not for it: it would end the film there, and well
+        )
+        assert process.stdin is not None
         try:
-            writer.send(even)
-        except (OSError, subprocess.SubprocessError) as error:
-            raise SpacemapError(f"{file.name}: ffmpeg failed: {error}") from None
-    if writer is not None:
-        writer.close()
+            for image in chain([first], even):
+                try:
+                    process.stdin.write(np.ascontiguousarray(image).data)
+                except BrokenPipeError:
+                    break  # it has ended, and its status tells how
+            process.communicate()
+        finally:
+            process.kill()
+            process.wait()
+            with suppress(BrokenPipeError):  # of what it has not been given
+                process.stdin.close()
+        if process.returncode:
+            _try_on(file)
+            told.seek(0)
+            said = " ".join(told.read().decode(errors="replace").split())
+            raise SpacemapError(f"{file.name}: ffmpeg failed: {said[-200:]}")
+
+
+def _try_on(file: Path) -> None:
+    """Write more to a file that another program has broken off: the disk tells its reason."""
+    with file.open("ab") as torn:
+        torn.write(bytes(2**20))
+        torn.flush()
+        os.fsync(torn.fileno())

@@ -1,18 +1,40 @@
-"""Output files that appear whole or not at all."""
+"""Output files that appear whole or not at all.
+
+What is written lies in a hidden folder beside its target, on the same disk, until it is whole and
+the disk has it; then it takes the target's place, in one step.
+
+VTK's writers must not be let near a disk: on a full one they end the program (.vtp, .vtu), or say
+nothing and leave half a file (.ply). What they write they write to memory, and `write` to the disk,
+because Python tells each fault. Pillow tells each fault, too, and ffmpeg by its exit status.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.vanishing import undisturbed, vanishing_folder
+
+_ROOM = "Make room there, or choose a folder on another disk."
+_OTHER = "Choose another folder, or see to its permissions."
+#: Why a disk takes no file, and what helps.
+_REFUSALS = {
+    getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM),
+    errno.ENOSPC: ("disk full", _ROOM),
+    errno.EFBIG: ("no file may be so large", 'See "ulimit -f", or choose another disk.'),
+    errno.EROFS: ("the disk is read-only", "Choose a folder on another disk."),
+    errno.EACCES: ("permission denied", _OTHER),
+    errno.EPERM: ("permission denied", _OTHER),
+}
 
 
-def check_output(path: Path, formats: dict[str, str]) -> None:
+def check_output(path: Path, formats: dict[str, str], numbered: bool = False) -> None:
     """Refuse an output path that cannot be written, before any work is done for it.
 
     Parameters
@@ -21,11 +43,14 @@ def check_output(path: Path, formats: dict[str, str]) -> None:
         The file to be written.
     formats : dict of str to str
         Allowed endings, and what each is.
+    numbered : bool, optional
+        Whether the name may stand for many files, as ``%04d.png`` does.
 
     Raises
     ------
     InputError
-        If the format is unknown, or the folder does not exist.
+        If the format is unknown, the folder does not exist or takes no file, or one file is asked
+        for by a name that stands for many.
     """
     if path.suffix.lower() not in formats:
         raise InputError(
@@ -33,6 +58,13 @@ def check_output(path: Path, formats: dict[str, str]) -> None:
             if not path.suffix
             else f'{path}: format "{path.suffix}" is not known here',
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
+        )
+    if not numbered and (number := re.search(r"%\d*d(?![a-z])", path.name)):
+        one = path.with_name(path.name.replace(number[0], "0001"))
+        raise InputError(
+            f"{path}: one file is written here, no series of numbered ones",
+            allowed=f"a name without {number[0]}, for example {one}",
+            cure='Write one for each --time; numbered pictures are what "spacemap animate" writes.',
         )
     if path.parent.exists() and not path.parent.is_dir():
         raise InputError(
@@ -48,9 +80,8 @@ def check_output(path: Path, formats: dict[str, str]) -> None:
             f"{path}: a folder of that name is in the way", cure="Choose another name."
         )
     if not os.access(path.parent, os.W_OK):
-        raise InputError(
-            f"{path}: the folder {path.parent} is not writable", cure="Choose another folder."
-        )
+        why = "is on a read-only disk" if _read_only(path.parent) else "is not writable"
+        raise InputError(f"{path}: the folder {path.parent} {why}", cure="Choose another folder.")
 
 
 @contextmanager
@@ -65,20 +96,27 @@ def whole_file(path: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        A file of the same ending in a new folder beside it.
+        A file of the same name in a new folder beside it.
+
+    Raises
+    ------
+    SpacemapError
+        If the disk does not take it; what was there is as before.
     """
-    with whole_folder(path.parent) as folder:
+    with whole_folder(path) as folder:
         yield folder / path.name
+        if not (folder / path.name).is_file():
+            raise SpacemapError(f"{path}: nothing was written")
 
 
 @contextmanager
-def whole_folder(target: Path) -> Iterator[Path]:
-    """Yield a new folder; its files move into `target` when the block ends well.
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a new folder; its files move into the folder of `path` when the block ends well.
 
     Parameters
     ----------
-    target : Path
-        An existing folder.
+    path : Path
+        One of the files wanted, or what stands for them, as ``frames/%04d.png``: messages name it.
 
     Yields
     ------
@@ -87,20 +125,111 @@ def whole_folder(target: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
-        If `target` takes no new folder.
+    SpacemapError
+        If the disk does not take all of them; what was there is as before.
+    """
+    with telling_refusals(path), vanishing_folder(path.parent) as folder:
+        yield folder
+        files = sorted(folder.iterdir())
+        for file in files:
+            _make_last(file)
+        with undisturbed():
+            _move(files, path.parent)
+
+
+@contextmanager
+def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
+    """Tell in the user's words why a disk does not take a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file wanted.
+    name : str, optional
+        What messages call it; by default its path.
+
+    Yields
+    ------
+    None
+        While it is written.
+
+    Raises
+    ------
+    SpacemapError
+        In place of an `OSError` that is about no other folder's file.
     """
     try:
-        folder = Path(tempfile.mkdtemp(prefix=".spacemap-", dir=target))
+        yield
     except OSError as error:
-        # Not the new folder's name, which the user has never heard of.
-        raise InputError(
-            f"{target}: nothing can be written to this folder ({error.strerror})",
-            cure="Choose another one, or make room and see to its permissions.",
-        ) from error
+        named = error.filename
+        elsewhere = isinstance(named, str) and not Path(named).is_relative_to(path.parent)
+        if error.errno is None or error.errno == errno.EPIPE or elsewhere:
+            raise
+        why, cure = _REFUSALS.get(error.errno, (os.strerror(error.errno).lower(), None))
+        # Not the name in the error: it is that of a folder which the user has never heard of.
+        raise SpacemapError(f"{name or path}: could not be written: {why}", cure=cure) from error
+
+
+def write(file: Path, parts: Iterable[Any]) -> None:
+    """Write a file whose content is known.
+
+    Parameters
+    ----------
+    file : Path
+        What `whole_file` yields, or a file in what `whole_folder` yields.
+    parts : iterable of bytes or ndarray
+        The content, piece after piece.
+
+    Raises
+    ------
+    OSError
+        If the disk does not take it.
+    SpacemapError
+        If the file is not as long as what was written.
+    """
+    size = 0
+    with file.open("wb") as stream:
+        for part in parts:
+            size += stream.write(part)
+    if file.stat().st_size != size:
+        raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
+
+
+def _read_only(folder: Path) -> bool:
+    # Windows knows neither.
+    return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
+
+
+def _make_last(file: Path) -> None:
+    """Wait until the disk has a file: some tell only then that there was no room for it."""
+    with file.open("rb+") as stream:
+        try:
+            os.fsync(stream.fileno())
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of disks that cannot be asked
+                raise
+
+
+def _move(files: list[Path], target: Path) -> None:
+    """Let files appear in a folder: all, or on a fault none, and what was there is back."""
+    if len(files) < 2:
+        for file in files:
+            os.replace(file, target / file.name)  # at no moment there is none
+        return
+    for file in files:
+        if (target / file.name).is_dir():
+            raise IsADirectoryError(errno.EISDIR, "a folder is in the way", str(target / file.name))
+    older = files[0].with_name("older")
+    older.mkdir()
     try:
-        yield folder
-        for file in sorted(folder.iterdir()):
+        for file in files:
+            with suppress(FileNotFoundError):
+                os.replace(target / file.name, older / file.name)
             os.replace(file, target / file.name)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    except OSError:
+        for file in files:
+            if (older / file.name).exists():
+                os.replace(older / file.name, target / file.name)
+            elif not file.exists():
+                (target / file.name).unlink()
+        raise

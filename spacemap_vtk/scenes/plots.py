@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.output import write
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Width of a plotted curve, in samples.
 SAMPLES = 2000
@@ -37,6 +43,8 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     ------
     InputError
         If the scene has no cage, or the point lies outside it.
+    OSError
+        If the disk does not take it.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -89,7 +97,29 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
         panel.grid(color="#e6e9ed", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
     over_time.legend(frameon=False, ncols=3, loc="upper right")
-    figure.savefig(file)
+    save_figure(figure, file)
+
+
+def save_figure(figure: Figure, file: Path, **more: Any) -> None:
+    """Write a figure of matplotlib.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        With a canvas.
+    file : Path
+        Its ending tells the format.
+    **more
+        What ``Figure.savefig`` knows.
+
+    Raises
+    ------
+    OSError
+        If the disk does not take it.
+    """
+    made = BytesIO()  # matplotlib leaves a file open that it cannot write
+    figure.savefig(made, format=file.suffix[1:].lower(), **more)
+    write(file, [made.getbuffer()])
 
 
 def handy(unit: str, largest: float) -> tuple[str, float]:

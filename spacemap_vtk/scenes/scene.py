@@ -352,7 +352,9 @@ class Scene:
     def draft(self) -> WifDraft:
         """The draft of the weave; needs no update."""
         with self._naming_file(), _naming_section("weave"):
-            return self.weave.wif
+            wif = self.weave.wif
+            self._warnings |= dict.fromkeys(wif.draft.warnings)
+            return wif
 
     @property
     def painting(self) -> vtkImageData | None:

@@ -103,8 +103,7 @@ def draw(name: str) -> None:
     name : str
         Of a scene that comes with the program.
     """
-    from PIL import Image
-
+    from spacemap_vtk.scenes.film import write_picture
     from spacemap_vtk.scenes.output import whole_file
     from spacemap_vtk.scenes.picture import Picture
     from spacemap_vtk.scenes.scene import Scene
@@ -115,7 +114,7 @@ def draw(name: str) -> None:
     picture.close()
     file_of(name).parent.mkdir(exist_ok=True)
     with whole_file(file_of(name)) as file:
-        Image.fromarray(pixels).save(file, quality=_QUALITY, comment=digest_of(name).encode())
+        write_picture(file, pixels, quality=_QUALITY, comment=digest_of(name).encode())
 
 
 def main() -> None:

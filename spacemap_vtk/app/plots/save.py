@@ -24,7 +24,7 @@ def save_times(curves: Curves, path: Path) -> None:
 
     Raises
     ------
-    OSError
+    SpacemapError
         If it cannot be written; nothing is then.
     """
     head = ["time [s]"]
@@ -52,7 +52,7 @@ def save_frequencies(curves: Curves, path: Path) -> None:
 
     Raises
     ------
-    OSError
+    SpacemapError
         If it cannot be written; nothing is then.
     """
     head = ["frequency [Hz]"]

@@ -27,7 +27,7 @@ from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
 from spacemap_vtk.app.plots.save import save_frequencies, save_times
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.output import check_output, whole_file
-from spacemap_vtk.scenes.plots import QUANTITIES
+from spacemap_vtk.scenes.plots import QUANTITIES, save_figure
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.plots.canvas import PlotCanvas
@@ -160,7 +160,7 @@ class PlotsTab(QWidget):
         self._save(
             "plots.png",
             _PICTURES,
-            lambda file: figure.savefig(file, dpi=200, facecolor=figure.get_facecolor()),
+            lambda file: save_figure(figure, file, dpi=200, facecolor=figure.get_facecolor()),
         )
 
     def save_times(self) -> None:

@@ -1,0 +1,223 @@
+"""Files appear whole or not at all, whatever the disk says; a real disk says it."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.scenes.film import write_film
+from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder, write
+
+SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
+FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"
+#: What writes, by its output's name; each makes more than 16 kB, but for the draft.
+WRITERS = {
+    "x.vtu": f"export plain_weave {SMALL} -o",
+    "x.vtp": f"export plain_weave {SMALL} -o",
+    "x.stl": f"export plain_weave {SMALL} -o",
+    "x.ply": f"export plain_weave {SMALL} -o",
+    "x.wif": f"export plain_weave {SMALL} -o",
+    "x.png": f"render plain_weave --size 480x360 {SMALL} -o",
+    "x.jpg": f"render plain_weave --size 960x720 {SMALL} -o",
+    "x.gif": FILM,
+    "x.mp4": FILM.replace("320x240", "480x360"),
+    "x%02d.png": FILM,
+    "sheet.png": f"modes plain_weave --set modal.modes=2 {SMALL} --plot",
+    "plot.png": f"plot plain_weave {SMALL} -o",
+    "plot.pdf": f"plot plain_weave {SMALL} -o",
+    "plot.svg": f"plot plain_weave {SMALL} -o",
+}
+PRECIOUS = b"precious"
+
+
+def run(words: str, file: Path) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main([*words.split(), str(file)])
+    return int(caught.value.code or 0)
+
+
+@pytest.mark.parametrize(("room", "older"), [(0, False), (2**14, True)], ids=["none", "little"])
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_takes_nothing_and_spoils_nothing(
+    name: str,
+    room: int,
+    older: bool,
+    small_disk: Callable[..., Path],
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    disk = small_disk(2**17)
+    names = ("x00.png", "x03.png") if "%" in name else (name,)
+    kept = {disk / each: PRECIOUS for each in names if older}
+    for path in kept:
+        path.write_bytes(PRECIOUS)
+    fill(disk, room)
+    code = run(WRITERS[name], disk / name)
+    said = capfd.readouterr().err
+    if room and name == "x.wif":
+        assert code == 0
+        assert (disk / name).read_bytes().startswith(b"[WIF]")
+        return
+    assert code == 1
+    assert said.startswith(f"spacemap: {disk / name}: could not be written: disk full. ")
+    assert said.count("\n") == 1
+    assert {path: path.read_bytes() for path in disk.iterdir() if path.name != "fill"} == kept
+
+
+def fill(disk: Path, room: int) -> None:
+    """Leave so many bytes of a disk free."""
+    with (disk / "fill").open("wb", buffering=0) as stream:
+        try:
+            while True:
+                stream.write(bytes(4096))
+        except OSError:
+            pass
+        stream.truncate(stream.tell() - room)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("name", ["x.mp4", "x.gif", "x%02d.png"])
+def test_a_film_that_is_stopped_leaves_nothing(
+    name: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    words = WRITERS[name].replace("speed=1", "speed=0.001")  # far too long a film
+    command = [sys.executable, "-m", "spacemap_vtk", *words.split(), str(tmp_path / name)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        begun = "*" if name == "x.gif" else "*/*"  # of a .gif nothing is written before its end
+        wait_until(lambda: list(tmp_path.glob(f".spacemap-{begun}")) or process.poll())
+        wait_until(lambda: name != "x.mp4" or ffmpegs(tmp_path))
+        process.send_signal(number)
+        assert process.wait(20) == (143 if number == signal.SIGTERM else 1)
+        said = "" if number == signal.SIGTERM else "spacemap: stopped\n"
+        assert process.stderr is not None
+        assert process.stderr.read() == said
+    assert list(tmp_path.iterdir()) == []
+    assert ffmpegs(tmp_path) == []
+
+
+def test_ffmpeg_goes_where_drawing_fails(tmp_path: Path) -> None:
+    def images() -> Iterator[NDArray[np.uint8]]:
+        yield from np.zeros((5, 240, 320, 3), np.uint8)
+        assert ffmpegs(tmp_path) != []
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError), whole_file(tmp_path / "x.mp4") as file:
+        write_film(file, images(), 25.0)
+    assert ffmpegs(tmp_path) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def wait_until(done: Callable[[], object]) -> None:
+    end = time.monotonic() + 30
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def ffmpegs(folder: Path) -> list[Path]:
+    """Return the processes, in Linux's own words, that have to do with a folder's temporary one."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if f"{folder}/.spacemap-".encode() in process.read_bytes():
+                found.append(process)
+    return found
+
+
+@pytest.mark.parametrize("name", ["x.vtp", "x.ply", "x.png", "x.mp4"])
+def test_a_file_larger_than_allowed_says_so(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(PRECIOUS)
+    command = [sys.executable, "-m", "spacemap_vtk", *WRITERS[name].split(), str(tmp_path / name)]
+    done = subprocess.run(
+        command,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2**14, 2**14)),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert f"{tmp_path / name}: could not be written: no file may be so large" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert [(path, path.read_bytes()) for path in tmp_path.iterdir()] == [
+        (tmp_path / name, PRECIOUS)
+    ]
+
+
+def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
+    disk = small_disk(2**16, ",ro")
+    with pytest.raises(InputError, match="is on a read-only disk"):
+        check_output(disk / "x.png", {".png": "picture"})
+    said = "could not be written: the disk is read-only"
+    with pytest.raises(SpacemapError, match=said), whole_file(disk / "x.png"):
+        pass
+
+
+def write_all(path: Path, names: list[str]) -> None:
+    with whole_folder(path) as folder:
+        for name in names:
+            write(folder / name, [b"new"])
+
+
+def test_numbered_files_appear_all_or_none(small_disk: Callable[..., Path]) -> None:
+    disk = small_disk(2**20)
+    wanted = {disk / f"{number}.png": bytes([number]) for number in range(5)}
+    with whole_folder(disk / "%d.png") as folder:
+        for path, data in wanted.items():
+            write(folder / path.name, [data])
+    assert {path: path.read_bytes() for path in disk.iterdir()} == wanted
+    (disk / "2.png").unlink()
+    # What is mounted on cannot be moved away: the fourth fails, when three are moved already.
+    subprocess.run(["mount", "--bind", str(disk / "0.png"), str(disk / "3.png")], check=True)
+    before = {path: path.read_bytes() for path in disk.iterdir()}
+    with pytest.raises(SpacemapError, match=r"%d\.png: could not be written: .*busy"):
+        write_all(disk / "%d.png", [path.name for path in wanted])
+    assert {path: path.read_bytes() for path in disk.iterdir()} == before
+
+
+def test_a_folder_in_the_way_of_one_of_many_stays(tmp_path: Path) -> None:
+    (tmp_path / "b.png").mkdir()
+    with pytest.raises(SpacemapError, match="is a directory"):
+        write_all(tmp_path / "a.png", ["a.png", "b.png"])
+    assert [path.name for path in tmp_path.iterdir()] == ["b.png"]
+
+
+def test_a_fault_with_another_file_is_not_laid_on_the_output(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    target = tmp_path / "out" / "x.png"
+    with pytest.raises(FileNotFoundError, match=r"mesh\.ply"), whole_file(target):
+        (tmp_path / "mesh.ply").read_bytes()
+    with pytest.raises(SpacemapError, match="nothing was written"), whole_file(tmp_path / "x.png"):
+        pass
+    assert list(tmp_path.iterdir()) == [tmp_path / "out"]
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.EDQUOT, "your quota of this disk is used up. Make room"),
+        (errno.EACCES, "permission denied. Choose another folder"),
+        (errno.EIO, "input/output error"),
+    ],
+)
+def test_what_no_disk_here_says_has_its_words_too(number: int, said: str, tmp_path: Path) -> None:
+    with pytest.raises(SpacemapError) as caught, whole_file(tmp_path / "x.png") as file:
+        raise OSError(number, "whatever", str(file))
+    assert str(caught.value).startswith(f"{tmp_path / 'x.png'}: could not be written: {said}")
+
+
+def test_pieces_of_all_kinds_are_written(tmp_path: Path) -> None:
+    write(tmp_path / "a", [b"ab", np.arange(3, dtype="<u2"), np.empty((0, 3)), memoryview(b"c")])
+    assert (tmp_path / "a").read_bytes() == b"ab\0\0\1\0\2\0c"
+    assert os.stat(tmp_path / "a").st_size == 9

@@ -1,0 +1,99 @@
+"""What is to go goes, whichever way a real process is ended."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from spacemap_vtk.vanishing import undisturbed, vanishing, vanishing_folder
+
+_BEGIN = """
+import os, signal, sys, time
+from pathlib import Path
+from vtkmodules.vtkCommonCore import vtkObject
+from spacemap_vtk.vanishing import vanishing_folder
+def ask(caller, event):
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(1)
+with vanishing_folder(Path(sys.argv[1])) as folder:
+    for number in range(2000):
+        (folder / f"{number}").touch()
+    print("here", flush=True)
+"""
+_WAIT = _BEGIN + "    time.sleep(60)"
+#: VTK prints what Python code raises that it calls, and exits at once where that is an exit.
+_IN_VTK = _BEGIN + "    thing = vtkObject(); thing.AddObserver('UserEvent', ask)\n"
+_IN_VTK += "    thing.InvokeEvent('UserEvent')\n    time.sleep(60)"
+_FAILS = _BEGIN + "    raise RuntimeError"
+
+
+@pytest.mark.parametrize(
+    ("program", "signals", "status"),
+    [
+        (_WAIT, [signal.SIGTERM], [143]),
+        (_WAIT, [signal.SIGHUP], [129]),
+        # one that comes when all is done ends the process by itself
+        (_WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM]),
+        (_WAIT, [signal.SIGINT], [-signal.SIGINT]),
+        (_IN_VTK, [], [143]),
+        (_FAILS, [], [1]),
+    ],
+    ids=["SIGTERM", "SIGHUP", "impatient", "SIGINT", "in VTK", "error"],
+)
+def test_a_folder_goes_however_the_process_ends(
+    program: str, signals: list[signal.Signals], status: list[int], tmp_path: Path
+) -> None:
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"here\n"
+        for number in signals:
+            process.send_signal(number)
+            time.sleep(0.01)  # or they would be one
+        assert process.wait(20) in status
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_signals_are_answered_as_before_afterwards(tmp_path: Path) -> None:
+    def own(*_: object) -> None: ...
+
+    before = signal.getsignal(signal.SIGTERM)
+    with vanishing_folder(tmp_path), vanishing(tmp_path / "file"):
+        assert signal.getsignal(signal.SIGTERM) != before
+    assert signal.getsignal(signal.SIGTERM) == before
+    signal.signal(signal.SIGTERM, own)
+    try:
+        with vanishing_folder(tmp_path), undisturbed():
+            pass
+        with vanishing_folder(tmp_path):
+            assert signal.getsignal(signal.SIGTERM) == own  # whoever answers it goes on to
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_another_thread_has_its_folders_too(tmp_path: Path) -> None:
+    seen = []
+
+    def work() -> None:
+        with vanishing_folder(tmp_path) as folder:
+            seen.append(folder.is_dir())
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [True]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_interrupted_meanwhile() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with undisturbed():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) == before
