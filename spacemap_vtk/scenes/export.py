@@ -10,6 +10,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkPolyDataNormals, vtkTr
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.scene import Scene
 
 #: What each file format can hold, the default first.
@@ -20,6 +21,8 @@ FORMATS: dict[str, tuple[str, ...]] = {
     ".ply": ("surface",),
     ".wif": ("draft",),
 }
+#: What the writers of these take beside the surface, of each of its polygons [bytes].
+_WORK = {".stl": 300, ".ply": 125}
 
 
 def write(scene: Scene, what: str, file: Path) -> None:
@@ -38,6 +41,8 @@ def write(scene: Scene, what: str, file: Path) -> None:
     ------
     InputError
         If the scene has no cage, and the cage is wanted.
+    SizeError
+        If the work would not fit into memory.
     SpacemapError
         If nothing was written.
     """
@@ -49,6 +54,11 @@ def write(scene: Scene, what: str, file: Path) -> None:
         "cage": lambda: scene.deformed_cage,
         "surface": lambda: scene.polygons,
     }[what]()
+    require(
+        _WORK.get(file.suffix, 0) * data.GetNumberOfCells(),
+        f"{file.name}: to write {data.GetNumberOfCells()} polygons",
+        cure="Lower surface.subdivisions, or write a .vtp, which needs no work.",
+    )
     _write(data, file)
     if not file.is_file():
         raise SpacemapError(f"{file.name}: nothing was written; is the disk full?")
