@@ -140,6 +140,27 @@ def naming(key: str) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def naming_section(section: str) -> Iterator[None]:
+    """Name the section of a scene that the parameters at fault stand in.
+
+    Parameters
+    ----------
+    section : str
+        Its name.
+
+    Yields
+    ------
+    None
+        While they are used.
+    """
+    try:
+        yield
+    except SpacemapError as error:
+        error.section = section
+        raise
+
+
 def shown(value: object) -> str:
     """Return `value` as a user would write it, cut to a line.
 

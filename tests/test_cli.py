@@ -16,8 +16,12 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
+from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import _COMMANDS, main
-from spacemap_vtk.scenes.scene import SECTIONS
+from spacemap_vtk.errors import SizeError
+from spacemap_vtk.fabric.wif import read_wif
+from spacemap_vtk.scenes.export import write
+from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["--size", "160x120"]
@@ -644,15 +648,182 @@ def test_what_is_odd_about_a_draft_is_told_when_it_is_exported(
 ) -> None:
     file, again = tmp_path / "odd.wif", tmp_path / "again.wif"
     assert run("export", "twill_2_2", "-o", str(file), "-q") == 0
-    # no unit of the standard, and yarns as thick as their spacing: reader and loom have their say
-    text = file.read_text().replace("Units=Centimeters", "Units=mm")
-    file.write_text(text.replace("Thickness=0.0", "Thickness=0.1"))
+    file.write_text(file.read_text().replace("Units=Centimeters", "Units=mm"))  # not the standard's
     assert run("info", str(file), "--json") == 0
     told = json.loads(capsys.readouterr().out)["warnings"]
     assert any("Units=mm is not of the standard" in warning for warning in told)
-    assert any("thick" in warning for warning in told)
     assert run("export", str(file), "-o", str(again)) == 0
     said = capsys.readouterr().err.splitlines()
     assert said == [f"spacemap: warning: {warning}" for warning in told]
     assert run("export", str(file), "-o", str(again), "-q") == 0
     assert capsys.readouterr().err == ""
+
+
+_LOOM = """[WIF]
+Version=1.1
+[WEAVING]
+Shafts=2
+Treadles=2
+Rising Shed=true
+[COLOR PALETTE]
+Range=0,255
+[COLOR TABLE]
+1=255,0,0
+2=0,0,255
+[WARP]
+Threads=6
+Color=1
+Units=centimeters
+Spacing={spacing}
+Thickness={thickness}
+[WEFT]
+Threads=4
+Color=2
+Units=centimeters
+Spacing=0.1
+Thickness={weft}
+[THREADING]
+1=1
+2=2
+3=1
+4=2
+5=1
+6=1
+[TIEUP]
+1=1
+2=2
+[TREADLING]
+1=1
+2=2
+3=1
+4=2
+{more}"""
+#: Drafts of our own whose yarns have no room, and what is said of each.
+_NO_ROOM = {
+    # a slip of units: 90 cm thick, half a millimetre apart
+    "all too thick": ("0.05", "90", "0.05", "", "warp yarns overlap: they are 900 mm thick"),
+    "two too near": (
+        "0.01",
+        "0.1",
+        "0.05",
+        "[WARP THICKNESS]\n1=0.5\n2=0.05\n3=1\n4=50\n5=1\n6=0.01\n",
+        "neighbouring warp yarns 1 and 2 overlap",
+    ),
+    # no spacing: yarns side by side
+    "jammed": (
+        "0",
+        "5",
+        "0",
+        "[WARP THICKNESS]\n1=1\n2=0.01\n3=0.001\n4=0.001\n5=5\n6=0.5\n"
+        "[WEFT SPACING]\n1=0.01\n2=0.001\n3=1\n4=1\n",
+        "jammed at every warp_crimp_height",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", _NO_ROOM)
+def test_a_draft_without_room_for_its_yarns_is_a_draft(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    spacing, thickness, weft, more, why = _NO_ROOM[kind]
+    file, copy = tmp_path / "draft.wif", tmp_path / "copy.wif"
+    file.write_text(_LOOM.format(spacing=spacing, thickness=thickness, weft=weft, more=more))
+    assert why in refused(capsys, "render", str(file), "-o", str(tmp_path / "a.png"), *SMALL)
+
+    assert run("export", str(file), "-o", str(copy)) == 0
+    assert why not in capsys.readouterr().err
+    first, again = read_wif(file), read_wif(copy)
+    assert again.loom == first.loom
+    np.testing.assert_array_equal(again.draft.drawdown, first.draft.drawdown)
+    assert again.draft.warp_thickness == pytest.approx(first.draft.warp_thickness)
+    if first.warp_thicknesses is not None:
+        np.testing.assert_allclose(again.warp_thicknesses, first.warp_thicknesses, rtol=1e-12)
+
+    assert run("info", str(file), "--json", "-q") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["ends"], figures["picks"]) == (6, 4)
+    assert figures["drawdown"] == ["101011", "010100", "101011", "010100"]
+    assert figures["threading"] == [[1], [2], [1], [2], [1], [1]]
+    assert (figures["shafts"], figures["treadles"]) == (2, 2)
+    assert any("no room for its yarns" in text and why in text for text in figures["warnings"])
+    for family, color, longest in (("warp", "#ff0000", 1), ("weft", "#0000ff", 2)):
+        for name in ("theta_deg", "length", "crimp", "height"):
+            assert figures[family][name] is None
+        assert figures[family]["colors"] == [color]
+        assert figures[family]["longest_float"] == longest
+    assert run("info", str(file)) == 0
+    said = capsys.readouterr()
+    assert "–" in said.out
+    assert why in said.err
+
+    assert run("validate", str(file)) == 0
+    said = capsys.readouterr()
+    assert "valid" in said.out
+    assert why in said.err
+    # What a scene asks of it is another matter.
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[weave]\ndraft = "draft.wif"\n')
+    assert why in refused(capsys, "validate", str(scene), "-q")
+    changed = ["--set", "weave.weft_color=#102030"]
+    assert why in refused(capsys, "validate", str(file), "-q", *changed)
+
+
+def test_a_draft_too_large_to_be_drawn_is_told_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, copy = tmp_path / "large.wif", tmp_path / "copy.wif"
+    words = ["--set", "weave.ends=150", "--set", "weave.picks=150"]
+    assert run("export", "basket_2", "-o", str(file), "-q", *words) == 0
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100_000_000)
+    for picture in ("render", "animate"):
+        output = str(tmp_path / ("a.png" if picture == "render" else "a.gif"))
+        message = refused(capsys, picture, str(file), "-o", output, "-q")
+        assert "weave.ends = 150: a weave of 150 x 150 yarns would need about 0." in message
+    assert run("validate", str(file)) == 0
+    assert "too large to be drawn" in capsys.readouterr().err
+    assert run("export", str(file), "-o", str(copy)) == 0
+    np.testing.assert_array_equal(read_wif(copy).draft.drawdown, read_wif(file).draft.drawdown)
+    capsys.readouterr()
+    assert run("info", str(file), "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["ends"] == 150
+    assert figures["warp"]["theta_deg"] > 0
+    assert figures["least_clearance"] is None
+    assert "too large to be drawn" in " ".join(figures["warnings"])
+    assert "least clearance is not looked for" in " ".join(figures["warnings"])
+
+
+def test_info_counts_what_is_built_and_builds_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built = WeaveSource(pattern="twill 3/1", ends=40, picks=30, warp_section="racetrack")
+    built.update()
+    grid = built.GetOutputDataObject(0)
+    monkeypatch.setattr(WeaveSource, "run", None)
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        '[weave]\npattern = "twill 3/1"\nends = 40\npicks = 30\nwarp_section = "racetrack"\n'
+    )
+    assert run("info", str(scene), "--json") == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["patches"] == grid.GetNumberOfCells()
+    assert figures["control_points"] == grid.GetNumberOfPoints()
+    assert figures["memory_bytes"] == pytest.approx(1024 * grid.GetActualMemorySize(), rel=0.01)
+    error = grid.GetFieldData().GetArray("radial_error").GetValue(0)
+    assert figures["radial_error"] == pytest.approx(error)
+
+
+@pytest.mark.parametrize("ending", [".stl", ".ply"])
+def test_what_a_writer_needs_is_asked_for_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    assert run("export", "plain_weave", "-o", str(tmp_path / "a.vtp"), "-q") == 0
+    polygons = pv.read(tmp_path / "a.vtp").n_cells
+    scene = Scene.read("plain_weave")
+    scene.update()
+    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100 * polygons)
+    with pytest.raises(SizeError, match=f"a{ending}: to write {polygons} polygons would need"):
+        write(scene, "surface", tmp_path / f"a{ending}")
+    write(scene, "surface", tmp_path / "b.vtp")
+    assert not (tmp_path / f"a{ending}").exists()

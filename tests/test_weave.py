@@ -24,6 +24,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+from weaves import woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import arcs, axes, axis, cloth, draft, figures, section, weave
@@ -414,6 +415,36 @@ def test_memory_is_estimated_from_above(kind: str) -> None:
     if kind != "steep":  # whose weft is straight
         assert estimate < 1.3 * peak
     assert weave.estimate_bytes(60, 40) >= estimate
+
+
+@settings(max_examples=60, deadline=None)
+@given(woven())
+def test_counts_are_those_of_what_is_built(cloth_of: tuple[np.ndarray, Cloth]) -> None:
+    over, cloth = cloth_of
+    made = build(over, cloth)
+    built = len(made.points), len(made.patches)
+    counts, error = weave.count(over, cloth)
+    assert counts[:2] == built
+    assert error <= made.radial_error * (1 + 1e-12)
+    above = weave.estimate_counts(over.shape[1], over.shape[0], cloth=cloth, drawdown=over)
+    assert above.points >= built[0]
+    assert above.patches >= built[1]
+    assert above.bytes(cloth.exact) <= weave.estimate_bytes(*over.shape[::-1], cloth=cloth)
+
+
+@pytest.mark.parametrize("pattern", ["plain", "twill", "satin"])
+@pytest.mark.parametrize("change", [{}, {"axis": "spline"}, {"exact": True}, {"caps": True}])
+def test_counts_of_like_yarns_are_estimated_exactly(pattern: str, change: dict) -> None:
+    over = {
+        "plain": draft.plain(31, 17),
+        "twill": draft.tile(draft.twill(3, 1), 31, 17),
+        "satin": draft.tile(draft.satin(8, 3), 31, 17),
+    }[pattern]
+    for measures in (SQUARE, UNEQUAL, STEEP):
+        changed = replace(measures, **change)
+        made = build(over, changed)
+        found = weave.estimate_counts(31, 17, cloth=changed, drawdown=over)
+        assert found[:2] == (len(made.points), len(made.patches))
 
 
 def test_figures_of_plain_weave() -> None:

@@ -206,6 +206,9 @@ def test_long_work_can_be_cancelled_and_the_window_lives(open_window: Any) -> No
     assert max(np.diff([begun, *ticks])) < 2.0  # never frozen
     QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.engine.busy)
+    wait_until(lambda: "picture is older" in window.errors.text)
+    window.errors.hide()  # which gives the view its height again
+    wait_until(lambda: window.view.image().shape == image.shape)
     # The last good picture stays; some of its pixels are those of a coarser surface.
     assert np.abs(window.view.image().astype(int) - image).mean() < 4
     window.document.undo.undo()

@@ -179,3 +179,19 @@ def test_a_drag_ends_with_its_slider(open_window: Any) -> None:
     assert not window.director.held
     window.document.set("weave", "warp_diameter", "0.24 mm")
     wait_until(lambda: settled(window))
+
+
+def test_a_surface_that_could_not_be_drawn_is_refused_and_the_last_stays(
+    open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_window()
+    told: list[str] = []
+    window.director.failed.connect(lambda *words: told.append(" ".join(map(str, words))))
+    shown = window.view.frame.surface.GetNumberOfCells()
+    # Enough for the surface itself, and not for what draws it.
+    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 150 * 4 * shown)
+    window.document.set("surface", "subdivisions", 2 * window.document.scene.surface.subdivisions)
+    wait_until(lambda: told and not window.engine.busy)
+    assert f"to draw {4 * shown} polygons would need" in told[-1]
+    assert window.view.frame.surface.GetNumberOfCells() <= shown

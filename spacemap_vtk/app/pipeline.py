@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.frame import Frame, copied
@@ -20,7 +20,9 @@ from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.coloring import add_measure
+from spacemap_vtk.scenes.footprint import drawing_bytes
 from spacemap_vtk.scenes.load_arrows import load_arrows
 from spacemap_vtk.scenes.scene import Scene
 
@@ -53,6 +55,8 @@ class Pipeline:
         self._settings: dict[str, dict[str, Any]] = {}
         # Place of the first stage that is yet to be brought up to date, whatever the time.
         self._first = 0
+        #: What the last surface takes to be drawn [bytes].
+        self._drawn = 0
         self._coarse = PatchTessellator()
         self._swing = vtkTrivialProducer()
         self._swing_warp = BarycentricWarp()
@@ -112,6 +116,7 @@ class Pipeline:
         else:
             self._update(scene, surface, job.time)
         drawn, color = copied(surface.GetOutputDataObject(0)), scene.view.color
+        self._require_drawn(drawn)
         add_measure(drawn, color)
         arrows = None
         if cage is not None and swing is None and scene.mover is scene.response:
@@ -203,6 +208,17 @@ class Pipeline:
         if self.stopped:
             raise Cancelled("the run was stopped")
         scene.update_stage(stage, at)
+
+    def _require_drawn(self, surface: vtkPolyData) -> None:
+        """Refuse a surface that could not be drawn; what is drawn already takes no more."""
+        size = drawing_bytes(surface.GetNumberOfCells(), surface.GetNumberOfPoints())
+        if size > self._drawn:
+            require(
+                size - self._drawn,
+                f"to draw {surface.GetNumberOfCells()} polygons",
+                cure="Lower surface.subdivisions, or use fewer ends and picks.",
+            )
+        self._drawn = size
 
     def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""

@@ -14,6 +14,9 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library, thumbnails
 from spacemap_vtk.units import format_quantity
 
+#: In place of a figure that cannot be had; a warning says why.
+_UNKNOWN = "–"
+
 
 def info(
     scene: str,
@@ -30,8 +33,9 @@ def info(
     """Print the figures of a fabric, or of an object.
 
     Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
-    the least clearance between the yarns of the deformed fabric. Of an object: its cells, points,
-    extents, arrays and the faults of its surface; of its cage, the pieces and what lies outside.
+    the least clearance between the yarns of the deformed fabric. Where there is no room for the
+    yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
+    arrays and the faults of its surface; of its cage, the pieces and what lies outside.
 
     Parameters
     ----------
@@ -75,30 +79,29 @@ def info(
         ("yarn length in all", "yarn_length", "m"),
     ):
         table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
+    table.add_row("colours", *(str(len(family["colors"])) for family in (warp, weft)))
     console = Console()
     console.print(table)
     cloth = Table.grid(padding=(0, 2))
     least = figures["least_clearance"]
     for label, value in (
         ("thickness", _cell(figures["thickness"], "m")),
-        ("cover", f"{figures['cover']:.1%}"),
-        ("fibre volume fraction", f"{figures['fibre_volume_fraction']:.1%}"),
-        ("areal mass", f"{1e3 * figures['areal_mass']:.4g} g/m²"),
+        ("cover", _told("{:.1%}", figures["cover"])),
+        ("fibre volume fraction", _told("{:.1%}", figures["fibre_volume_fraction"])),
+        ("areal mass", _told("{:.4g} g/m²", figures["areal_mass"], 1e3)),
         ("smallest repeat", "{} x {}".format(*figures["repeat"])),
-        ("h1 feasible", _interval(*figures["feasible_height"])),
-        (
-            "least clearance",
-            _clearance(least, figures["ends"]) if least else "not looked for: too large",
-        ),
+        ("shafts, treadles", "{shafts}, {treadles}".format(**figures)),
+        ("h1 feasible", _interval(figures["feasible_height"])),
+        ("least clearance", _clearance(least, figures["ends"]) if least else _UNKNOWN),
         *(
             [("... when deformed", _clearance(figures["deformed_clearance"], figures["ends"]))]
             if "deformed_clearance" in figures
             else []
         ),
-        ("surface off true tubes", f"{figures['radial_error']:.2g} of the radius"),
-        ("patches", f"{figures['patches']}"),
-        ("control points", f"{figures['control_points']}"),
-        ("memory", f"{figures['memory_bytes'] / 2**20:.3g} MiB"),
+        ("surface off true tubes", _told("{:.2g} of the radius", figures["radial_error"])),
+        ("patches", _cell(figures["patches"], None)),
+        ("control points", _cell(figures["control_points"], None)),
+        ("memory", _told("{:.3g} MiB", figures["memory_bytes"], 2**-20)),
     ):
         cloth.add_row(label, value)
     console.print(cloth)
@@ -108,7 +111,8 @@ def info(
 def validate(scene: str, /, *, set_: Set = (), quiet: Quiet = False) -> None:
     """Check a scene without drawing it.
 
-    Every value, the draft, the cage's material, and that the fabric is feasible.
+    Every value, the draft, the cage's material, and that the fabric is feasible; a draft by itself
+    is valid, with a warning, where its yarns have no room.
 
     Parameters
     ----------
@@ -256,8 +260,12 @@ def _toml(parameter: Any) -> str:
     return text
 
 
-def _interval(low: float, high: float) -> str:
-    return f"{_cell(low, 'm')} to {_cell(high, 'm')}"
+def _interval(ends: list[float] | None) -> str:
+    return _UNKNOWN if ends is None else " to ".join(_cell(end, "m") for end in ends)
+
+
+def _told(text: str, value: float | None, factor: float = 1.0) -> str:
+    return _UNKNOWN if value is None else text.format(factor * value)
 
 
 def _clearance(found: dict[str, Any], ends: int) -> str:
@@ -268,7 +276,9 @@ def _clearance(found: dict[str, Any], ends: int) -> str:
     return f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
 
 
-def _cell(value: float, unit: str | None) -> str:
+def _cell(value: float | None, unit: str | None) -> str:
+    if value is None:
+        return _UNKNOWN
     if unit is None:
         return str(value)
     if unit == "%":

@@ -32,7 +32,7 @@ from spacemap_vtk.fabric.peirce import solve
 LONGEST_ARC = pi / 3
 #: Below this angle (rad) an arc is left out. Its patches would be slivers, and the straight cubic
 #: that takes their place is off by less than this times the height.
-_FLAT = 1e-7
+FLAT = 1e-7
 
 
 def arc_axes(
@@ -124,7 +124,7 @@ def lay(
     """
     rise = np.diff(height, axis=1)
     crimp = solve(spacing, np.abs(rise), arc[:, :-1] + arc[:, 1:])
-    flat = crimp.theta < _FLAT
+    flat = crimp.theta < FLAT
     # one rounding above 60 degrees is 60 degrees: jammed square cloth
     longest = 2.0 * LONGEST_ARC if exact else LONGEST_ARC
     pieces = np.where(flat, 0, np.ceil(crimp.theta / longest - 1e-9).astype(np.int64))

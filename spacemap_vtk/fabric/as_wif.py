@@ -8,27 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import tiled
-from spacemap_vtk.fabric.settle import FAMILIES, Fabric
+from spacemap_vtk.fabric.settle import FAMILIES, Dressed, settled_measures
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
 
 
-def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str = "") -> WifDraft:
+def as_wif(fabric: Dressed, source: Draft | WifDraft, wishes: Wishes, title: str = "") -> WifDraft:
     """Return the draft of a fabric.
 
     What came from a draft and was not changed by a wish is handed on as it was, the thickness of
-    yarns that had to be thinned among it.
+    yarns that would have to be thinned among it: nothing here needs room for the yarns.
 
     Parameters
     ----------
-    fabric : Fabric
-        As woven.
+    fabric : Dressed
+        Drawdown and colours.
     source : Draft or WifDraft
-        What it was settled from.
+        What it was made from.
     wishes : Wishes
         By which.
     title : str
@@ -38,7 +37,7 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
     -------
     WifDraft
         Drawdown, loom, colours, spacing and thickness of each thread; the thickness is the width,
-        which is what weaving programs draw. Its warnings are the fabric's.
+        which is what weaving programs draw. Its warnings are the source's.
 
     Raises
     ------
@@ -58,7 +57,7 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
             value = getattr(own, f"{family}_{name}")
             threads = getattr(source, f"{family}_{several}", None)
             if wished or (value is None and not from_wif):
-                threads = _MADE[name](fabric.cloth, family, count)
+                threads = _MADE[name](settled_measures(source, wishes)[0], family, count)
                 value = float(threads.mean())
             if threads is not None:
                 threads = np.resize(threads, count)
@@ -73,7 +72,7 @@ def as_wif(fabric: Fabric, source: Draft | WifDraft, wishes: Wishes, title: str 
             **colors,
             **lengths,
             title=own.title or title,
-            warnings=tuple(fabric.warnings),
+            warnings=own.warnings,
         ),
         loom_of(source, fabric.drawdown),
         **each,
@@ -102,16 +101,17 @@ def loom_of(source: Draft | WifDraft, drawdown: NDArray[np.bool_]) -> Loom:
     return Loom.from_drawdown(drawdown)
 
 
-def _widths(cloth: Cloth, family: str, count: int) -> NDArray[np.float64]:
-    diameter = np.asarray(getattr(cloth, f"{family}_diameter"))
-    return np.resize(getattr(cloth, f"{family}_aspect") * diameter, count)
+def _widths(measures: dict[str, Any], family: str, count: int) -> NDArray[np.float64]:
+    diameter = np.asarray(measures[f"{family}_diameter"])
+    return np.resize(measures[f"{family}_aspect"] * diameter, count)
 
 
-def _spaces(cloth: Cloth, family: str, count: int) -> NDArray[np.float64]:
+def _spaces(measures: dict[str, Any], family: str, count: int) -> NDArray[np.float64]:
     """Return the space of each thread, in whose middle it stands."""
-    gaps = np.asarray(getattr(cloth, f"{family}_spacing"))
+    gaps = np.asarray(measures[f"{family}_spacing"])
     if gaps.ndim == 0 or gaps.size == 0:
-        return np.full(count, float(gaps) if gaps.ndim == 0 else cloth.diameter_sum)
+        around = sum(float(np.mean(measures[f"{of}_diameter"])) for of in FAMILIES)
+        return np.full(count, float(gaps) if gaps.ndim == 0 else around)
     # s[i] + s[i + 1] = 2 gap[i]: all follow from the first, with alternating signs
     sign = (-1.0) ** np.arange(count)
     rest = np.zeros(count)

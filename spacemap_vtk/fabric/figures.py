@@ -14,6 +14,9 @@ from spacemap_vtk.fabric.cloth import Cloth, Yarns
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.spline import spline_axes
 
+#: Crossings that are looked at in one go: some ten megabytes.
+_CROSSINGS = 20_000
+
 
 def fabric_figures(
     drawdown: ArrayLike, cloth: Cloth, density: float | None = None
@@ -99,10 +102,15 @@ def _excess_lengths(over: NDArray[np.bool_], cloth: Cloth) -> list[NDArray[np.fl
             straight = path.along[path.last] - path.along[0]
             result.append(path.length.reshape(len(side), -1).sum(axis=1) - straight)
             continue
-        arc, height = crossing_heights(side, own, crossed, share)
         room = crossed.spacing - 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
-        rise = np.abs(np.diff(height, axis=1))
-        result.append((solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp * room).sum(axis=1))
+        excess, step = np.empty(len(side)), max(1, _CROSSINGS // side.shape[1])
+        for first in range(0, len(side), step):
+            some = slice(first, first + step)
+            arc, height = crossing_heights(side[some], own.chosen(some), crossed, share)
+            rise = np.abs(np.diff(height, axis=1))
+            crimp = solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp
+            excess[some] = (crimp * room).sum(axis=1)
+        result.append(excess)
     return result
 
 

@@ -34,29 +34,41 @@ FAMILIES = ("warp", "weft")
 
 
 @dataclass(frozen=True, eq=False)
-class Fabric:
-    """A weave with its measures and colours, feasible and ready to be built.
+class Dressed:
+    """A weave with its colours, whether or not there is room for its yarns.
 
     Parameters
     ----------
     drawdown : ndarray of bool, shape (picks, ends)
         True where the end lies over the pick.
-    cloth : Cloth
-        Diameters, spacings, sections, crimp height and overhang.
     warp_colors : ndarray of uint8, shape (ends, 3)
         Red, green and blue of each end.
     weft_colors : ndarray of uint8, shape (picks, 3)
         Red, green and blue of each pick.
+    """
+
+    drawdown: NDArray[np.bool_]
+    warp_colors: NDArray[np.uint8]
+    weft_colors: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Fabric(Dressed):
+    """A weave with its measures and colours, feasible and ready to be built.
+
+    Parameters
+    ----------
+    drawdown, warp_colors, weft_colors : ndarray
+        As for `Dressed`.
+    cloth : Cloth
+        Diameters, spacings, sections, crimp height and overhang.
     yarn_density : float
         Mass of a volume of yarn, the air between its fibres included, in kg/m3.
     warnings : tuple of str
         What was assumed or changed.
     """
 
-    drawdown: NDArray[np.bool_]
     cloth: Cloth
-    warp_colors: NDArray[np.uint8]
-    weft_colors: NDArray[np.uint8]
     yarn_density: float
     warnings: tuple[str, ...] = ()
 
@@ -84,8 +96,6 @@ def settle(source: Draft | WifDraft, wishes: Wishes) -> Fabric:
         If a wish does not fit another.
     """
     wif = _with_threads(source)
-    own_picks, own_ends = wif.draft.drawdown.shape
-    ends, picks = wishes.ends or own_ends, wishes.picks or own_picks
     measures, warnings = settled_measures(wif, wishes)
     try:
         cloth = _cloth(measures, wishes)
@@ -93,14 +103,37 @@ def settle(source: Draft | WifDraft, wishes: Wishes) -> Fabric:
         if wishes.thick_yarns == "refuse" and any(_thickness(wif, f, 1) for f in FAMILIES):
             error.cure = f'Let thick_yarns "scale" or "flatten" the draft\'s yarns. {error.cure}'
         raise
-    rows, columns = np.arange(picks) % own_picks, np.arange(ends) % own_ends
     return Fabric(
-        wif.draft.drawdown[np.ix_(rows, columns)],
-        cloth,
-        colors_of("warp", ends, wif.draft.warp_colors, wishes),
-        colors_of("weft", picks, wif.draft.weft_colors, wishes),
-        wishes.packing * wishes.fibre_density,
-        (*wif.draft.warnings, *warnings),
+        **vars(dressed(wif, wishes)),
+        cloth=cloth,
+        yarn_density=wishes.packing * wishes.fibre_density,
+        warnings=(*wif.draft.warnings, *warnings),
+    )
+
+
+def dressed(source: Draft | WifDraft, wishes: Wishes) -> Dressed:
+    """Settle size and colours of a fabric, which need no room for the yarns.
+
+    Parameters
+    ----------
+    source : Draft or WifDraft
+        As for `settle`.
+    wishes : Wishes
+        As for `settle`.
+
+    Returns
+    -------
+    Dressed
+        The draft repeated or cut to the size wished for.
+    """
+    draft = _with_threads(source).draft
+    own_picks, own_ends = draft.drawdown.shape
+    ends, picks = wishes.ends or own_ends, wishes.picks or own_picks
+    rows, columns = np.arange(picks) % own_picks, np.arange(ends) % own_ends
+    return Dressed(
+        draft.drawdown[np.ix_(rows, columns)],
+        colors_of("warp", ends, draft.warp_colors, wishes),
+        colors_of("weft", picks, draft.weft_colors, wishes),
     )
 
 

@@ -23,13 +23,15 @@ Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (19
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.fabric.arcs import LONGEST_ARC
+from spacemap_vtk.fabric.arcs import FLAT, LONGEST_ARC
 from spacemap_vtk.fabric.axes import ALL, Share, axes, axis_points
 from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.cloth import Cloth
@@ -42,11 +44,14 @@ __all__ = [
     "LONGEST_ARC",
     "RING",
     "Cloth",
+    "Counts",
     "Tubes",
     "Weave",
     "axis_points",
     "build",
+    "count",
     "estimate_bytes",
+    "estimate_counts",
     "fabric_figures",
 ]
 
@@ -54,6 +59,8 @@ __all__ = [
 RING = 12
 #: Working memory of `build`, per part and per gap of all yarns, measured and rounded up.
 _PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
+#: Crossings whose parts are counted in one go: some ten megabytes.
+_CROSSINGS = 20_000
 
 
 class Tubes(NamedTuple):
@@ -205,14 +212,44 @@ def build(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> Weave:
         (plans[0].tubes, plans[1].tubes),
         warp=cloth.families[0].crimp,
         weft=cloth.families[1].crimp,
-        radial_error=max(_radial_error(plan, cloth.exact) for plan in plans),
+        radial_error=max(_radial_error(p.path, p.shape.error, cloth.exact) for p in plans),
     )
 
 
-def estimate_bytes(
-    ends: int, picks: int, parts_per_gap: int = 5, *, cloth: Cloth | None = None
-) -> int:
-    """Return an upper bound of the memory that `build` needs, before any is taken.
+class Counts(NamedTuple):
+    """How large the patches of a cloth are."""
+
+    points: int
+    """Control points."""
+    patches: int
+    parts: int
+    """Of the axes of all yarns."""
+
+    def bytes(self, exact: bool = False) -> int:
+        """Return what the patches take once they are built, as `filters.WeaveSource` holds them.
+
+        Parameters
+        ----------
+        exact : bool
+            Whether there are rational weights.
+
+        Returns
+        -------
+        int
+            Of points, connectivity with offsets, yarn, family and colour.
+        """
+        return self.points * (4 if exact else 3) * 8 + self.patches * (16 * 8 + 8 + 4 + 4 + 3)
+
+
+def estimate_counts(
+    ends: int,
+    picks: int,
+    parts_per_gap: int = 5,
+    *,
+    cloth: Cloth | None = None,
+    drawdown: ArrayLike | None = None,
+) -> Counts:
+    """Return upper bounds of the numbers of control points, patches and parts of a cloth.
 
     Parameters
     ----------
@@ -223,6 +260,132 @@ def estimate_bytes(
         than 60 degrees are split), 3 for other cloth, 1 in a float.
     cloth : Cloth, optional
         Tells the parts, the sections and the rest; without it yarns are round, and closed.
+    drawdown : (picks, ends) array_like of bool, optional
+        Tells where yarns float; without it they change side between all crossings.
+
+    Returns
+    -------
+    Counts
+        What `build` makes, where all yarns of a family are alike and the drawdown is given, and
+        but for parts of no length, which it leaves out.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> made = build([[1, 0], [0, 1]], cloth)
+    >>> estimate_counts(2, 2, cloth=cloth, drawdown=[[1, 0], [0, 1]])[:2]
+    (848, 96)
+    >>> len(made.points), len(made.patches)
+    (848, 96)
+    """
+    over = None if drawdown is None else np.asarray(drawdown, dtype=bool)
+    parts = []
+    for number, (yarns, crossings) in enumerate(((ends, picks), (picks, ends))):
+        if cloth is None:
+            parts.append(yarns * (parts_per_gap * (crossings - 1) + 4))
+        elif cloth.axis == "spline":
+            parts.append(yarns * cloth.parts_per_gap * (crossings + 1))
+        else:
+            flat = (cloth.weft_aspect, cloth.warp_aspect)[number] > 1.0
+            changes = yarns * (crossings - 1)
+            # Over yarns of unequal diameters a float bends, too.
+            if over is not None and not np.ndim((cloth.weft_diameter, cloth.warp_diameter)[number]):
+                changes = int(np.count_nonzero(np.diff(over, axis=number)))
+            parts.append(
+                yarns * (crossings + 1 + flat * crossings) + 2 * _arcs(cloth, number) * changes
+            )
+    return _counts((ends, picks), parts, cloth)
+
+
+def count(drawdown: ArrayLike, cloth: Cloth) -> tuple[Counts, float]:
+    """Return what `build` makes of a cloth, some yarns at a time and without their patches.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like of bool
+        As for `build`.
+    cloth : Cloth
+        As for `build`.
+
+    Returns
+    -------
+    counts : Counts
+        Of all yarns.
+    radial_error : float
+        As in `Weave`: the largest of the yarns'.
+
+    Raises
+    ------
+    InputError
+        As for `build`.
+
+    Examples
+    --------
+    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
+    >>> count([[1, 0], [0, 1]], cloth)[0]
+    Counts(points=848, patches=96, parts=20)
+    """
+    over = np.asarray(drawdown, dtype=bool)
+    sizes = over.shape[1], over.shape[0]
+    none, parts, worst = slice(0, 0), [0, 0], 0.0
+    for number, (family, yarns) in enumerate(zip(("warp", "weft"), sizes, strict=True)):
+        own = cloth.yarns(family, yarns)
+        error = section(own.section, own.aspect, cloth.exact).error
+        step = max(1, _CROSSINGS // sizes[1 - number])
+        for first in range(0, yarns, step):
+            some = slice(first, first + step)
+            path = axes(over, cloth, Share(none, some) if number else Share(some, none))[number]
+            parts[number] += len(path.length)
+            worst = max(worst, _radial_error(path, error, cloth.exact))
+    return _counts(sizes, parts, cloth), worst
+
+
+def _counts(yarns: Sequence[int], parts: Sequence[int], cloth: Cloth | None) -> Counts:
+    """Return the numbers for so many yarns and parts of both families."""
+    points = patches = 0
+    for number, family in enumerate(("warp", "weft")):
+        kind, aspect = "circular", 1.0
+        if cloth is not None:
+            kind, aspect = getattr(cloth, f"{family}_section"), getattr(cloth, f"{family}_aspect")
+        ring = 18 if kind == "racetrack" and aspect > 1.0 else RING
+        points += (3 * parts[number] + yarns[number]) * ring
+        patches += parts[number] * (ring // 3)
+        if cloth is None or cloth.caps:
+            closing = cap(ring)
+            points += 2 * yarns[number] * closing.new_points
+            patches += 2 * yarns[number] * len(closing.table)
+    return Counts(points, patches, sum(parts))
+
+
+def _arcs(cloth: Cloth, number: int) -> int:
+    """Return into how many cubics an arc of a family is cut."""
+    measures = (
+        cloth.warp_diameter,
+        cloth.weft_diameter,
+        (cloth.weft_spacing, cloth.warp_spacing)[number],
+    )
+    if any(np.ndim(values) for values in measures):
+        return 1 if cloth.exact or max(cloth.share, 1.0 - cloth.share) <= 0.5 + 1e-9 else 2
+    theta = float(cloth.families[number].crimp.theta)
+    if theta < FLAT:
+        return 0
+    return ceil(theta / (2.0 * LONGEST_ARC if cloth.exact else LONGEST_ARC) - 1e-9)
+
+
+def estimate_bytes(
+    ends: int,
+    picks: int,
+    parts_per_gap: int = 5,
+    *,
+    cloth: Cloth | None = None,
+    drawdown: ArrayLike | None = None,
+) -> int:
+    """Return an upper bound of the memory that `build` needs, before any is taken.
+
+    Parameters
+    ----------
+    ends, picks, parts_per_gap, cloth, drawdown : object
+        As for `estimate_counts`.
 
     Returns
     -------
@@ -234,23 +397,13 @@ def estimate_bytes(
     >>> estimate_bytes(1000, 1000, parts_per_gap=3) < 12e9
     True
     """
-    rings, exact, past, work = (RING, RING), False, 4, _PART_BYTES
-    if cloth is not None:
-        parts_per_gap, exact = cloth.parts_per_gap, cloth.exact
-        if cloth.axis == "spline":
-            past, work = 2 * parts_per_gap, _SPLINE_PART_BYTES
-        rings = (
-            18 if cloth.warp_section == "racetrack" else RING,
-            18 if cloth.weft_section == "racetrack" else RING,
-        )
-    result = _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
-    for yarns, crossings, ring in ((ends, picks, rings[0]), (picks, ends, rings[1])):
-        parts = yarns * (parts_per_gap * (crossings - 1) + past)
-        points = (3 * parts + yarns) * ring + 2 * yarns * ring
-        result += points * (4 if exact else 3) * 8
-        result += (parts * ring // 3 + 2 * yarns * ring // 6) * (16 * 8 + 4 + 1)
-        result += work * parts
-    return result
+    counts = estimate_counts(ends, picks, parts_per_gap, cloth=cloth, drawdown=drawdown)
+    spline = cloth is not None and cloth.axis == "spline"
+    return (
+        counts.bytes(cloth is not None and cloth.exact)
+        + (_SPLINE_PART_BYTES if spline else _PART_BYTES) * counts.parts
+        + _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
+    )
 
 
 class _Plan(NamedTuple):
@@ -359,8 +512,8 @@ def _fill_caps(
     np.add(index, base, out=patches.reshape(index.shape))
 
 
-def _radial_error(plan: _Plan, exact: bool) -> float:
-    path, error = plan.path, plan.shape.error
+def _radial_error(path: Axes, error: float, exact: bool) -> float:
+    """Return the largest error of tubes along these axes, whose sections have that error."""
     if not len(path.parts):
         return 0.0
     if path.cubic:

@@ -35,6 +35,7 @@ from spacemap_vtk.filters.arrays import (
 )
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.filters.kept import Geometry
+from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
 
@@ -146,13 +147,19 @@ class BarycentricWarp(Stage):
                 elements = mended(vertices, pieces)[0].astype(np.int64)
             # Quadratic ones are straight-sided: their corners alone say where a point lies.
             corners = elements[:, :4]
+            count = points.GetNumberOfPoints()
+            require(
+                estimate_bytes(count, elements.shape[1], self.smooth),
+                f"to carry {count} points along",
+                cure="Use fewer ends and picks, or a coarser object.",
+            )
             where = locate(
                 points_of(points).astype(np.float64, copy=False), vertices, corners, self.outside
             )
             note = ""
             if where.outside:
                 note = (
-                    f"{where.outside} of {points.GetNumberOfPoints()} points lie outside the cage, "
+                    f"{where.outside} of {count} points lie outside the cage, "
                     f"by up to {format_quantity(where.largest_distance, 'm')}; "
                     + {"extrapolate": "they are extrapolated", "clamp": "they are clamped"}[
                         self.outside
@@ -181,6 +188,31 @@ class BarycentricWarp(Stage):
         if kept.note:
             self.warn(kept.note)
         return kept
+
+
+def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: int = 0) -> int:
+    """Return the memory that points take that ride along.
+
+    Parameters
+    ----------
+    points : int
+        How many.
+    nodes : int, optional
+        Of each tetrahedron: 4 or 10.
+    smooth : bool, optional
+        Whether by the spline.
+    columns : int, optional
+        Components of the cage's arrays that ride along.
+
+    Returns
+    -------
+    int
+        Bytes.
+    """
+    # Tetrahedron, whether outside, place and displacement; weights of the corners, and those of
+    # all nodes, or of values and gradients at the corners; arrays in both precisions.
+    more = 16 if smooth else nodes if nodes > 4 else 0
+    return points * (4 + 1 + 24 + 24 + 8 * (4 + more) + 12 * columns)
 
 
 @dataclass

@@ -117,6 +117,29 @@ class PatchTessellator(Stage):
         return self._kept
 
 
+def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
+    """Return the memory that the surface of some patches takes.
+
+    Parameters
+    ----------
+    patches : int
+        How many.
+    subdivisions : int
+        Of each, along both sides.
+    columns : int, optional
+        Components of the point arrays that are carried over.
+
+    Returns
+    -------
+    int
+        Bytes.
+    """
+    samples, polygons = patches * (subdivisions + 1) ** 2, patches * subdivisions**2
+    # Positions, normals and what is carried over in float32; four point numbers, an offset, yarn,
+    # family and colour of each polygon; where the control points of each patch are.
+    return samples * 4 * (6 + columns) + polygons * (5 * 8 + 11) + patches * 16 * 2
+
+
 class _Prepared:
     """What depends on connectivity and subdivisions alone."""
 
@@ -128,10 +151,9 @@ class _Prepared:
                 f"Bézier quadrilaterals of {patches.shape[1]} points have no equal degrees",
                 allowed="as many control points along both parameters",
             )
-        # Positions and normals in float32, four vertex numbers and an offset for each polygon.
-        samples, polygons = len(patches) * (subdivisions + 1) ** 2, len(patches) * subdivisions**2
+        columns = sum(a.GetNumberOfComponents() for a in _numeric_arrays(grid.GetPointData()))
         require(
-            samples * 2 * 12 + polygons * 5 * 8,
+            estimate_bytes(len(patches), subdivisions, columns),
             "this surface",
             key="subdivisions",
             value=subdivisions,

@@ -16,7 +16,14 @@ from spacemap_vtk.fabric.cloth import AXES, SECTIONS
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.draft_file import read_draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
-from spacemap_vtk.fabric.settle import COLORS, Fabric, asked_crimp, settle, settled_measures
+from spacemap_vtk.fabric.settle import (
+    COLORS,
+    Fabric,
+    asked_crimp,
+    dressed,
+    settle,
+    settled_measures,
+)
 from spacemap_vtk.fabric.share import share_of, whole_bounds
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
@@ -29,6 +36,8 @@ from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
+#: Of a drawdown, while it is repeated.
+_CROSSING_BYTES = 4
 
 
 class WeaveSource(Stage):
@@ -224,20 +233,33 @@ class WeaveSource(Stage):
         InputError
             If the draft cannot be read.
         SizeError
-            If the patches would not fit into memory.
+            If not even the crossings would fit into memory; `counts` looks after the patches.
         """
         # asked for at every frame, by whoever draws it
         stamp = self.draft.stat().st_mtime_ns if self.draft and self.draft.is_file() else 0
         key = (*self.settings.values(), stamp, self.piece.of)
         if self._settled is None or self._settled[0] != key:
             source, wishes = self.source, self.wishes
-            picks, ends = (source if isinstance(source, Draft) else source.draft).drawdown.shape
-            ends, picks = wishes.ends or ends, wishes.picks or picks
-            self._require(ends, picks, weave.estimate_bytes(ends, picks, parts_per_gap=1))
-            fabric = settle(source, wishes)
-            self._require(ends, picks, weave.estimate_bytes(ends, picks, cloth=fabric.cloth))
-            self._settled = key, fabric
+            self._require(*self._size(source, wishes))
+            self._settled = key, settle(source, wishes)
         return self._settled[1]
+
+    @property
+    def counts(self) -> weave.Counts:
+        """How many control points and patches there will be, at most; builds nothing.
+
+        Raises
+        ------
+        SpacemapError
+            As for `fabric`.
+        SizeError
+            If the patches would not fit into memory.
+        """
+        fabric = self.fabric
+        picks, ends = fabric.drawdown.shape
+        known: dict[str, Any] = {"cloth": fabric.cloth, "drawdown": fabric.drawdown}
+        self._require(ends, picks, weave.estimate_bytes(ends, picks, **known))
+        return weave.estimate_counts(ends, picks, **known)
 
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
@@ -262,16 +284,20 @@ class WeaveSource(Stage):
     def wif(self) -> WifDraft:
         """The draft of the fabric: the file's own, as far as no parameter changes it.
 
+        It is a draft of yarns that have no room to be woven, too.
+
         Raises
         ------
-        SpacemapError
-            As for `fabric`.
         InputError
-            If a WIF cannot hold the distances between the yarns.
+            If the draft cannot be read, or a WIF cannot hold the distances between the yarns.
+        SizeError
+            If the crossings would not fit into memory.
         """
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
-        return as_wif(self.fabric, self.source, self.wishes, title)
+        source, wishes = self.source, self.wishes
+        self._require(*self._size(source, wishes))
+        return as_wif(dressed(source, wishes), source, wishes, title)
 
     @property
     def wishes(self) -> Wishes:
@@ -316,6 +342,7 @@ class WeaveSource(Stage):
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
+        _ = self.counts
         fabric = self.fabric
         for text in fabric.warnings:
             self.warn(text)
@@ -346,11 +373,17 @@ class WeaveSource(Stage):
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(fabric.drawdown, fabric.cloth))
 
-    def _require(self, ends: int, picks: int, size: int) -> None:
+    @staticmethod
+    def _size(source: WifDraft | Draft, wishes: Wishes) -> tuple[int, int]:
+        """Return ends and picks of the cloth."""
+        picks, ends = (source if isinstance(source, Draft) else source.draft).drawdown.shape
+        return wishes.ends or ends, wishes.picks or picks
+
+    def _require(self, ends: int, picks: int, size: int | None = None) -> None:
         # A piece has its share, and at most a yarn more.
-        pieces = min(self.piece.of, ends + picks)
+        pieces = 1 if size is None else min(self.piece.of, ends + picks)
         require(
-            size // pieces,
+            _CROSSING_BYTES * ends * picks if size is None else size // pieces,
             f"a weave of {ends} x {picks} yarns"
             + (f", each of its {pieces} pieces," if pieces > 1 else ""),
             key="ends",

@@ -9,6 +9,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkPolyDataNormals, vtkTr
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.polygon_files import ply, stl
 from spacemap_vtk.scenes.scene import Scene
 
@@ -20,6 +21,8 @@ FORMATS: dict[str, tuple[str, ...]] = {
     ".ply": ("surface",),
     ".wif": ("draft",),
 }
+#: What the writers of these take beside the surface, of each of its polygons [bytes].
+_WORK = {".stl": 300, ".ply": 125}
 
 
 def content(scene: Scene, what: str, ending: str) -> list[Any]:
@@ -43,6 +46,8 @@ def content(scene: Scene, what: str, ending: str) -> list[Any]:
     ------
     InputError
         If the scene has no cage, and the cage is wanted.
+    SizeError
+        If the work would not fit into memory.
     SpacemapError
         If VTK does not make it.
     """
@@ -53,6 +58,12 @@ def content(scene: Scene, what: str, ending: str) -> list[Any]:
         "cage": lambda: scene.deformed_cage,
         "surface": lambda: scene.polygons,
     }[what]()
+    polygons = data.GetNumberOfCells()
+    require(
+        _WORK.get(ending, 0) * polygons,
+        f"to write {polygons} polygons as {ending}",
+        cure="Lower surface.subdivisions, or write a .vtp, which needs no work.",
+    )
     if ending in (".vtu", ".vtp"):
         return [_xml(data, ending)]
     if ending == ".stl":

@@ -90,6 +90,8 @@ class Picture:
     ------
     MissingLibraryError
         If this machine cannot draw.
+    SizeError
+        If the picture would not fit into memory.
     """
 
     def __init__(
@@ -104,6 +106,7 @@ class Picture:
         self._place = place
         self.scene = scene
         width, height = size or scene.view.size
+        scene.require_picture(width * height, len(times))
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         extent, self._span = _over_motion(scene, times)
@@ -305,8 +308,7 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
     clouds, ends = [], []
     for time in chosen:
         scene.update(time)
-        points = _points(scene.patches)
-        clouds.append(points[:: max(1, len(points) // 20_000)])
+        clouds.append(_some(_points(scene.patches)))
         arrows = _arrows(scene, time) if scene.view.loads else None
         if arrows is not None:
             clouds.append(arrows.reach)
@@ -319,7 +321,7 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
                 _points(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
             )
     if scene.view.ghost:
-        clouds.append(rest_of(scene.polygons).astype(np.float64))
+        clouds.append(_some(rest_of(scene.polygons)).astype(np.float64))
     return np.concatenate(clouds), natural_span(np.array(ends)) if ends else None
 
 
@@ -328,6 +330,10 @@ def _arrows(scene: Scene, time: float) -> Arrows | None:
     if not scene.moves or scene.mover is not scene.response:
         return None
     return load_arrows(scene.response, scene.deformed_cage, time)
+
+
+def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
+    return points[:: max(1, len(points) // 20_000)]
 
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import draft, weave
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric.as_wif import loom_of
 from spacemap_vtk.fabric.clearance import Clearance, clearance_of, least_clearance
 from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.settle import dressed, settled_measures
+from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.filters.arrays import array_of, points_of
 from spacemap_vtk.filters.cage_modes import CageModes
@@ -20,6 +24,25 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
 MOST_CROSSINGS = 20_000
+#: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
+_NO_FIGURES: dict[str, Any] = dict.fromkeys(
+    (
+        "thickness",
+        "cover",
+        "volume_fraction",
+        "areal_mass",
+        "fibre_volume_fraction",
+        "feasible_height",
+        "radial_error",
+        "patches",
+        "control_points",
+        "memory_bytes",
+        "least_clearance",
+    )
+)
+_NO_CRIMP = dict.fromkeys(
+    ("theta_deg", "length", "crimp", "height", "mean_crimp", "cover", "yarn_length")
+)
 
 
 def modes(scene: Scene) -> dict[str, Any]:
@@ -101,7 +124,8 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     Returns
     -------
     dict
-        What `spacemap_vtk.fabric.figures.fabric_figures` tells, and
+        What `spacemap_vtk.fabric.figures.fabric_figures` tells, None where there is no room for the
+        yarns, as a warning then says; and
 
         - ``fibre_volume_fraction``: of fibres, without the air in the yarns;
         - ``drawdown``: a string of 0 and 1 for each pick, first pick and first end first;
@@ -110,17 +134,19 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
           where there is no bound; ``feasible_height``: that of h1 alone;
         - ``radial_error``: bound of the surfaces' distance from true tubes, over their radius;
         - ``least_clearance``: between two yarns, below 0 where they overlap: ``distance`` (m),
-          ``yarns`` (ends first, from 0) and ``place`` (m); None for more than `MOST_CROSSINGS`;
+          ``yarns`` (ends first, from 0) and ``place`` (m); None for more than `MOST_CROSSINGS`,
+          which is a warning;
           ``deformed_clearance``: the same at `time`;
+        - ``shafts``, ``treadles`` and ``threading``, the shafts of each end, from 1;
         - ``patches``, ``control_points``, ``memory_bytes``, ``warnings``;
         - under ``warp`` and ``weft`` also ``yarns``, ``diameter``, ``width``, ``spacing`` (m, means
-          over the yarns), ``section``, ``tex`` (g in 1000 m of yarn) and ``longest_float``.
+          over the yarns), ``section``, ``tex`` (g in 1000 m of yarn), ``longest_float`` and
+          ``colors``, each once.
 
     Raises
     ------
     InputError
-        If the fabric is impossible or the draft cannot be read, or `time` is given for a scene
-        that does not move.
+        If the draft cannot be read, or `time` is given for a scene that does not move.
     """
     if scene.source is not scene.weave:
         raise InputError(
@@ -129,45 +155,67 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
-    scene.update_stage(scene.weave)
-    woven, grid = scene.weave.fabric, scene.weave.GetOutputDataObject(0)
-    cloth = woven.cloth
-    figures = fabric_figures(woven.drawdown, cloth, woven.yarn_density)
-    floats = draft.floats(woven.drawdown)
+    missing = scene.obstacle()
+    weave = scene.weave
+    if isinstance(missing, GeometryError):
+        cloth, bare = None, dressed(weave.source, weave.wishes)
+        measures, _ = settled_measures(weave.source, weave.wishes)
+    else:
+        bare, cloth = weave.fabric, weave.fabric.cloth
+        measures = vars(cloth)
+    over = bare.drawdown
+    density = weave.packing * weave.fibre_density
+    figures = _NO_FIGURES | {"ends": over.shape[1], "picks": over.shape[0]}
+    if cloth is not None:
+        figures |= fabric_figures(over, cloth, density)
+        figures["fibre_volume_fraction"] = weave.packing * figures["volume_fraction"]
+        figures["feasible_height"] = list(cloth.feasible_heights)
+        counts, figures["radial_error"] = count(over, cloth)
+        figures["patches"], figures["control_points"] = counts.patches, counts.points
+        figures["memory_bytes"] = counts.bytes(cloth.exact)
+    loom = loom_of(weave.source, over)
+    floats = draft.floats(over)
     for number, family in enumerate(("warp", "weft")):
-        measures = cloth.families[number]
-        yarns = cloth.yarns(family, woven.drawdown.shape[1 - number])
-        area = section_factor(yarns.aspect, yarns.section) * float((yarns.diameter**2).mean())
-        figures[family] |= {
-            "yarns": len(yarns.diameter),
-            "diameter": measures.diameter,
-            "width": measures.width,
-            "spacing": measures.spacing,
-            "section": yarns.section,
-            "tex": 1e6 * woven.yarn_density * area,
+        colors = np.unique(getattr(bare, f"{family}_colors"), axis=0)
+        figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
+            "yarns": over.shape[1 - number],
+            **_yarns(measures, family, density),
             "longest_float": floats[number],
+            "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
         }
     figures |= {
-        "fibre_volume_fraction": scene.weave.packing * figures["volume_fraction"],
-        "drawdown": draft.rows(woven.drawdown),
-        "repeat": list(draft.repeat(woven.drawdown)),
-        "feasible": {name: list(ends) for name, ends in scene.weave.feasible.items()},
-        "feasible_height": list(cloth.feasible_heights),
-        "radial_error": float(array_of(grid.GetFieldData(), "radial_error", "info")[0]),
-        "least_clearance": None,
-        "patches": grid.GetNumberOfCells(),
-        "control_points": grid.GetNumberOfPoints(),
-        "memory_bytes": 1024 * grid.GetActualMemorySize(),
+        "drawdown": draft.rows(over),
+        "repeat": list(draft.repeat(over)),
+        "shafts": loom.shafts,
+        "treadles": loom.treadles,
+        "threading": [list(shafts) for shafts in loom.threading],
+        "feasible": {name: list(ends) for name, ends in weave.feasible.items()},
     }
-    if woven.drawdown.size <= MOST_CROSSINGS:
-        figures["least_clearance"] = _clearance(least_clearance(woven.drawdown, cloth))
+    if over.size > MOST_CROSSINGS:
+        scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
+    elif cloth is not None:
+        figures["least_clearance"] = _clearance(least_clearance(over, cloth))
         if time is not None:
             scene.update_stage(scene.warp, time)
             moved = points_of(scene.patches)
-            made = weave.build(woven.drawdown, cloth)
-            figures["deformed_clearance"] = _clearance(clearance_of(made, moved))
+            figures["deformed_clearance"] = _clearance(clearance_of(build(over, cloth), moved))
     figures["warnings"] = scene.warnings
     return figures
+
+
+def _yarns(measures: Mapping[str, Any], family: str, density: float) -> dict[str, Any]:
+    """Return what the yarns of a family measure, whether or not they can be woven."""
+    aspect, height = measures[f"{family}_aspect"], np.asarray(measures[f"{family}_diameter"])
+    spacing = np.asarray(measures[f"{family}_spacing"])
+    section = measures[f"{family}_section"] if aspect > 1.0 else "circular"
+    diameter = float(height.mean())
+    return {
+        "diameter": diameter,
+        "width": aspect * diameter,
+        "spacing": float(spacing.mean()) if spacing.size else aspect * diameter,
+        "section": section,
+        "tex": 1e6 * density * section_factor(aspect, section) * float((height**2).mean()),
+    }
 
 
 def _clearance(found: Clearance) -> dict[str, Any]:

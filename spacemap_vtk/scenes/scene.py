@@ -15,7 +15,14 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.errors import InputError, SpacemapError, UnknownNameError
+from spacemap_vtk.errors import (
+    GeometryError,
+    InputError,
+    SizeError,
+    SpacemapError,
+    UnknownNameError,
+    naming_section,
+)
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -31,6 +38,7 @@ from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.settings import Animation, View
 
 #: Every section of a scene file, in the order of the pipeline.
@@ -203,7 +211,7 @@ class Scene:
         except tomllib.TOMLDecodeError:
             value = text.strip()
         part = self._part(section)
-        with _naming_section(section):
+        with naming_section(section):
             part.configure(**{key: value})
         self._assigned.add((section, key))
         self._carry()
@@ -278,6 +286,9 @@ class Scene:
     def check(self) -> None:
         """Check what can be checked without running anything.
 
+        A draft is one whether or not there is room for its yarns: where a draft is the scene, what
+        keeps it from being drawn is a warning.
+
         Raises
         ------
         SpacemapError
@@ -286,17 +297,35 @@ class Scene:
         """
         with self._naming_file():
             if self.source is self.object:
-                with _naming_section("object"):
+                with naming_section("object"):
                     self.object.load()
             else:
                 self._check_weave()
             self._check_color()
-            with _naming_section("modal"):
+            with naming_section("modal"):
                 self.modal.constants(1.0)
-            with _naming_section("response"):
+            with naming_section("response"):
                 _ = self.response.damping
-            with _naming_section("animation"):
+            with naming_section("animation"):
                 self.animation.frame_times()
+
+    def require_picture(self, pixels: int, frames: int = 1) -> None:
+        """Refuse a picture that would not fit into memory, before any is taken.
+
+        Parameters
+        ----------
+        pixels : int
+            Of the picture.
+        frames : int, optional
+            How many follow each other.
+
+        Raises
+        ------
+        SpacemapError
+            As for `spacemap_vtk.scenes.footprint.require_picture`.
+        """
+        with self._naming_file():
+            require_picture(self, pixels, frames)
 
     @property
     def colorings(self) -> list[str]:
@@ -313,7 +342,7 @@ class Scene:
         ]
 
     def _check_color(self) -> None:
-        with _naming_section("view"):
+        with naming_section("view"):
             if self.view.color not in self.colorings:
                 raise InputError(
                     "this scene has nothing of that kind to show",
@@ -328,9 +357,55 @@ class Scene:
         if array and self.view.color in self.colorings and array not in carried.split():
             self.warp.carried = f"{carried} {array}".strip()
 
+    def obstacle(self) -> GeometryError | SizeError | None:
+        """Return what keeps the weave from being built; builds nothing.
+
+        Returns
+        -------
+        GeometryError, SizeError or None
+            The yarns have no room, the patches do not fit into memory, or neither. What the weave
+            says of its own trustworthiness, and an obstacle, is among the warnings from now on.
+
+        Raises
+        ------
+        SpacemapError
+            If there is no weave: the draft cannot be read, parameters contradict each other.
+        """
+        found: GeometryError | SizeError
+        what = "there is no room for its yarns, so that it cannot be drawn"
+        with self._naming_file(), naming_section("weave"):
+            try:
+                self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+            except GeometryError as error:
+                found = error
+            else:
+                try:
+                    _ = self.weave.counts
+                    return None
+                except SizeError as error:
+                    found, what = error, "it is too large to be drawn"
+        found.section = "weave"
+        parameter = self.weave.parameters.get(found.key or "")
+        if isinstance(found.value, float) and parameter is not None:
+            found.value = parameter.show(found.value)  # with its unit, as the stage would say it
+        self.warn(f"{what}: {found}")
+        return found
+
+    def warn(self, text: str) -> None:
+        """Add a sentence to `warnings`, once.
+
+        Parameters
+        ----------
+        text : str
+            One sentence.
+        """
+        self._warnings[text] = None
+
     def _check_weave(self) -> None:
-        with _naming_section("weave"):
-            self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+        found = self.obstacle()
+        own = any(section == "weave" for section, _ in self._assigned)
+        if found is not None and (own or self.weave.draft is None or self.weave.draft != self.file):
+            raise found
 
     @property
     def patches(self) -> vtkPointSet:
@@ -351,7 +426,7 @@ class Scene:
     @property
     def draft(self) -> WifDraft:
         """The draft of the weave; needs no update."""
-        with self._naming_file(), _naming_section("weave"):
+        with self._naming_file(), naming_section("weave"):
             wif = self.weave.wif
             self._warnings |= dict.fromkeys(wif.draft.warnings)
             return wif
@@ -381,7 +456,7 @@ class Scene:
                 cure=f"Write [{section}] on its own line.",
             )
         folder = self.file.parent if self.file else Path()
-        with _naming_section(section):
+        with naming_section(section):
             for key, value in values.items():
                 part.configure(**{key: part.parameter(key).within(value, folder)})
 
@@ -416,15 +491,6 @@ class Scene:
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
-
-
-@contextmanager
-def _naming_section(section: str) -> Iterator[None]:
-    try:
-        yield
-    except SpacemapError as error:
-        error.section = section
-        raise
 
 
 def _refuse_both(values: Mapping[str, Any], section: str, others: Iterable[str]) -> None:

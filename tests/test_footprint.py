@@ -1,0 +1,115 @@
+"""What a picture takes of memory: the estimate against the peak of real runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import SizeError
+from spacemap_vtk.filters import barycentric_warp
+from spacemap_vtk.scenes.footprint import picture_bytes
+from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.scenes.scene import Scene
+
+RUN = """
+import json, resource, sys
+from vtkmodules.vtkRenderingCore import vtkRenderWindow
+from spacemap_vtk.scenes.footprint import picture_bytes
+from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.scenes.scene import Scene
+
+scene, size, times = Scene(json.loads(sys.argv[1])), (640, 480), json.loads(sys.argv[2])
+estimate = picture_bytes(scene, size[0] * size[1], len(times))
+with open("/proc/self/statm") as stream:
+    before = int(stream.read().split()[1]) * resource.getpagesize()
+picture = Picture(scene, times, size)
+for time in times:
+    picture.draw(time)
+renderer = picture._panels[0].window._window.ReportCapabilities()
+peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+print(json.dumps([estimate, peak, "llvmpipe" in renderer]))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
+@pytest.mark.parametrize(
+    ("yarns", "subdivisions", "moves", "times"),
+    [(120, 2, False, [0.0]), (120, 2, True, [0.1, 0.2]), (200, 1, False, [0.0])],
+)
+def test_the_estimate_is_what_a_run_takes(
+    yarns: int, subdivisions: int, moves: bool, times: list[float]
+) -> None:
+    values = {
+        "weave": {"ends": yarns, "picks": yarns},
+        "surface": {"subdivisions": subdivisions},
+        **({"response": {}} if moves else {}),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, json.dumps(values), json.dumps(times)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+        # Of software OpenGL's threads each keeps some: as many everywhere.
+        env={**os.environ, "LIBGL_ALWAYS_SOFTWARE": "1", "LP_NUM_THREADS": "2"},
+    )
+    estimate, peak, software = json.loads(done.stdout)
+    assert estimate > 0.9 * peak
+    if software:
+        assert estimate < 1.3 * peak
+
+
+def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = Scene({"weave": {"ends": 60, "picks": 60}, "response": {}})
+    size = picture_bytes(scene, 640 * 480)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: int(0.7 * size))
+    with pytest.raises(SizeError) as caught:
+        Picture(scene, [0.1], (640, 480))
+    assert [stage.executions for stage in scene.stages] == [0] * 6
+    message = str(caught.value)
+    assert message.startswith("surface.subdivisions = 4: a picture of 60 x 60 yarns would need")
+    found = re.search(r"Lower surface.subdivisions to (\d), or use .* about (\d+) x \2\.", message)
+    assert found is not None
+    # What the message says will do does.
+    scene.surface.subdivisions = int(found[1])
+    scene.require_picture(640 * 480)
+    scene.surface.subdivisions = 4
+    scene.weave.ends = scene.weave.picks = int(found[2])
+    scene.require_picture(640 * 480)
+    with pytest.raises(SizeError, match="a film of"):
+        scene.require_picture(640 * 480, frames=100)
+
+
+def test_a_draft_that_no_machine_can_draw(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["weave.ends=200", "weave.picks=200", "surface.subdivisions=64"]
+    sets = [word for text in words for word in ("--set", text)]
+    with pytest.raises(SystemExit) as done:
+        main(["render", "plain_weave", "-o", str(tmp_path / "a.png"), *sets])
+    assert done.value.code == 2
+    message = capsys.readouterr().err
+    assert "surface.subdivisions = 64: a picture of 200 x 200 yarns would need" in message
+    assert message.count("\n") == 1
+
+
+def test_what_rides_along_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene({"weave": {"ends": 9, "picks": 9}, "response": {}})
+    scene.update_stage(scene.response, 0.1)
+    points = scene.weave.GetOutputDataObject(0).GetNumberOfPoints()
+    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
+    size = barycentric_warp.estimate_bytes(points)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size - 1)
+    with pytest.raises(SizeError, match=f"to carry {points} points along"):
+        scene.update_stage(scene.warp, 0.1)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size)
+    scene.update_stage(scene.warp, 0.1)

@@ -1,0 +1,136 @@
+"""How much memory is left, a container's limit among it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from spacemap_vtk.errors import SizeError
+from spacemap_vtk.memory import available, left_in_group, require
+
+GIB = 2**30
+
+
+def tree(root: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+
+
+def group(folder: str, most: str, used: int, of_files: int = 0) -> dict[str, str]:
+    """The files of a group of version 2, as the kernel writes them."""
+    return {
+        f"{folder}/memory.max": f"{most}\n",
+        f"{folder}/memory.current": f"{used}\n",
+        f"{folder}/memory.stat": f"anon 5\ninactive_file {of_files - 7}\nactive_file 7\nfile 999\n",
+    }
+
+
+def test_the_tightest_group_above_a_process_counts(tmp_path: Path) -> None:
+    processes = tmp_path / "cgroup"
+    processes.write_text("0::/a/b\n")
+    # What the kernel can take back from files is no use of memory.
+    tree(tmp_path, group("a/b", "max", 10))
+    tree(tmp_path, group("a", str(4 * GIB), 3 * GIB, of_files=GIB))
+    assert left_in_group(processes, tmp_path) == 2 * GIB
+    tree(tmp_path, group("a/b", str(GIB), 2 * GIB))
+    assert left_in_group(processes, tmp_path) == 0
+    assert left_in_group(tmp_path / "no such file", tmp_path) is None
+
+
+def test_a_container_that_sees_its_group_as_the_root(tmp_path: Path) -> None:
+    processes = tmp_path / "cgroup"
+    processes.write_text("0::/system/container/abc\n")
+    assert left_in_group(processes, tmp_path) is None
+    tree(tmp_path, group(".", str(4 * GIB), GIB))
+    assert left_in_group(processes, tmp_path) == 3 * GIB
+
+
+def test_groups_of_version_1(tmp_path: Path) -> None:
+    processes = tmp_path / "cgroup"
+    processes.write_text("9:cpu:/other\n4:memory:/job\n0::/\n")
+    tree(
+        tmp_path / "memory" / "job",
+        {
+            "memory.limit_in_bytes": f"{3 * GIB}\n",
+            "memory.usage_in_bytes": f"{2 * GIB}\n",
+            "memory.stat": f"total_rss 5\ntotal_inactive_file {GIB}\ntotal_active_file 0\n",
+        },
+    )
+    assert left_in_group(processes, tmp_path) == 2 * GIB
+
+
+def test_the_machines_own_is_what_psutil_says() -> None:
+    machine = psutil.virtual_memory()
+    found = available()
+    assert found is not None
+    # others take and give back meanwhile; in a container it may be less
+    assert 0 < found < machine.available + machine.total // 4
+    if left_in_group() is None or left_in_group() > machine.total:
+        assert found > machine.available - machine.total // 4
+
+
+def test_a_cure_may_tell_what_would_fit() -> None:
+    free = available()
+    assert free is not None
+    require(free // 2, "half of it")
+    with pytest.raises(SizeError, match=r"all of it would need .* GiB .* now free\. Take [1-9]"):
+        require(4 * free, "all of it", cure=lambda left: f"Take {left}")
+
+
+@pytest.fixture
+def tight_group() -> Iterator[Path]:
+    """A real group of 400 MB, for a process to go into."""
+    file = Path("/proc/self/cgroup")
+    lines = file.read_text().splitlines() if file.exists() else []
+    for line in lines:
+        _, controllers, name = line.split(":", 2)
+        limit = {"": "memory.max", "memory": "memory.limit_in_bytes"}.get(controllers)
+        above = Path("/sys/fs/cgroup") / controllers / name.lstrip("/")
+        # Elsewhere a new folder is just a folder.
+        if limit is None or not (above / "cgroup.procs").exists():
+            continue
+        group = above / f"spacemap-{os.getpid()}"
+        try:
+            group.mkdir()
+        except OSError:
+            continue
+        try:
+            if (group / limit).exists():
+                (group / limit).write_text("400000000")
+                yield group
+                return
+        finally:
+            group.rmdir()
+    pytest.skip("no control group can be made here")
+
+
+def test_a_picture_too_large_for_its_container_is_refused_and_not_killed(
+    tight_group: Path, tmp_path: Path
+) -> None:
+    if psutil.virtual_memory().available < GIB:
+        pytest.skip("the machine itself has less")
+    picture = tmp_path / "cloth.png"
+    command = f"{sys.executable} -c 'from spacemap_vtk.cli.main import main; main()'"
+    done = subprocess.run(
+        [
+            "sh",
+            "-c",
+            f"echo $$ > {tight_group}/cgroup.procs; exec {command} render plain_weave -q "
+            f"-o {picture} --size 64x48 --set weave.ends=60 --set weave.picks=60",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    assert done.returncode == 2, done.stderr
+    assert "a picture of 60 x 60 yarns would need about" in done.stderr
+    assert "up to the 0." in done.stderr  # GiB now free
+    assert not picture.exists()
