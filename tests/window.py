@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from spacemap_vtk.app.requirements import require_window
-from spacemap_vtk.errors import MissingLibraryError
+from spacemap_vtk.errors import MissingLibraryError, SpacemapWarning
+
+# The window says itself what its stages doubt: the command, which starts it, keeps Python from it.
+warnings.simplefilter("ignore", SpacemapWarning)
 
 
 def require_display() -> None:
