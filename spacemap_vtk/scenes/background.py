@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.errors import SpacemapError, SpacemapWarning
 
 
 @dataclass
@@ -134,6 +135,7 @@ def main() -> None:
     """Carry out the order on standard input."""
     from spacemap_vtk.scenes.output import telling_refusals
 
+    warnings.simplefilter("ignore", SpacemapWarning)  # whoever ordered shows what stages doubt
     try:
         order = Order(**json.loads(sys.stdin.read()))
         output = Path(order.output)
