@@ -23,9 +23,9 @@ import numpy as np
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.modal import factors, lanczos
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics import factors, lanczos
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
 
 #: Name of each method, and the package it needs.
 METHODS = {"spacemap": "", "cholmod": "sksparse", "pardiso": "pypardiso", "eigsh": ""}

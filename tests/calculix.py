@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
-from spacemap_vtk.modal.elements import shape_functions
-from spacemap_vtk.modal.tetrahedra import volumes
+from spacemap_vtk.cage.midpoints import with_midpoints
+from spacemap_vtk.mechanics.elements import shape_functions
+from spacemap_vtk.mechanics.tetrahedra import volumes
 
 CCX = shutil.which("ccx")
 ABSENT = 'CalculiX is not installed ("apt-get install calculix-ccx")'

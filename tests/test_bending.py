@@ -10,11 +10,11 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, TetraCage
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
-from spacemap_vtk.modal.bending import layers_through_thickness, locking
-from spacemap_vtk.modal.eigen import lowest
-from spacemap_vtk.modal.materials import isotropic
-from spacemap_vtk.modal.model import Model
+from spacemap_vtk.cage.midpoints import with_midpoints
+from spacemap_vtk.mechanics.bending import layers_through_thickness, locking
+from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.model import Model
 
 SIDE, DENSITY = 0.1, 300.0
 STUFF = isotropic(1e6, 0.3)

@@ -16,8 +16,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource, cache
 from spacemap_vtk.filters import modal_solver
-from spacemap_vtk.modal import eigen
-from spacemap_vtk.modal import model as models
+from spacemap_vtk.mechanics import eigen
+from spacemap_vtk.mechanics import model as models
 
 
 @pytest.fixture

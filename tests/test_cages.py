@@ -17,7 +17,7 @@ from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
 from spacemap_vtk.cage import split
 from spacemap_vtk.cage.carve import touched
 from spacemap_vtk.cage.split_quadratic import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE
-from spacemap_vtk.embedding.lattice import recognise
+from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters import tetwild

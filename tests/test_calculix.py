@@ -15,9 +15,9 @@ import pytest
 import scipy.linalg as la
 from calculix import ABSENT, CCX, cards, mesh, their_mass
 
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import assemble, isotropic, mass, stiffness
-from spacemap_vtk.modal.materials import orthotropic
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import assemble, isotropic, mass, stiffness
+from spacemap_vtk.mechanics.materials import orthotropic
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 

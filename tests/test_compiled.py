@@ -10,7 +10,7 @@ import pytest
 from test_tessellation import random_patches
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.embedding import interpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate

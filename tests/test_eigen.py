@@ -11,9 +11,9 @@ import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.modal import eigen, lanczos
-from spacemap_vtk.modal.eigen import estimate_bytes, solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, nodal_mass, stiffness_and_mass
+from spacemap_vtk.mechanics import eigen, lanczos
+from spacemap_vtk.mechanics.eigen import estimate_bytes, solve_modes
+from spacemap_vtk.mechanics.elasticity import isotropic, nodal_mass, stiffness_and_mass
 
 CUBE = (0, 1, 0, 1, 0, 1)
 

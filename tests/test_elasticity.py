@@ -11,7 +11,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.modal.elasticity import (
+from spacemap_vtk.mechanics.elasticity import (
     assemble,
     isotropic,
     mass,

@@ -16,7 +16,7 @@ from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkStaticCellLocator, vtkUn
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.embedding.interpolation import Interpolation
-from spacemap_vtk.embedding.lattice import recognise
+from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.triangles import FACES, nearest_on_triangles
 from spacemap_vtk.errors import GeometryError, InputError

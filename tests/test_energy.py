@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from test_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
-from spacemap_vtk.modal import timefunctions as tf
-from spacemap_vtk.modal.energy import Account
-from spacemap_vtk.modal.motion import Drive, Motion
+from spacemap_vtk.mechanics import timefunctions as tf
+from spacemap_vtk.mechanics.energy import Account
+from spacemap_vtk.mechanics.motion import Drive, Motion
 
 
 def lost_by_quadrature(motion, time):

@@ -11,12 +11,12 @@ import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
-from spacemap_vtk.modal import factors
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import stiffness_and_mass
-from spacemap_vtk.modal.factors import factorise
-from spacemap_vtk.modal.materials import isotropic
-from spacemap_vtk.modal.multifrontal import Analysis
+from spacemap_vtk.mechanics import factors
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import stiffness_and_mass
+from spacemap_vtk.mechanics.factors import factorise
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.multifrontal import Analysis
 
 #: Package of each library, and the function that uses it.
 LIBRARIES = {"cholmod": "sksparse", "pardiso": "pypardiso", "multifrontal": "numpy"}

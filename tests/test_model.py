@@ -11,14 +11,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.modal import eigen
-from spacemap_vtk.modal.eigen import lowest
-from spacemap_vtk.modal.kinematics import strain_products
-from spacemap_vtk.modal.materials import isotropic, orthotropic
-from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.weak_values import WeakValues
+from spacemap_vtk.mechanics import eigen
+from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.kinematics import strain_products
+from spacemap_vtk.mechanics.materials import isotropic, orthotropic
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.weak_values import WeakValues
 
 STEEL = isotropic(2e6, 0.3)
 
@@ -112,7 +112,7 @@ def test_another_support_or_ratio_reuses_the_assembly():
 def test_nothing_is_kept_that_nobody_holds():
     first = model((3, 5, 2))
     digest = first.digest
-    from spacemap_vtk.modal import model as module
+    from spacemap_vtk.mechanics import model as module
 
     assert digest in module._structures
     del first
@@ -221,7 +221,7 @@ def test_rounding_is_small_where_the_sheet_is_thick():
 
 def test_a_free_very_thin_sheet_has_all_its_modes():
     made = thin(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
-    piece = made.structure.pencil.pieces[0]
+    piece = made.structure.pencil.components[0]
     before = piece.shift
     values, shapes, _ = lowest(made.structure.pencil, 20)
     assert piece.shift < before  # they did not converge there

@@ -10,11 +10,11 @@ import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
-from spacemap_vtk.modal import multifrontal
-from spacemap_vtk.modal.dissection import by_levels, dissection
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
-from spacemap_vtk.modal.multifrontal import Analysis, Cholesky, negative_eigenvalues
+from spacemap_vtk.mechanics import multifrontal
+from spacemap_vtk.mechanics.dissection import by_levels, dissection
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.multifrontal import Analysis, Cholesky, negative_eigenvalues
 
 
 @pytest.fixture(params=["metis", "levels"], autouse=True)

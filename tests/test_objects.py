@@ -206,7 +206,7 @@ def test_roles_of_arrays_outlast_the_surface() -> None:
 
 
 def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    import spacemap_vtk.filters.skin as module
+    import spacemap_vtk.filters.surface_extract as module
 
     calls = []
     real = module._surface

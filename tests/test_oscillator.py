@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
-from spacemap_vtk.modal.oscillator import damping_ratio, kernels, oscillate, regime
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.oscillator import damping_ratio, kernels, oscillate, regime
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)
 EIGENVALUES = (1e-20, 1e-12, 1e-6, 1e-2, 1.0, 7.3, 1e2, 1e4, 1e6, 1e8)

@@ -23,7 +23,7 @@ from spacemap_vtk.parameters import (
     Vector,
 )
 from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.properties import property_of, title
+from spacemap_vtk.paraview.property_xml import property_of, title
 from spacemap_vtk.paraview.proxies import groups
 
 

@@ -19,7 +19,7 @@ from weaves import woven
 from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.share import share_of, whole_bounds
+from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.scenes.scene import Scene

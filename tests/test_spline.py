@@ -12,8 +12,8 @@ from weaves import PLACES
 
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.axes import axes
-from spacemap_vtk.fabric.clearance import clearance_of, least_clearance
 from spacemap_vtk.fabric.weave import axis_points, build, fabric_figures
+from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
 
 SPLINE = replace(ROUND, axis="spline")
 

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.supports import held_components, parse
+from spacemap_vtk.mechanics.supports import held_components, parse
 
 POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 

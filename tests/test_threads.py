@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.modal import threads
-from spacemap_vtk.modal.eigen import solve_modes
-from spacemap_vtk.modal.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics import threads
+from spacemap_vtk.mechanics.eigen import solve_modes
+from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
 

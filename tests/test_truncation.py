@@ -1,201 +1,172 @@
-"""Residual vectors, effective masses and loads, against closed forms and published numbers."""
+"""Truncated files: each is refused with one message, and none crashes the program."""
 
 from __future__ import annotations
 
-import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.linalg as la
-import scipy.sparse as sp
+import pyvista as pv
 
-from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk import ObjectSource
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal import loads
-from spacemap_vtk.modal.eigen import lowest
-from spacemap_vtk.modal.harmonic import steady
-from spacemap_vtk.modal.kinematics import MeanGradient, largest_rotation, strains
-from spacemap_vtk.modal.materials import isotropic
-from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
-from spacemap_vtk.modal.truncation import participation, residual_modes
+from spacemap_vtk.filters.truncation_legacy import is_cut_off as legacy_is_cut_off
+from spacemap_vtk.filters.truncation_netcdf import is_cut_off as netcdf_is_cut_off
 
 
-def sheet(fixed=True, divisions=(8, 8, 2)):
-    points, cells = lattice((0, 1, 0, 1, 0, 0.05), divisions)
-    held = np.repeat((points[:, 1:2] == 1) & fixed, 3, axis=1)
-    return Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
+def ball() -> pv.PolyData:
+    mesh = pv.Sphere(theta_resolution=12, phi_resolution=9)
+    mesh["heat"] = np.arange(mesh.n_points, dtype=np.float64)
+    mesh.point_data["RGB"] = np.zeros((mesh.n_points, 3), dtype=np.uint8)
+    mesh.cell_data["part"] = np.arange(mesh.n_cells, dtype=np.int32)
+    return mesh
 
 
-def solved(model, count):
-    eigenvalues, shapes, _ = lowest(model.structure.pencil, count)
-    eigenvalues = eigenvalues * model.modulus / model.density
-    return eigenvalues, shapes.reshape(len(shapes), -1) / math.sqrt(model.density)
+def written(folder: Path, name: str) -> Path:
+    file, mesh = folder / name, ball()
+    kind, ending = name.split(".")
+    if ending == "e":
+        from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+        writer = vtkExodusIIWriter()
+        writer.SetInputData(pv.ImageData(dimensions=(4, 4, 4)).to_tetrahedra())
+        writer.SetFileName(str(file))
+        writer.Write()
+    elif ending == "glb":
+        file.write_bytes(glb(mesh))
+    elif ending == "vtk" and kind == "grid":
+        grid = pv.ImageData(dimensions=(4, 4, 4)).to_tetrahedra()
+        grid["heat"] = grid.points[:, 0].copy()
+        grid.save(file)
+    elif ending in ("vtu", "vtkhdf"):
+        mesh.cast_to_unstructured_grid().save(file)
+    else:
+        mesh.save(file, binary=kind != "text")
+    return file
 
 
-def test_abaqus_benchmark_1_4_14():
-    """Four masses on springs between walls, loaded at the third; one mode is kept."""
-    mass = np.diag([1.0, 1.0, 1.0, 0.5])
-    stiffness = 1e4 * (2 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
-    load = np.array([0.0, 0.0, 1.0, 0.0])
-    every, modes = la.eigh(stiffness, mass)
-    frequencies = np.sqrt(every) / (2 * math.pi)
-    np.testing.assert_allclose(frequencies, [10.155, 20.222, 28.258, 34.963], atol=6e-4)
+def glb(mesh: pv.PolyData) -> bytes:
+    """A binary glTF file, made by its specification."""
+    import json
 
-    static = la.solve(stiffness, load)[:, None]
-    system = sp.csr_matrix(stiffness), sp.csr_matrix(mass), load[:, None], static
-    value, shape = residual_modes(modes[:, :1].T, every[:1], *system)
-    assert math.sqrt(value[0]) / (2 * math.pi) == pytest.approx(21.865, abs=6e-4)
-    vector = shape[0] * np.sign(shape[0, 0])
-    np.testing.assert_allclose(vector, [0.5318, 0.4194, -0.7189, -0.2216], atol=6e-5)
-
-    # Driven at 3 Hz: all four modes are exact; one mode alone is not, and with the residual it is.
-    omega = 6 * math.pi
-    exact = la.solve(stiffness - omega**2 * mass, load)
-    kept, values = np.c_[modes[:, :1], shape.T], np.r_[every[:1], value]
-    half = np.zeros(2)
-    factors = steady(values, half, omega).real * (kept.T @ load)
-    assert abs(kept @ factors / exact - 1).max() <= 3e-3
-    assert abs(kept[:, 0] * factors[0] / exact - 1).max() > 0.05
-
-
-@pytest.mark.parametrize("count", [1, 5, 30])
-def test_static_response_is_exact(count):
-    model = sheet()
-    eigenvalues, shapes = solved(model, count)
-    rng = np.random.default_rng(0)
-    patterns = [loads.on_mass(model.nodal_mass, a) for a in np.eye(3)]
-    patterns += [rng.standard_normal(model.points.shape)]
-    force = np.stack([p.ravel() for p in patterns], axis=1) * model.free[:, None]
-    force = np.c_[force, force @ [1.0, 2.0, 0.0, 0.0]]  # one that depends on others
-    static = model.solve(force)
-    values, more = residual_modes(shapes, eigenvalues, model.stiffness, model.mass, force, static)
-    assert len(values) == 4
-    every, lam = np.r_[shapes, more], np.r_[eigenvalues, values]
-    got = every.T @ ((every @ force) / lam[:, None])
-    for column in range(force.shape[1]):
-        error = abs(got[:, column] - static[:, column]).max() / abs(static[:, column]).max()
-        assert error <= 1e-10, (column, error)
-    np.testing.assert_allclose(every @ (model.mass @ every.T), np.eye(len(every)), atol=1e-10)
-    gram = every @ (model.stiffness @ every.T) / np.sqrt(np.outer(lam, lam))
-    np.testing.assert_allclose(gram, np.eye(len(every)), atol=1e-9)
+    points = mesh.points.astype("<f4").tobytes()
+    faces = mesh.regular_faces.astype("<u4").tobytes()
+    views = [
+        {"buffer": 0, "byteOffset": 0, "byteLength": len(points)},
+        {"buffer": 0, "byteOffset": len(points), "byteLength": len(faces)},
+    ]
+    low, high = mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()
+    position = {"bufferView": 0, "componentType": 5126, "count": mesh.n_points, "type": "VEC3"}
+    text = json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "buffers": [{"byteLength": len(points) + len(faces)}],
+            "bufferViews": views,
+            "accessors": [
+                {**position, "min": low, "max": high},
+                {"bufferView": 1, "componentType": 5125, "count": 3 * mesh.n_cells}
+                | {"type": "SCALAR"},
+            ],
+        }
+    ).encode()
+    text += b" " * (-len(text) % 4)
+    body = points + faces
+    whole = 12 + 8 + len(text) + 8 + len(body)
+    header = b"glTF" + (2).to_bytes(4, "little") + whole.to_bytes(4, "little")
+    chunks = len(text).to_bytes(4, "little") + b"JSON" + text
+    return header + chunks + len(body).to_bytes(4, "little") + b"BIN\0" + body
 
 
-def test_without_residual_vectors_few_modes_miss_the_sag_under_in_plane_gravity():
-    model = sheet(divisions=(20, 20, 4))
-    force = loads.on_mass(model.nodal_mass, [0, -9.81, 0]).ravel() * model.free
-    static = model.solve(force)
-    eigenvalues, shapes = solved(model, 30)
-    missed = []
-    for count in (5, 30):
-        kept = shapes[:count]
-        got = kept.T @ (kept @ force / eigenvalues[:count])
-        missed.append(np.linalg.norm(got - static) / np.linalg.norm(static))
-    assert missed[0] == pytest.approx(1.0, abs=0.005)
-    assert missed[1] == pytest.approx(0.009, abs=0.0005)
+FILES = [
+    *("bin.ply", "text.ply", "bin.stl", "text.stl", "bin.vtk", "text.vtk", "grid.vtk"),
+    *("bin.vtp", "bin.vtu", "bin.vtkhdf", "bin.e", "bin.glb"),
+]
 
 
-def test_all_modes_leave_nothing():
-    model = sheet(divisions=(3, 3, 1))
-    eigenvalues, shapes = solved(model, int(model.free.sum()))
-    force = np.stack(
-        [loads.on_mass(model.nodal_mass, a).ravel() * model.free for a in np.eye(3)], axis=1
-    )
-    data = model.stiffness, model.mass, force, model.solve(force)
-    assert len(residual_modes(shapes, eigenvalues, *data)[0]) == 0
-    gamma = participation(shapes, model.nodal_mass)
-    np.testing.assert_allclose((gamma**2).sum(axis=0), model.movable_mass)
+@pytest.mark.parametrize("name", FILES)
+def test_every_cut_is_refused(tmp_path: Path, name: str) -> None:
+    file = written(tmp_path, name)
+    content = file.read_bytes()
+    source = ObjectSource(file=file)
+    source.update()
+    assert source.GetOutputDataObject(0).GetNumberOfPoints() > 0
+    for share in (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97):
+        file.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(InputError) as caught:
+            ObjectSource(file=file).update()
+        assert str(file) in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("lumped", [False, True])
-@pytest.mark.parametrize("quadratic", [False, True])
-def test_the_movable_mass_is_that_of_the_inertia_forces(quadratic, lumped):
-    points, cells = lattice((0, 1, 0, 1, 0, 0.05), (3, 4, 1))
-    if quadratic:
-        points, cells = with_midpoints(points, cells)
-    # Held along x and y at one side, along y at another, along z everywhere.
-    sides = [points[:, 1] == 1, (points[:, 1] == 1) | (points[:, 0] == 0), points[:, 0] >= 0]
-    model = Model(points, cells, isotropic(1e4, 0.3), 300.0, np.stack(sides, axis=1), lumped=lumped)
-    inner = model.mass[model.free][:, model.free].toarray()
-    for axis, found in enumerate(model.movable_mass):
-        uniform = np.tile(np.eye(3)[axis], len(points))
-        forces = (model.mass @ uniform)[model.free]
-        np.testing.assert_allclose(found, forces @ la.solve(inner, forces), rtol=1e-10)
+def test_faces_of_several_sizes_in_a_binary_ply(tmp_path: Path) -> None:
+    """Triangles and quadrilaterals mixed, which VTK's own writer also writes."""
+    points = np.random.default_rng(0).random((9, 3))
+    faces = [3, 0, 1, 2, 4, 1, 2, 3, 4, 3, 5, 6, 7, 5, 0, 2, 4, 6, 8]
+    file = tmp_path / "mixed.ply"
+    pv.PolyData(points, faces).save(file)
+    source = ObjectSource(file=file)
+    source.update()
+    assert source.GetOutputDataObject(0).GetNumberOfCells() == 4
+    file.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(InputError, match="truncated"):
+        ObjectSource(file=file).update()
 
 
-@pytest.mark.parametrize("quadratic", [False, True])
-def test_a_pressure_sums_to_its_area(quadratic):
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (3, 2, 2))
-    if quadratic:
-        points, cells = with_midpoints(points, cells)
-    for side, area in (("+z", 2.0), ("-x", 1.0), ("+y", 0.5)):
-        where = loads.wall(points, cells, side)
-        assert where.areas.sum() == pytest.approx(area)
-        force = loads.pressure(len(points), where, 30.0)
-        np.testing.assert_allclose(force.sum(axis=0), -30.0 * area * where.normal, atol=1e-12)
-        # About any point, a constant pressure acts at the middle of the side.
-        moment = np.cross(points, force).sum(axis=0)
-        middle = points.min(axis=0) + np.ptp(points, axis=0) * (where.normal + 1) / 2
-        np.testing.assert_allclose(moment, np.cross(middle, force.sum(axis=0)), atol=1e-12)
-    shear = loads.traction(len(points), loads.wall(points, cells, "-z"), [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(shear.sum(axis=0), [2.0, 4.0, 6.0])
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("kind", ["surface", "lines", "image", "rectilinear", "structured", "old"])
+def test_whole_legacy_files_are_whole(tmp_path: Path, kind: str, binary: bool) -> None:
+    file, box = tmp_path / "thing.vtk", pv.ImageData(dimensions=(3, 4, 5))
+    box["heat"] = np.arange(60.0)
+    box["way"] = np.random.default_rng(0).random((60, 3))
+    box.cell_data["part"] = np.arange(24)
+    data = {
+        "surface": ball,
+        "lines": lambda: pv.Spline(np.random.default_rng(0).random((5, 3)), 30),
+        "image": lambda: box,
+        "rectilinear": box.cast_to_rectilinear_grid,
+        "structured": box.cast_to_structured_grid,
+        "old": box.cast_to_unstructured_grid,
+    }[kind]()
+    if kind == "old":
+        from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
+
+        writer = vtkUnstructuredGridWriter()
+        writer.SetFileVersion(42)
+        writer.SetInputData(data)
+        writer.SetFileName(str(file))
+        if binary:
+            writer.SetFileTypeToBinary()
+        writer.Write()
+    else:
+        data.save(file, binary=binary)
+    assert not legacy_is_cut_off(file)
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) * 3 // 5])
+    assert legacy_is_cut_off(file)
 
 
-def with_middles(points, cells):
-    edges = cells[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]
-    unique, which = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
-    middles = points[unique].mean(axis=1)
-    more = len(points) + which.reshape(-1, 6)
-    return np.concatenate([points, middles]), np.concatenate([cells, more], axis=1)
+def test_netcdf_of_every_version(tmp_path: Path) -> None:
+    """SciPy writes them, with records and without."""
+    from scipy.io import netcdf_file
 
-
-def test_a_side_without_faces_is_refused():
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1.0]])
-    with pytest.raises(InputError, match=r"no face in its side \+z"):
-        loads.wall(points, np.array([[0, 1, 2, 3]]), "+z")
-
-
-@pytest.mark.parametrize("quadratic", [False, True])
-def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
-    if quadratic:
-        points, cells = with_midpoints(points, cells)
-    slope = np.random.default_rng(1).standard_normal((3, 3))
-    gradients = MeanGradient(points, cells).of(points @ slope.T)
-    np.testing.assert_allclose(gradients, np.tile(slope[..., None], len(cells)), atol=1e-12)
-    strain = strains(gradients)
-    x = slope + slope.T
-    expected = [slope[0, 0], slope[1, 1], slope[2, 2], x[1, 2], x[2, 0], x[0, 1]]
-    np.testing.assert_allclose(strain, np.tile(expected, (len(cells), 1)), atol=1e-12)
-    tensor = symmetric_tensors(strain, engineering=True)[0]
-    np.testing.assert_allclose(tensor, [*np.diag(slope), x[0, 1] / 2, x[1, 2] / 2, x[0, 2] / 2])
-    # Uniaxial stress: von Mises is its size. Pure shear: √3 times it.
-    np.testing.assert_allclose(von_mises(np.array([[0, -7.0, 0, 0, 0, 0]])), 7.0)
-    np.testing.assert_allclose(von_mises(np.array([[0, 0, 0, 0, 2.0, 0]])), 2 * math.sqrt(3))
-
-
-def test_rotation_is_half_the_curl_and_that_of_its_largest_tetrahedron():
-    points, cells = lattice((0, 1, 0, 2, 0, 0.5), (2, 2, 1))
-    axis = np.array([0.1, -0.2, 0.3])
-    turned = np.cross(axis, points)
-    size = np.linalg.norm(axis)
-    gradient = MeanGradient(points, cells)
-    assert largest_rotation(gradient.of(turned)) == pytest.approx(size)
-    np.testing.assert_allclose(strains(gradient.of(turned)), 0.0, atol=1e-14)
-    # Twisted along y: most where the twist is.
-    twist = np.cross(points[:, 1:2] ** 2 * [0.0, 1.0, 0.0], points)
-    assert 2.0 < largest_rotation(gradient.of(twist)) < 4.5
-
-
-def test_a_free_body_keeps_its_residual_apart_from_rigid_motion():
-    model = sheet(fixed=False)
-    eigenvalues, shapes = solved(model, 10)
-    assert (eigenvalues[:6] == 0).all()
-    np.testing.assert_allclose(model.movable_mass, 300 * 0.05, rtol=1e-12)
-    force = loads.at_vertex(model.points, (0, 0, 0), (0, 0, 1.0)).reshape(-1, 1)
-    static = model.solve(force)
-    values, more = residual_modes(shapes, eigenvalues, model.stiffness, model.mass, force, static)
-    assert len(values) == 1
-    assert values[0] > eigenvalues[6]
-    np.testing.assert_allclose(shapes @ (model.mass @ more.T), 0, atol=1e-10)
+    for version in (1, 2):
+        path = tmp_path / f"v{version}.nc"
+        with netcdf_file(path, "w", version=version) as file:
+            file.createDimension("time", None)
+            file.createDimension("node", 7)
+            file.createVariable("x", "f8", ("node",))[:] = np.arange(7)
+            for name in ("u", "v"):
+                file.createVariable(name, "f4", ("time", "node"))
+            for step in range(3):
+                file.variables["u"][step] = np.full(7, step)
+                file.variables["v"][step] = np.full(7, -step)
+        assert not netcdf_is_cut_off(path)
+        content = path.read_bytes()
+        for length in (10, 60, len(content) // 2, len(content) - 1):
+            path.write_bytes(content[:length])
+            assert netcdf_is_cut_off(path)
+    path.write_bytes(b"\x89HDF\r\n")
+    assert not netcdf_is_cut_off(path)

@@ -18,8 +18,8 @@ from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
 from PySide6.QtGui import QColor, QImage, QPainter  # noqa: E402
 from PySide6.QtWidgets import QApplication, QColorDialog, QFileDialog, QLabel  # noqa: E402
 
+from spacemap_vtk.app.draft.draft_painter import Inks, Painting  # noqa: E402
 from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
-from spacemap_vtk.app.draft.paint import Inks, Painting  # noqa: E402
 from spacemap_vtk.app.draft.shown import as_series, shown_of  # noqa: E402
 from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402

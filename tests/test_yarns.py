@@ -13,10 +13,10 @@ from scipy.optimize import brentq
 from weaves import loosened, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.fabric import clearance, draft
-from spacemap_vtk.fabric.clearance import clearance_of, least_clearance
+from spacemap_vtk.fabric import draft, yarn_clearance
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import Weave, axis_points, build, estimate_bytes, fabric_figures
+from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
 
 UNEQUAL = loosened(
     0.3,
@@ -37,7 +37,7 @@ KEMP = Cloth(
 
 
 def test_examples() -> None:
-    assert doctest.testmod(clearance).failed == 0
+    assert doctest.testmod(yarn_clearance).failed == 0
 
 
 @settings(max_examples=150, deadline=None)

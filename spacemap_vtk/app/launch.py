@@ -73,7 +73,7 @@ def _prepare(_frame: object) -> None:
     """Bring what solves, which the first drag would wait for, once the first picture is there."""
 
     def bring() -> None:
-        threading.Thread(target=import_module, args=("spacemap_vtk.modal.eigen",)).start()
+        threading.Thread(target=import_module, args=("spacemap_vtk.mechanics.eigen",)).start()
 
     QTimer.singleShot(500, bring)
 

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.draft.tab import DraftTab
+from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar, Matter
 from spacemap_vtk.app.exports import Exports
@@ -33,7 +33,7 @@ from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
-from spacemap_vtk.app.plots.tab import PlotsTab
+from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar

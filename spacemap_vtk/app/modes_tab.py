@@ -27,7 +27,7 @@ from spacemap_vtk.app.job import Swing
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.modal.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 
 _HEADINGS = ("Mode", "Frequency", "Damping", "Regime")
 _LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter

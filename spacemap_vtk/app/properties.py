@@ -8,8 +8,8 @@ from typing import Any
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
+from spacemap_vtk.app.allowed import intervals, settled
 from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.feasible import intervals, settled
 from spacemap_vtk.app.fields.file import FileEditor
 from spacemap_vtk.app.fields.row import ParameterRow
 from spacemap_vtk.errors import InputError, SpacemapError

@@ -21,7 +21,7 @@ TETRAHEDRA_PER_CELL = 5
 # Corners of a hexahedron are numbered x + 2y + 4z. One tetrahedron joins four corners of which no
 # two are neighbours; the other four cut off one corner each: in tetrahedron 1 + k corner k of the
 # first one is replaced by the one diagonally opposite, and two more are swapped to keep the
-# orientation. spacemap_vtk.embedding.lattice relies on this order.
+# orientation. spacemap_vtk.embedding.lattice_locate relies on this order.
 _EVEN = np.array([[0, 5, 3, 6], [7, 5, 6, 3], [0, 2, 6, 3], [0, 5, 6, 4], [0, 5, 1, 3]])
 # Mirrored in x (bit 0), and two corners swapped to keep the orientation.
 _ODD = (_EVEN ^ 1)[:, [0, 1, 3, 2]]

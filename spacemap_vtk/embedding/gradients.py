@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location
-from spacemap_vtk.modal.elements import shape_slopes
+from spacemap_vtk.mechanics.elements import shape_slopes
 
 
 def deformation_gradients(
@@ -61,7 +61,7 @@ class QuadraticGradients:
 
     Examples
     --------
-    >>> from spacemap_vtk.cage.quadratic import with_midpoints
+    >>> from spacemap_vtk.cage.midpoints import with_midpoints
     >>> from spacemap_vtk.embedding.locate import locate
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> nodes, cells = with_midpoints(corners, np.array([[0, 1, 2, 3]]))

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.compiled import WORTHWHILE, loops
 from spacemap_vtk.embedding.locate import Location
-from spacemap_vtk.embedding.quadratic import quadratic_weights
+from spacemap_vtk.embedding.quadratic_weights import quadratic_weights
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parallel import BLAS_SERIAL, for_each
 from spacemap_vtk.recycler import Recycler

@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from spacemap_vtk.embedding.background_grid import Grid
 from spacemap_vtk.embedding.frames import Frames
-from spacemap_vtk.embedding.grid import Grid
-from spacemap_vtk.embedding.lattice import recognise
+from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.parallel import for_each
@@ -94,8 +94,8 @@ def locate(
 
     Notes
     -----
-    In a lattice (`spacemap_vtk.embedding.lattice`) a point is found by arithmetic; elsewhere, and
-    outside, by a search in a grid of cells.
+    In a lattice (see `spacemap_vtk.embedding.lattice_locate`) a point is found by arithmetic;
+    elsewhere, and outside, by a search in a grid of cells.
 
     Inside means barycentric coordinates of at least -1e-9, or not further out than the rounding of
     the coordinates (in the precision in which points are passed).

@@ -2,7 +2,7 @@
 
 This is how most textile geometry programs lay a yarn (TexGen among them). It passes every
 crossing at touching distance, and keeps no distance beside it: compare
-`spacemap_vtk.fabric.clearance.least_clearance`.
+`spacemap_vtk.fabric.yarn_clearance.least_clearance`.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ def build(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> Weave:
         Diameters, spacings, sections, crimp height and overhang.
     share : Share
         The yarns to be built, where they lie in the whole cloth; see
-        `spacemap_vtk.fabric.share.share_of`.
+        `spacemap_vtk.fabric.partition.share_of`.
 
     Returns
     -------

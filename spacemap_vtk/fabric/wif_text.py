@@ -117,7 +117,7 @@ class Entry:
 
 
 @dataclass
-class Section:
+class WifSection:
     """A section, its repetitions merged.
 
     Parameters
@@ -183,10 +183,10 @@ class WifText:
     """
 
     def __init__(self, text: str, notes: Notes) -> None:
-        self.sections: dict[str, Section] = {}
+        self.sections: dict[str, WifSection] = {}
         self.notes = notes
         self.last = 1
-        current: Section | None = None
+        current: WifSection | None = None
         for number, raw in enumerate(_NEWLINE.split(text.removeprefix("\ufeff")), start=1):
             line = raw.strip()
             if not line:
@@ -264,14 +264,14 @@ class WifText:
         return rows
 
 
-def _open(line: str, number: int, sections: dict[str, Section], notes: Notes) -> Section:
+def _open(line: str, number: int, sections: dict[str, WifSection], notes: Notes) -> WifSection:
     title, bracket, _ = line[1:].partition("]")
     if not bracket:
         title = title.partition(";")[0]
         notes.add(number, f'"{line[:40]}" lacks its "]"; read as a section', "bracket")
     name = " ".join(title.split()).upper()
     if name not in sections:
-        sections[name] = Section(name, number)
+        sections[name] = WifSection(name, number)
         if name not in READ and name not in SKIPPED and not name.startswith("PRIVATE"):
             notes.add(number, f"section [{name[:40]}] is not known and is ignored", "unknown")
     elif name in READ:
@@ -280,7 +280,7 @@ def _open(line: str, number: int, sections: dict[str, Section], notes: Notes) ->
     return sections[name]
 
 
-def _enter(line: str, number: int, section: Section, notes: Notes) -> None:
+def _enter(line: str, number: int, section: WifSection, notes: Notes) -> None:
     # A semicolon after a string is text, by the standard; [TEXT] alone holds strings.
     text = line if section.name == "TEXT" else line.partition(";")[0]
     name, equals, value = text.partition("=")

@@ -34,7 +34,7 @@ from spacemap_vtk.filters.arrays import (
     to_points,
 )
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
-from spacemap_vtk.filters.kept import Geometry
+from spacemap_vtk.filters.geometry_cache import Geometry
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity

@@ -17,12 +17,12 @@ from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.processes import Processes
-from spacemap_vtk.modal import loads as forces
-from spacemap_vtk.modal.elements import shape_functions
-from spacemap_vtk.modal.kinematics import MeanGradient
-from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.timefunctions import TimeFunction
-from spacemap_vtk.modal.truncation import participation, residual_modes
+from spacemap_vtk.mechanics import loads as forces
+from spacemap_vtk.mechanics.elements import shape_functions
+from spacemap_vtk.mechanics.kinematics import MeanGradient
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
+from spacemap_vtk.mechanics.timefunctions import TimeFunction
 from spacemap_vtk.units import format_quantity
 
 FloatArray = NDArray[np.float64]
@@ -30,15 +30,15 @@ FloatArray = NDArray[np.float64]
 _OWNER = "ModalResponse (put a ModalSolver before it)"
 
 
-class Pattern(NamedTuple):
+class LoadVector(NamedTuple):
     """Forces on the vertices, with their factor over time."""
 
     parts: tuple[tuple[str, float], ...]
-    """Name and size of each elementary pattern that it is a sum of."""
+    """Name and size of each elementary vector that it is a sum of."""
     function: TimeFunction
     """The factor."""
     moves_base: FloatArray | None = None
-    """The displacement of the base [m], for which the pattern is the mass times it."""
+    """The displacement of the base [m], for which the vector is the mass times it."""
 
 
 class Basis(NamedTuple):
@@ -57,7 +57,7 @@ FAR = 0.05
 class CageModes:
     """The modes of a cage, and whatever follows from them without a load's time function.
 
-    Elementary patterns (gravity along an axis, a unit traction on a side, …) and their static
+    Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
     solutions are kept by name, so that another size of a load solves nothing.
 
     Parameters
@@ -138,8 +138,8 @@ class CageModes:
         """What the effective masses of all modes sum to, (3,) in kg."""
         return self.model.movable_mass
 
-    def pattern(self, load: Load) -> Pattern:
-        """Return the pattern of a load.
+    def vector(self, load: Load) -> LoadVector:
+        """Return the vector of a load.
 
         Parameters
         ----------
@@ -148,8 +148,8 @@ class CageModes:
 
         Returns
         -------
-        Pattern
-            Its elementary patterns are known to `force` from now on.
+        LoadVector
+            Its elementary vectors are known to `force` from now on.
 
         Raises
         ------
@@ -166,10 +166,10 @@ class CageModes:
             )
         if action == "base_displacement":
             base = np.array(value)
-            return Pattern(_axes("mass", value), load.function, base)
+            return LoadVector(_axes("mass", value), load.function, base)
         if action in ("gravity", "base_acceleration"):
             sign = 1.0 if action == "gravity" else -1.0
-            return Pattern(_axes("mass", [sign * v for v in value]), load.function)
+            return LoadVector(_axes("mass", [sign * v for v in value]), load.function)
         if action in ("pressure", "traction"):
             where = forces.wall(self.model.points, self.model.cells, load.on)
             stress = -value * where.normal if action == "pressure" else value
@@ -178,20 +178,20 @@ class CageModes:
                     f"{load.on} {axis}",
                     forces.traction(len(self.nodal_mass), where, unit).ravel(),
                 )
-            return Pattern(_axes(load.on, stress), load.function)
+            return LoadVector(_axes(load.on, stress), load.function)
         if action == "force":
             vertex = forces.nearest(self.model.points, load.at)
-            return Pattern(_axes(f"vertex {vertex}", value), load.function)
+            return LoadVector(_axes(f"vertex {vertex}", value), load.function)
         try:
             values = vectors_of(self._grid, load.array, len(self.nodal_mass), "ModalResponse")
         except InputError as error:
             error.key = "loads.array"
             raise
         self._forces[f"array {load.array}"] = values.ravel()
-        return Pattern(((f"array {load.array}", 1.0),), load.function)
+        return LoadVector(((f"array {load.array}", 1.0),), load.function)
 
-    def gravity(self, acceleration: Sequence[float], function: TimeFunction) -> Pattern:
-        """Return the pattern of gravity.
+    def gravity(self, acceleration: Sequence[float], function: TimeFunction) -> LoadVector:
+        """Return the vector of gravity.
 
         Parameters
         ----------
@@ -202,18 +202,18 @@ class CageModes:
 
         Returns
         -------
-        Pattern
+        LoadVector
             Without parts along axes where it is zero.
         """
-        return Pattern(_axes("mass", acceleration), function)
+        return LoadVector(_axes("mass", acceleration), function)
 
-    def force(self, pattern: Pattern) -> FloatArray:
-        """Return a pattern's forces.
+    def force(self, vector: LoadVector) -> FloatArray:
+        """Return a vector's forces.
 
         Parameters
         ----------
-        pattern : Pattern
-            From `pattern` or `gravity`.
+        vector : LoadVector
+            From `vector` or `gravity`.
 
         Returns
         -------
@@ -221,21 +221,21 @@ class CageModes:
             In N; those on held components go into the supports.
         """
         total = np.zeros(self.shapes.shape[1])
-        for name, size in pattern.parts:
+        for name, size in vector.parts:
             total += size * self._elementary(name)
         return total
 
     def basis(
-        self, patterns: Sequence[Pattern], residual: bool, processes: Processes | None = None
+        self, vectors: Sequence[LoadVector], residual: bool, processes: Processes | None = None
     ) -> Basis:
         """Return the shapes that a cage under some loads moves in.
 
         Parameters
         ----------
-        patterns : sequence of Pattern
+        vectors : sequence of LoadVector
             The loads.
         residual : bool
-            Whether to add a residual vector for each elementary pattern.
+            Whether to add a residual vector for each elementary vector.
         processes : Processes, optional
             Of which one solves for all.
 
@@ -244,7 +244,7 @@ class CageModes:
         Basis
             The modes first.
         """
-        names = tuple(sorted({name for pattern in patterns for name, _ in pattern.parts}))
+        names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
         if not residual or self.complete or not names:
             return Basis(self.eigenvalues, self.shapes)
         if names not in self._bases:
@@ -277,12 +277,12 @@ class CageModes:
             }
         return self._bases[names]
 
-    def rounding(self, patterns: Sequence[Pattern]) -> float:
+    def rounding(self, vectors: Sequence[LoadVector]) -> float:
         """Return how far rounding disturbs the static response to some loads.
 
         Parameters
         ----------
-        patterns : sequence of Pattern
+        vectors : sequence of LoadVector
             The loads, after `basis` was asked for theirs.
 
         Returns
@@ -290,7 +290,7 @@ class CageModes:
         float
             The largest share of a static solution that is rounding; 0 if none was needed.
         """
-        names = {name for pattern in patterns for name, _ in pattern.parts}
+        names = {name for vector in vectors for name, _ in vector.parts}
         return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
     def weights(self, place: FloatArray) -> FloatArray:
@@ -331,12 +331,12 @@ class CageModes:
         result[cells[where.tetrahedron[0]]] = functions[0]
         return result
 
-    def loaded_axes(self, patterns: Sequence[Pattern]) -> NDArray[np.bool_]:
+    def loaded_axes(self, vectors: Sequence[LoadVector]) -> NDArray[np.bool_]:
         """Return along which axes the loads have a resultant.
 
         Parameters
         ----------
-        patterns : sequence of Pattern
+        vectors : sequence of LoadVector
             The loads.
 
         Returns
@@ -345,8 +345,8 @@ class CageModes:
             True where the resultant of one of them is over a hundredth of its forces' sizes.
         """
         loaded = np.zeros(3, dtype=bool)
-        for pattern in patterns:
-            force = (self.force(pattern) * self.model.free).reshape(-1, 3)
+        for vector in vectors:
+            force = (self.force(vector) * self.model.free).reshape(-1, 3)
             loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
         return loaded
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.table_file import read_table
-from spacemap_vtk.modal import timefunctions
-from spacemap_vtk.modal.supports import SIDES
-from spacemap_vtk.modal.timefunctions import TimeFunction
+from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.supports import SIDES
+from spacemap_vtk.mechanics.timefunctions import TimeFunction
 from spacemap_vtk.parameters import (
     Choice,
     FilePath,
@@ -46,7 +46,7 @@ TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
-class Series(Parameter[Any]):
+class Numbers(Parameter[Any]):
     """A list of numbers.
 
     Parameters
@@ -129,11 +129,11 @@ class Load(Parameterised):
     start = Real(None, "When it begins.", unit="s", minimum=0.0)
     length = Real(None, "How long a pulse lasts.", unit="s", above=0.0)
     rise = Real(None, "How long a ramp rises.", unit="s", above=0.0)
-    times = Series(
+    times = Numbers(
         "Times of a table; a time given twice is a jump. The last is the period of a periodic one.",
         component=Real(0.0, "", unit="s", minimum=0.0),
     )
-    values = Series("Factor at each of the times.", component=Real(0.0, ""))
+    values = Numbers("Factor at each of the times.", component=Real(0.0, ""))
     file = FilePath(
         None,
         "Times in s and factors from a text file (.csv) of two columns, in place of times and "

@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of
-from spacemap_vtk.modal.model import Model, digest_of
+from spacemap_vtk.mechanics.model import Model, digest_of
 
 
 def attach(grid: vtkUnstructuredGrid, model: Model) -> None:

@@ -12,18 +12,18 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.arrays import add_array, vectors_of
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.cage_modes import Basis, CageModes, Pattern
+from spacemap_vtk.filters.cage_modes import Basis, CageModes, LoadVector
 from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.filters.response_parameters import DampingPairs
-from spacemap_vtk.modal.damping import Damping, rayleigh
-from spacemap_vtk.modal.energy import Account
-from spacemap_vtk.modal.harmonic import steady
-from spacemap_vtk.modal.kinematics import LARGE_ROTATION, largest_rotation, strains
-from spacemap_vtk.modal.motion import Drive, Motion, State
-from spacemap_vtk.modal.oscillator import LOST
-from spacemap_vtk.modal.stress import symmetric_tensors, von_mises
-from spacemap_vtk.modal.timefunctions import step
+from spacemap_vtk.mechanics.damping import Damping, rayleigh
+from spacemap_vtk.mechanics.energy import Account
+from spacemap_vtk.mechanics.harmonic import steady
+from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, largest_rotation, strains
+from spacemap_vtk.mechanics.motion import Drive, Motion, State
+from spacemap_vtk.mechanics.oscillator import LOST
+from spacemap_vtk.mechanics.stress import symmetric_tensors, von_mises
+from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Text, Vector
 
 FloatArray = NDArray[np.float64]
@@ -296,11 +296,11 @@ class ModalResponse(Stage):
         result = np.zeros((len(frequencies), 3), dtype=np.complex128)
         for row, omega in enumerate(2 * np.pi * np.asarray(frequencies)):
             receptance = steady(motion.stiffness, motion.half, omega)
-            for drive, pattern in zip(motion.drives, prepared.patterns, strict=True):
+            for drive, vector in zip(motion.drives, prepared.vectors, strict=True):
                 factor = omega**2 if drive.moves_base else 1.0
                 result[row] += (receptance * drive.gain * factor) @ point
-                if pattern.moves_base is not None:
-                    result[row] += pattern.moves_base * weights.sum()
+                if vector.moves_base is not None:
+                    result[row] += vector.moves_base * weights.sum()
         return result
 
     def cage_modes(self) -> CageModes:
@@ -338,20 +338,20 @@ class ModalResponse(Stage):
                 value=self.initial,
                 cure='Take a thicker cage, fewer divisions or more modes, or start from "rest".',
             )
-        patterns = [modes.gravity(self.gravity, step())] if any(self.gravity) else []
+        vectors = [modes.gravity(self.gravity, step())] if any(self.gravity) else []
         for number, load in enumerate(self.loads):
             try:
-                patterns.append(modes.pattern(load))
+                vectors.append(modes.vector(load))
             except InputError as error:
                 error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
                 raise
-        basis = modes.basis(patterns, self.residual_vectors, self._processes)
+        basis = modes.basis(vectors, self.residual_vectors, self._processes)
         drives = [
             Drive(basis.shapes @ modes.force(p), p.function, p.moves_base is not None)
-            for p in patterns
+            for p in vectors
         ]
-        warnings = self._truncation(modes, patterns)
-        if (share := modes.rounding(patterns)) > ROUNDING:
+        warnings = self._truncation(modes, vectors)
+        if (share := modes.rounding(vectors)) > ROUNDING:
             digits = int(-np.log10(share))
             warnings.append(
                 f"about {digits} digit{'s' * (digits != 1)} of the shape at rest hold: the cage "
@@ -361,7 +361,7 @@ class ModalResponse(Stage):
         free = modes.model.free
         warnings += [
             "a load falls on fixed vertices only, and moves nothing"
-            for force in map(modes.force, patterns)
+            for force in map(modes.force, vectors)
             if force.any() and not force[free].any()
         ]
         warnings += [
@@ -389,7 +389,7 @@ class ModalResponse(Stage):
             position=start.get("position"),
             rate=start.get("rate"),
         )
-        return _Prepared(motion, basis, patterns, warnings)
+        return _Prepared(motion, basis, vectors, warnings)
 
     def _start_field(
         self,
@@ -404,7 +404,7 @@ class ModalResponse(Stage):
                 field += vectors_of(grid.GetPointData(), array, len(field), "ModalResponse")
         return field.ravel() * modes.model.free
 
-    def _truncation(self, modes: CageModes, patterns: list[Pattern]) -> list[str]:
+    def _truncation(self, modes: CageModes, vectors: list[LoadVector]) -> list[str]:
         """Say along which loaded axes the modes hold too little of the mass."""
         if modes.complete:
             return []
@@ -413,7 +413,7 @@ class ModalResponse(Stage):
             f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
             "it is loaded; raise modal.modes to trust how fast it moves"
             + (" (where it comes to rest is exact)" if self.residual_vectors else "")
-            for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(patterns), strict=True)
+            for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(vectors), strict=True)
             if loaded and share < ENOUGH
         ]
 
@@ -422,9 +422,9 @@ class _Prepared:
     """A motion, and the shapes it is a motion of."""
 
     def __init__(
-        self, motion: Motion, basis: Basis, patterns: list[Pattern], warnings: list[str]
+        self, motion: Motion, basis: Basis, vectors: list[LoadVector], warnings: list[str]
     ) -> None:
-        self.motion, self.basis, self.patterns = motion, basis, patterns
+        self.motion, self.basis, self.vectors = motion, basis, vectors
         self.warnings = warnings
         self._account: Account | None = None
 
@@ -439,18 +439,18 @@ class _Prepared:
         """Return the same for one point, with shapes of three components."""
         shapes = self.basis.shapes.reshape(len(self.motion.stiffness), -1, 3)
         point = np.einsum("nvc,v->nc", shapes, weights)
-        return _Prepared(self.motion, Basis(self.basis.eigenvalues, point), self.patterns, [])
+        return _Prepared(self.motion, Basis(self.basis.eigenvalues, point), self.vectors, [])
 
     def fields(self, state: State, time: float) -> FloatArray:
         """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
         fields: FloatArray = (np.stack(state) @ self.basis.shapes).reshape(3, -1, 3)
-        for pattern in self.patterns:
-            if pattern.moves_base is not None:
-                function = pattern.function
+        for vector in self.vectors:
+            if vector.moves_base is not None:
+                function = vector.function
                 value = function.value(time)
-                fields[0] += value * pattern.moves_base
-                fields[1] += function.slope(time) * pattern.moves_base
+                fields[0] += value * vector.moves_base
+                fields[1] += function.slope(time) * vector.moves_base
                 # Of a sine; a linear piece has none.
                 curvature = -(getattr(function, "omega", 0.0) ** 2) * value
-                fields[2] += curvature * pattern.moves_base
+                fields[2] += curvature * vector.moves_base
         return fields

@@ -16,13 +16,13 @@ from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports
+from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
+from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic, volume_ratio
+from spacemap_vtk.mechanics.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.oscillator import LOST
+from spacemap_vtk.mechanics.supports import held_components
 from spacemap_vtk.memory import require
-from spacemap_vtk.modal.bending import Locking, layers_through_thickness, locking, sheet_of
-from spacemap_vtk.modal.fabrics import FABRICS
-from spacemap_vtk.modal.materials import along_fabric, isotropic, orthotropic, volume_ratio
-from spacemap_vtk.modal.model import Model
-from spacemap_vtk.modal.oscillator import LOST
-from spacemap_vtk.modal.supports import held_components
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
@@ -36,10 +36,10 @@ DENSITY = 300.0
 BENDS_ALIKE = 2.0
 
 #: Quadratic tetrahedra no wider than this many thicknesses twist a sheet as it is, within 5 % in
-#: frequency (see `spacemap_vtk.modal.bending.locking`).
+#: frequency (see `spacemap_vtk.mechanics.bending.locking`).
 TWISTS_WELL = 4
 
-#: Above this ratio (see `spacemap_vtk.modal.materials.volume_ratio`) linear tetrahedra lock in
+#: Above this ratio (see `spacemap_vtk.mechanics.materials.volume_ratio`) linear tetrahedra lock in
 #: volume too.
 NEARLY_INCOMPRESSIBLE = 0.45
 
@@ -59,7 +59,7 @@ _ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
 
 FloatArray = NDArray[np.float64]
 
-#: Eigenvalues, shapes and rounding, see `spacemap_vtk.modal.eigen.Modes`.
+#: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.eigen.Modes`.
 Solution = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -265,7 +265,7 @@ class ModalSolver(Stage):
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # With all of scipy that solves: what is kept on disk needs none of it.
-        from spacemap_vtk.modal.eigen import estimate_bytes, lowest
+        from spacemap_vtk.mechanics.eigen import estimate_bytes, lowest
 
         dof = int(model.free.sum())
         require(

@@ -20,8 +20,8 @@ from spacemap_vtk.filters.arrays import (
     to_points,
 )
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.kept import Connectivity
-from spacemap_vtk.filters.series import KINDS, Series, open_series
+from spacemap_vtk.filters.geometry_cache import Connectivity
+from spacemap_vtk.filters.series import KINDS, MeshSeries, open_series
 from spacemap_vtk.filters.volume import Volume, tetrahedral
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
@@ -68,7 +68,7 @@ class MotionReader(Stage):
         above=0.0,
     )
 
-    _opened: tuple[Any, Series] | None = None
+    _opened: tuple[Any, MeshSeries] | None = None
     _first: tuple[Any, Volume, Connectivity, NDArray[np.float64]] | None = None
     _steps: dict[int, NDArray[np.float64]]
 
@@ -106,7 +106,7 @@ class MotionReader(Stage):
         output.SetCells(VTK_TETRA, volume.grid.GetCells())
         add_array(output.GetPointData(), "displacement", displacement)
 
-    def _series(self) -> Series:
+    def _series(self) -> MeshSeries:
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=KINDS)
         state = (self.file, self.file.stat().st_mtime_ns) if self.file.is_file() else (self.file, 0)
@@ -116,7 +116,7 @@ class MotionReader(Stage):
                 self._opened = state, open_series(self.file)
         return self._opened[1]
 
-    def _mesh(self, series: Series) -> Volume:
+    def _mesh(self, series: MeshSeries) -> Volume:
         key = self.array, self.moving_points, self.scale
         if self._first is None or self._first[0] != key:
             self._steps.clear()
@@ -130,14 +130,14 @@ class MotionReader(Stage):
             self._first = key, volume, Connectivity(data), rest
         return self._first[1]
 
-    def _displacement(self, series: Series, step: int) -> NDArray[np.float64]:
+    def _displacement(self, series: MeshSeries, step: int) -> NDArray[np.float64]:
         if step not in self._steps:
             if len(self._steps) >= _HELD:
                 del self._steps[next(iter(self._steps))]
             self._steps[step] = self._read(series, step)
         return self._steps[step]
 
-    def _read(self, series: Series, step: int) -> NDArray[np.float64]:
+    def _read(self, series: MeshSeries, step: int) -> NDArray[np.float64]:
         assert self._first is not None
         _, volume, cells, rest = self._first
         where = f"{series.file}, step {step} (t = {series.times[step]:g} s)"

@@ -28,8 +28,8 @@ from spacemap_vtk.filters.arrays import (
     to_points,
 )
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.kept import Connectivity
-from spacemap_vtk.filters.skin import Skin
+from spacemap_vtk.filters.geometry_cache import Connectivity
+from spacemap_vtk.filters.surface_extract import Skin
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
 

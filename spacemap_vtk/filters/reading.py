@@ -24,11 +24,11 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
-from spacemap_vtk.filters import materials
+from spacemap_vtk.filters import material_files
 from spacemap_vtk.filters.arrays import add_array, to_cells
-from spacemap_vtk.filters.paint import Material, apply, read_picture
 from spacemap_vtk.filters.quiet import quiet_vtk
-from spacemap_vtk.filters.whole import CHECKS, truncated
+from spacemap_vtk.filters.texture_atlas import Material, apply, read_picture
+from spacemap_vtk.filters.truncation import CHECKS, truncated
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
@@ -112,10 +112,10 @@ def read_object(path: Path, texture: Path | None = None) -> ReadObject:
     ending, picture = path.suffix.lower(), None
     if texture is None and ending in (".obj", ".gltf", ".glb"):
         if ending == ".obj":
-            blocks, paint = materials.of_obj(data, path)
+            blocks, paint = material_files.of_obj(data, path)
         else:
             blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
-            paint = materials.of_gltf(blocks, reader)
+            paint = material_files.of_gltf(blocks, reader)
         picture = apply(blocks, paint.materials)
         notes = paint.notes
         data = vtkMultiBlockDataSet()

@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.quiet import quiet_vtk
 from spacemap_vtk.filters.reading import merged, read_blocks
-from spacemap_vtk.filters.whole import CHECKS
+from spacemap_vtk.filters.truncation import CHECKS
 
 #: What a motion can be read from, in words.
 KINDS = (
@@ -26,7 +26,7 @@ KINDS = (
 )
 
 
-class Series(ABC):
+class MeshSeries(ABC):
     """Meshes at ascending times.
 
     Parameters
@@ -65,7 +65,7 @@ class Series(ABC):
         """
 
 
-class _Files(Series):
+class _Files(MeshSeries):
     """A file, or several, for each step."""
 
     def __init__(self, file: Path, steps: list[tuple[float, list[Path]]]) -> None:
@@ -86,7 +86,7 @@ class _Files(Series):
         return merged(blocks, paths[0])
 
 
-class _Reader(Series):
+class _Reader(MeshSeries):
     """One file with all steps, and VTK's reader for it."""
 
     def __init__(self, file: Path, reader: Any) -> None:
@@ -115,7 +115,7 @@ class _Reader(Series):
         return merged(copy, self.file)
 
 
-def open_series(file: Path) -> Series:
+def open_series(file: Path) -> MeshSeries:
     """Open a time series.
 
     Parameters
@@ -125,7 +125,7 @@ def open_series(file: Path) -> Series:
 
     Returns
     -------
-    Series
+    MeshSeries
         At least one step.
 
     Raises
@@ -159,7 +159,7 @@ def open_series(file: Path) -> Series:
     return _Files(file, [(0.0, [file])])
 
 
-def _pattern(file: Path) -> Series:
+def _pattern(file: Path) -> MeshSeries:
     paths = sorted(file.parent.glob(file.name), key=lambda p: _numbers(p.name))
     if not paths:
         raise InputError(f"{file}: no file is named like that", key="file")
@@ -178,7 +178,7 @@ def _numbers(name: str) -> list[Any]:
     return [(0, int(p), "") if p.isdigit() else (1, 0, p) for p in re.split(r"(\d+)", name) if p]
 
 
-def _collection(file: Path) -> Series:
+def _collection(file: Path) -> MeshSeries:
     try:
         root = ElementTree.parse(file).getroot()
         steps: dict[float, list[Path]] = {}
@@ -190,7 +190,7 @@ def _collection(file: Path) -> Series:
     return _Files(file, list(steps.items()))
 
 
-def _json(file: Path) -> Series:
+def _json(file: Path) -> MeshSeries:
     try:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]
         steps = [(float(entry["time"]), [file.parent / entry["name"]]) for entry in entries]

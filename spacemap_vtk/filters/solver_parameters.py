@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.modal.supports import ALLOWED, SIDES, parse
+from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, parse
 from spacemap_vtk.parameters import Parameter
 
 
 class Supports(Parameter[tuple[str, ...]]):
-    """Places that are held, as `spacemap_vtk.modal.supports` reads them."""
+    """Places that are held, as `spacemap_vtk.mechanics.supports` reads them."""
 
     kind = "supports"
     annotation = "str or sequence of str"

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import (
 from spacemap_vtk.cage.bounds import padded_bounds
 from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
-from spacemap_vtk.cage.quadratic import with_midpoints
+from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.arrays import to_cells, to_points

@@ -53,7 +53,7 @@ class YarnCount(Real):
         )
 
 
-class Series(Parameter[Any]):
+class PerYarn(Parameter[Any]):
     """One value for all yarns of a family, or a list of values that is repeated over them.
 
     Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.

@@ -16,6 +16,7 @@ from spacemap_vtk.fabric.cloth import AXES, SECTIONS
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.draft_file import read_draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
+from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.settle import (
     COLORS,
     Fabric,
@@ -24,13 +25,12 @@ from spacemap_vtk.fabric.settle import (
     settle,
     settled_measures,
 )
-from spacemap_vtk.fabric.share import share_of, whole_bounds
 from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
 from spacemap_vtk.filters.arrays import add_array, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.extent import tell_bounds
-from spacemap_vtk.filters.weave_parameters import Pattern, Series, YarnCount, repeat_of
+from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
@@ -86,7 +86,7 @@ class WeaveSource(Stage):
         maximum=100_000,
         automatic="the draft's own number, or 7",
     )
-    warp_diameter = Series(
+    warp_diameter = PerYarn(
         Real(
             "0.25 mm",
             "Diameter d1 of the warp yarns; of flattened yarns, their height.",
@@ -95,7 +95,7 @@ class WeaveSource(Stage):
         ),
         automatic="from the yarn count, the draft's thickness, or half the spacing",
     )
-    weft_diameter = Series(
+    weft_diameter = PerYarn(
         Real(
             "0.25 mm",
             "Diameter d2 of the weft yarns; of flattened yarns, their height.",
@@ -104,7 +104,7 @@ class WeaveSource(Stage):
         ),
         automatic="from the yarn count, the draft's thickness, or half the spacing",
     )
-    warp_count = Series(
+    warp_count = PerYarn(
         YarnCount(
             "30 tex",
             "Yarn count of the warp, in place of its diameter.",
@@ -114,7 +114,7 @@ class WeaveSource(Stage):
         ),
         automatic="from the diameter",
     )
-    weft_count = Series(
+    weft_count = PerYarn(
         YarnCount(
             "30 tex",
             "Yarn count of the weft, in place of its diameter.",
@@ -130,11 +130,11 @@ class WeaveSource(Stage):
     packing = Real(
         yarn.PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
     )
-    warp_spacing = Series(
+    warp_spacing = PerYarn(
         Real("0.5 mm", "Distance p1 between neighbouring ends.", unit="m", above=0.0),
         automatic="from the sett, the draft's spacing, or 0.5 mm",
     )
-    weft_spacing = Series(
+    weft_spacing = PerYarn(
         Real("0.5 mm", "Distance p2 between neighbouring picks.", unit="m", above=0.0),
         automatic="from the sett, the draft's spacing, or 0.5 mm",
     )
@@ -215,10 +215,10 @@ class WeaveSource(Stage):
         "curvature, which holds no distance between yarns.",
         AXES,
     )
-    warp_color = Series(
+    warp_color = PerYarn(
         Color(COLORS["warp"], "Colour of the warp."), automatic="the draft's, or #2d6a8e"
     )
-    weft_color = Series(
+    weft_color = PerYarn(
         Color(COLORS["weft"], "Colour of the weft."), automatic="the draft's, or #e8c78f"
     )
 

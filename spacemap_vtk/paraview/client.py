@@ -15,7 +15,7 @@ from typing import Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.properties import property_of
+from spacemap_vtk.paraview.property_xml import property_of
 
 _SCRIPTING = "paraview.servermanager"
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from spacemap_vtk.paraview.colors import registered
+from spacemap_vtk.paraview.own_colors import registered
 
 _guarded: set[int] = set()
 

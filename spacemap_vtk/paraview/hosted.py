@@ -22,7 +22,7 @@ from spacemap_vtk.filters.processes import is_first
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.patches import arrays_to_points
-from spacemap_vtk.paraview.properties import command, property_of
+from spacemap_vtk.paraview.property_xml import command, property_of
 from spacemap_vtk.paraview.proxies import FileType, proxy_xml
 from spacemap_vtk.paraview.scene_reader import SceneReader
 

@@ -25,11 +25,11 @@ if "spacemap_vtk" not in sys.modules:
 
 # Only now can it be imported.
 from spacemap_vtk import __version__  # noqa: E402
-from spacemap_vtk.paraview import client, colors, display  # noqa: E402
+from spacemap_vtk.paraview import client, display, own_colors  # noqa: E402
 from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
 
 client.prepare()
-colors.show_colors()
+own_colors.show_colors()
 display.guard_pictures()
 
 # ParaView reads these names, and looks for classes with XML among the module's attributes.

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.paraview.properties import property_of, title
+from spacemap_vtk.paraview.property_xml import property_of, title
 
 CATEGORY = "Space mapping"
 #: Parameters that begin with the same word are a group if there are as many as this.

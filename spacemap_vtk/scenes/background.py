@@ -92,12 +92,12 @@ def carry_out(order: Order) -> Iterator[tuple[int, int]]:
         write(output, content(scene, order.kind, output.suffix.lower()))
         yield 2, 2
         return
-    from spacemap_vtk.scenes.picture import Picture, Place
+    from spacemap_vtk.scenes.picture import Picture, Viewpoint
 
     film = order.kind == "film"
     times = scene.animation.frame_times() if film else [order.time]
     yield 0, len(times)
-    place = Place(**order.camera) if order.camera else None
+    place = Viewpoint(**order.camera) if order.camera else None
     width, height = order.size
     picture = Picture(scene, times, (width, height), order.panels or None, place)
     if film:

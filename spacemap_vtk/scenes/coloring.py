@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from spacemap_vtk.fabric.gaps import gaps
+from spacemap_vtk.fabric.point_clearance import gaps
 from spacemap_vtk.filters.arrays import points_of, to_array
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.units import UNITS

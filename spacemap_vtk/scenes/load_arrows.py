@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.filters.arrays import elements_of, points_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.modal import loads as forces
+from spacemap_vtk.mechanics import loads as forces
 
 FloatArray = NDArray[np.float64]
 

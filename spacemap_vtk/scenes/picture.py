@@ -49,7 +49,7 @@ _SAMPLES = 2
 _USUAL, _LEAST = 960, 0.6
 
 
-class Place(NamedTuple):
+class Viewpoint(NamedTuple):
     """Where a camera stands, in m."""
 
     position: tuple[float, float, float]
@@ -83,7 +83,7 @@ class Picture:
         Width and height in pixels; by default the scene's.
     show : sequence of str, optional
         What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
-    place : Place, optional
+    place : Viewpoint, optional
         Where the camera stands; by default where the scene says.
 
     Raises
@@ -100,7 +100,7 @@ class Picture:
         times: Sequence[float],
         size: tuple[int, int] | None = None,
         show: Sequence[str] | None = None,
-        place: Place | None = None,
+        place: Viewpoint | None = None,
     ) -> None:
         prepare_offscreen()  # a machine that cannot draw need not solve
         self._place = place

@@ -11,15 +11,15 @@ import numpy as np
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.as_wif import loom_of
-from spacemap_vtk.fabric.clearance import Clearance, clearance_of, least_clearance
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.settle import dressed, settled_measures
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
+from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
 from spacemap_vtk.filters.arrays import array_of, points_of
 from spacemap_vtk.filters.cage_modes import CageModes
 from spacemap_vtk.filters.modal_model import rounding_of
-from spacemap_vtk.modal.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
 
 #: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.

@@ -6,7 +6,7 @@ from paraview import servermanager, simple
 
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.properties import title
+from spacemap_vtk.paraview.property_xml import title
 
 
 def check(name: str, stage: type[Stage]) -> None:

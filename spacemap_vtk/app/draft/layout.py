@@ -83,7 +83,7 @@ class Axis(NamedTuple):
         return self.room - self.after
 
 
-class Span(NamedTuple):
+class PanelSpan(NamedTuple):
     """A panel along one direction."""
 
     begin: int
@@ -187,16 +187,18 @@ class Layout:
             axis._replace(offset=at) for axis, at in zip((x, y), self.offset, strict=True)
         )
         x, y = self.x, self.y
-        along_ends = Span(x.main, ends, cell, *x.clip, not as_cloth)
-        along_picks = Span(y.main, picks, cell, *y.clip, as_cloth)
+        along_ends = PanelSpan(x.main, ends, cell, *x.clip, not as_cloth)
+        along_picks = PanelSpan(y.main, picks, cell, *y.clip, as_cloth)
         right, far = x.last + GAP, x.last + GAP + columns * cell
-        treadles = Span(right, columns, cell, right, far, False)
+        treadles = PanelSpan(right, columns, cell, right, far, False)
         # Shaft 1 is next to the cloth, at the bottom.
         top = y.first + head
-        heddles = Span(top, shafts, cell, top, top + shafts * cell, True)
-        strip = Span(y.first + MARGIN, 0, STRIP, y.first + MARGIN, y.first + MARGIN + STRIP, False)
-        side = Span(far + NEAR, 0, STRIP, far + NEAR, far + NEAR + STRIP, False)
-        self.panels: dict[str, tuple[Span, Span]] = {
+        heddles = PanelSpan(top, shafts, cell, top, top + shafts * cell, True)
+        strip = PanelSpan(
+            y.first + MARGIN, 0, STRIP, y.first + MARGIN, y.first + MARGIN + STRIP, False
+        )
+        side = PanelSpan(far + NEAR, 0, STRIP, far + NEAR, far + NEAR + STRIP, False)
+        self.panels: dict[str, tuple[PanelSpan, PanelSpan]] = {
             "threading": (along_ends, heddles),
             "treadling": (treadles, along_picks),
             "drawdown": (along_ends, along_picks),

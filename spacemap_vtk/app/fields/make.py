@@ -7,14 +7,14 @@ from typing import Any
 
 from spacemap_vtk.app.fields.choice import ChoiceEditor
 from spacemap_vtk.app.fields.color import ColorEditor
-from spacemap_vtk.app.fields.colors import ColorsEditor
+from spacemap_vtk.app.fields.colors_editor import ColorsEditor
 from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.file import FileEditor
 from spacemap_vtk.app.fields.flag import FlagEditor
-from spacemap_vtk.app.fields.loads import LoadsEditor
+from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.number import NumberEditor
 from spacemap_vtk.app.fields.pattern import PatternEditor
-from spacemap_vtk.app.fields.supports import SupportsEditor
+from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.app.fields.text import TextEditor
 from spacemap_vtk.app.fields.vector import VectorEditor
 from spacemap_vtk.parameters import Parameter

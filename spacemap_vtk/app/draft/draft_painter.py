@@ -1,0 +1,287 @@
+"""Painting a draft: one picture for each grid, a pixel or a small square for each cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QRect, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
+
+from spacemap_vtk.app.draft.layout import GAP, Layout, PanelSpan, Place
+from spacemap_vtk.app.draft.shown import Shown
+
+#: Cells of fewer pixels have no lines between them, and of fewer still no thread to be seen.
+_LINED, _THREADED = 5, 6
+#: A heavier line after so many cells.
+GROUP = 4
+
+
+class Inks(NamedTuple):
+    """Colours of a draft."""
+
+    paper: QColor
+    back: QColor
+    mark: QColor
+    tie: QColor
+    line: QColor
+    group: QColor
+    text: QColor
+    hover: QColor
+
+    @classmethod
+    def of(cls, dark: bool) -> Inks:
+        """Return those of the light or the dark look."""
+        words = (
+            ("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454")
+            if dark
+            else (
+                "#ffffff",
+                "#f4f6f8",
+                "#26323e",
+                "#2d6a8e",
+                "#e3e8ee",
+                "#b4bec9",
+                "#66717e",
+                "#d9642c",
+            )
+        )
+        return cls(*(QColor(word) for word in words))
+
+
+class Painting:
+    """Paints one draft in one layout.
+
+    Parameters
+    ----------
+    shown : Shown
+        The draft.
+    layout : Layout
+        Where its grids stand.
+    inks : Inks
+        In which colours.
+    colored : bool
+        Whether the drawdown has the yarns' colours; else it is black and white.
+    """
+
+    def __init__(self, shown: Shown, layout: Layout, inks: Inks, colored: bool) -> None:
+        self._shown, self._layout, self._inks = shown, layout, inks
+        self._colored = colored
+
+    def paint(self, painter: QPainter, ratio: float) -> None:
+        """Paint everything but what follows the mouse.
+
+        Parameters
+        ----------
+        painter : QPainter
+            Of a picture of the window's size.
+        ratio : float
+            Its pixels in a pixel of the layout.
+        """
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
+        loom, panels = self._shown.loom, self._layout.panels
+        self._threads(painter, ratio)
+        self._marks(painter, "threading", loom.threading, True, self._inks.mark)
+        self._marks(painter, "treadling", self._shown.lifted, False, self._inks.mark)
+        if "tieup" in panels:
+            ties = (*loom.tieup, *((),) * (loom.treadles - len(loom.tieup)))
+            self._marks(painter, "tieup", ties, True, self._inks.tie)
+        self._strip(painter, "warp", self._shown.warp)
+        self._strip(painter, "weft", self._shown.weft)
+        self._numbers(painter)
+
+    def hover(self, painter: QPainter, place: Place) -> None:
+        """Show which end, pick, shaft and treadle belong to a cell.
+
+        Parameters
+        ----------
+        painter : QPainter
+            Of the window.
+        place : Place
+            The cell under the mouse.
+        """
+        across, down = self._layout.panels[place.panel]
+        color = QColor(self._inks.hover)
+        color.setAlpha(46)
+        for x, y in self._layout.panels.values():
+            if x is across and place.x:
+                painter.fillRect(_cut(_cell(x, y, place.x, None), x, y), color)
+            if y is down and place.y:
+                painter.fillRect(_cut(_cell(x, y, None, place.y), x, y), color)
+        color.setAlpha(255)
+        painter.setPen(QPen(color, 1.5))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.drawRect(QRectF(_cell(across, down, place.x or None, place.y or None)))
+
+    def _threads(self, painter: QPainter, ratio: float) -> None:
+        """Paint the drawdown, at larger cells as round threads."""
+        x, y = self._layout.panels["drawdown"]
+        columns, rows = _numbered(x), _numbered(y)
+        over = self._shown.drawdown[np.ix_(rows, columns)]
+        if self._colored:
+            warp, weft = self._shown.warp[columns], self._shown.weft[rows]
+            cells = np.where(over[..., None], warp[None], weft[:, None])
+        else:
+            ink, paper = (_rgb(c) for c in (self._inks.mark, self._inks.paper))
+            cells = np.where(over[..., None], ink, paper).astype(np.uint8)
+        size = round(self._layout.cell * ratio)
+        if self._colored and self._layout.cell >= _THREADED:
+            cells = _rounded(cells, over, size)
+        self._image(painter, "drawdown", cells)
+        self._lines(painter, "drawdown", faint=self._colored)
+
+    def _marks(
+        self,
+        painter: QPainter,
+        panel: str,
+        rows: tuple[tuple[int, ...], ...],
+        upright: bool,
+        ink: QColor,
+    ) -> None:
+        """Paint a grid of marks; `rows` are its columns where it is upright."""
+        x, y = self._layout.panels[panel]
+        if not x.cells or not y.cells:
+            return
+        first, second = (x, y) if upright else (y, x)
+        lines, places = _numbered(first), _numbered(second)
+        marks = np.zeros((len(lines), second.cells), dtype=bool)
+        for index, line in enumerate(lines):
+            marks[index, [number - 1 for number in rows[line] if number <= second.cells]] = True
+        marks = marks[:, places]
+        paper, color = _rgb(self._inks.paper), _rgb(ink)
+        cells = np.where((marks.T if upright else marks)[..., None], color, paper)
+        self._image(painter, panel, cells.astype(np.uint8))
+        self._lines(painter, panel)
+
+    def _strip(self, painter: QPainter, panel: str, colors: NDArray[np.uint8]) -> None:
+        x, y = self._layout.panels[panel]
+        if x.cells:
+            self._image(painter, panel, colors[_numbered(x)][None])
+        else:
+            self._image(painter, panel, colors[_numbered(y)][:, None])
+        self._lines(painter, panel, faint=True)
+
+    def _image(self, painter: QPainter, panel: str, cells: NDArray[np.uint8]) -> None:
+        """Draw a picture over the cells in sight."""
+        x, y = self._layout.panels[panel]
+        target = QRect(
+            x.begin + x.visible.start * x.size,
+            y.begin + y.visible.start * y.size,
+            len(x.visible) * x.size,
+            len(y.visible) * y.size,
+        )
+        if target.isEmpty():
+            return
+        cells = np.ascontiguousarray(cells)
+        height, width = cells.shape[:2]
+        image = QImage(cells.data, width, height, 3 * width, QImage.Format.Format_RGB888)
+        painter.save()
+        painter.setClipRect(_area(x, y))
+        painter.drawImage(target, image)
+        painter.restore()
+
+    def _lines(self, painter: QPainter, panel: str, faint: bool = False) -> None:
+        x, y = self._layout.panels[panel]
+        area = _area(x, y)
+        painter.save()
+        painter.setClipRect(area.adjusted(0, 0, 1, 1))
+        for span, upright in ((x, True), (y, False)):
+            for index in range(span.visible.start, span.visible.stop + 1):
+                # Groups are counted from where the numbers begin.
+                number = span.cells - index if span.reversed else index
+                heavy = bool(span.cells) and number % GROUP == 0
+                edge = index in (0, max(span.cells, 1))
+                if not edge and ((faint and not heavy) or span.size < _LINED):
+                    continue
+                color = QColor(self._inks.group if heavy or edge else self._inks.line)
+                if faint and not edge:
+                    color.setAlpha(70)
+                painter.setPen(QPen(color, 1))
+                at = span.begin + index * span.size
+                if upright:
+                    painter.drawLine(at, area.top(), at, area.bottom() + 1)
+                else:
+                    painter.drawLine(area.left(), at, area.right() + 1, at)
+        painter.restore()
+
+    def _numbers(self, painter: QPainter) -> None:
+        """Write numbers into the gaps between the grids."""
+        font = QFont(painter.font())
+        font.setPixelSize(10)
+        painter.setFont(font)
+        painter.setPen(self._inks.text)
+        panels = self._layout.panels
+        (ends, picks), shafts = panels["drawdown"], panels["threading"][1]
+        treadles = panels["treadling"][0]
+        above, left = picks.low - GAP, ends.high
+        if not self._layout.y.frozen:
+            above = picks.begin - GAP
+        if not self._layout.x.frozen:
+            left = ends.begin + ends.cells * ends.size
+        for span in (ends, treadles):
+            for number, at in _labelled(span, 24):
+                painter.drawText(
+                    QRect(at - 20, above, 40 + span.size, GAP),
+                    Qt.AlignmentFlag.AlignCenter,
+                    str(number),
+                )
+        for span in (shafts, picks):
+            for number, at in _labelled(span, 14):
+                painter.drawText(
+                    QRect(left, at - 10, GAP, 20 + span.size),
+                    Qt.AlignmentFlag.AlignCenter,
+                    str(number),
+                )
+
+
+def _labelled(span: PanelSpan, room: int) -> list[tuple[int, int]]:
+    """Return numbers with enough room between them, and where their cells begin."""
+    step = 1
+    while step * span.size < room:
+        step *= 2 if step > 1 else GROUP
+    numbers = (1, *range(step, span.cells + 1, step)) if step > 1 else range(1, span.cells + 1)
+    found = [(n, span.pixel(n)) for n in numbers if span.cells]
+    # The first number stands where it is not in the way of the second.
+    if len(found) > 1 and abs(found[1][1] - found[0][1]) < room:
+        found = found[1:]
+    return [(n, at) for n, at in found if span.low <= at + span.size / 2 <= span.high]
+
+
+def _numbered(span: PanelSpan) -> NDArray[np.intp]:
+    """Return the cells in sight as they stand on the screen, by their numbers from 0."""
+    seen = np.arange(span.visible.start, span.visible.stop)
+    return span.cells - 1 - seen if span.reversed else seen
+
+
+def _cell(x: PanelSpan, y: PanelSpan, column: int | None, row: int | None) -> QRect:
+    """Return a cell; None: all cells of that direction."""
+    left, wide = (x.begin, max(x.cells, 1) * x.size) if column is None else (x.pixel(column), 0)
+    top, high = (y.begin, max(y.cells, 1) * y.size) if row is None else (y.pixel(row), 0)
+    return QRect(left, top, wide or x.size, high or y.size)
+
+
+def _area(x: PanelSpan, y: PanelSpan) -> QRect:
+    """Return where a panel is seen."""
+    left, right = max(x.low, x.begin), min(x.high, x.begin + max(x.cells, 1) * x.size)
+    top, bottom = max(y.low, y.begin), min(y.high, y.begin + max(y.cells, 1) * y.size)
+    return QRect(left, top, max(0, right - left), max(0, bottom - top))
+
+
+def _cut(rect: QRect, x: PanelSpan, y: PanelSpan) -> QRect:
+    return rect.intersected(_area(x, y))
+
+
+def _rgb(color: QColor) -> NDArray[np.uint8]:
+    return np.array([color.red(), color.green(), color.blue()], dtype=np.uint8)
+
+
+def _rounded(cells: NDArray[np.uint8], over: NDArray[np.bool_], size: int) -> NDArray[np.uint8]:
+    """Return squares of `size` pixels: the upper thread, darker at its edges."""
+    across = np.abs(2 * (np.arange(size) + 0.5) / size - 1)
+    shade = (1.0 - 0.42 * across**4).astype(np.float32)
+    upright = np.broadcast_to(shade[None, :], (size, size))
+    shades = np.stack([upright.T, upright])[over.astype(np.intp)]
+    made = cells[:, :, None, None, :] * shades[..., None]
+    rows, columns = over.shape
+    return made.transpose(0, 2, 1, 3, 4).reshape(rows * size, columns * size, 3).astype(np.uint8)

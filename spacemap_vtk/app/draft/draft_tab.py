@@ -1,0 +1,369 @@
+"""The draft tab: the grids, their tools, and the way of an edit into the scene."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QShowEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QFileDialog,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QSizePolicy,
+    QSpinBox,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.app.ask_file import ask_file
+from spacemap_vtk.app.document import DRAFTED, Document
+from spacemap_vtk.app.draft.draft_view import DraftGrid
+from spacemap_vtk.app.draft.palette import Palette
+from spacemap_vtk.app.draft.shown import Changes, Shown, as_draft, as_pattern, as_series, shown_of
+from spacemap_vtk.app.draft.strokes import NAMES
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.fabric.draft_file import PICTURES, TEXTS
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
+from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.scenes.output import check_output, whole_file
+
+#: During a stroke the scene is changed so seldom that it takes this share of the time.
+_SHARE = 0.3
+_MOST = 4096
+_HINT = (
+    "Drag to edit · Ctrl adds a second mark · a strip takes the chosen colour · Ctrl+wheel zooms"
+)
+_OPENED = "Drafts (*.wif {});;All files (*)".format(
+    " ".join(f"*{ending}" for ending in sorted(PICTURES | TEXTS))
+)
+
+
+class DraftTab(QWidget):
+    """Shows the weave of a document, and edits it; every edit can be undone.
+
+    Parameters
+    ----------
+    document : Document
+        What is shown and edited.
+    """
+
+    #: What went wrong with an edit.
+    failed = Signal(object)
+    #: What went wrong with the draft's file, and that it is written.
+    unwritten = Signal(object)
+    written = Signal()
+    #: A number was changed or a stroke ended: errors of before are of no interest.
+    accepted = Signal()
+    #: Whether a stroke goes on.
+    held = Signal(bool)
+
+    def __init__(self, document: Document) -> None:
+        super().__init__()
+        self._document = document
+        self._key: object = None
+        self._bursts = itertools.count(1)
+        self._burst = 0
+        self._cost, self._done = 0.0, 0.0
+        self._waiting: tuple[Shown, str] | None = None
+        self._later = QTimer(self)
+        self._later.setSingleShot(True)
+        self._later.timeout.connect(self._commit)
+        self.grid = DraftGrid()
+        self.palette_row = Palette()
+        self.hint = QLabel(_HINT)
+        self.hint.setObjectName("about")
+        self.hint.setWordWrap(True)
+        self.hint.setMinimumHeight(2 * self.hint.fontMetrics().height() + 2)
+        self.hint.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self.empty = QLabel()
+        self.empty.setWordWrap(True)
+        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty.setObjectName("about")
+        self.empty.hide()
+        self.tools = QWidget()
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(6, 6, 6, 6)
+        layout.setSpacing(6)
+        self._add_tools(layout)
+        layout.addWidget(self.empty, 1)
+        layout.addWidget(self.grid, 1)
+        layout.addWidget(self.palette_row)
+        layout.addWidget(self.hint)
+        self.grid.edited.connect(self._edited)
+        self.grid.hovered.connect(self._hovered)
+        self.grid.refused.connect(self.hint.setText)
+        self.grid.took.connect(self.palette_row.choose)
+        self.palette_row.chosen.connect(self._chose)
+        self.palette_row.changed.connect(self._recolored)
+        document.changed.connect(self.refresh)
+        document.replaced.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Show what the document says, if it can be seen."""
+        # The mouse knows better than the document, which follows it.
+        if not self.isVisible() or self.grid.stroking:
+            return
+        scene = self._document.scene
+        if scene.source is not scene.weave:
+            self._show(None, "This scene's object is a mesh, and has no draft.")
+            return
+        weave = scene.weave
+        stamp = weave.draft.stat().st_mtime_ns if weave.draft and weave.draft.is_file() else 0
+        names = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
+        key = (stamp, *(getattr(weave, name) for name in names))
+        if key == self._key:
+            return
+        self._key = key
+        try:
+            shown = shown_of(weave)
+        except SpacemapError as error:
+            self._show(None, f"{error.message}. {error.cure or ''}".strip())
+        else:
+            self._show(shown)
+
+    def open(self) -> None:
+        """Ask for a draft, and weave it in this scene."""
+        name, _ = QFileDialog.getOpenFileName(self, "Open draft", "", _OPENED)
+        if name:
+            path = str(Path(name).resolve())
+            self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")
+
+    def save(self) -> None:
+        """Ask for a name, and write the draft as WIF."""
+        path = ask_file(self, "Save draft", "draft.wif", "Drafts (*.wif)", ".wif")
+        if path is None:
+            return
+        path = path.resolve()
+        try:
+            check_output(path, {".wif": "draft"})
+            data = format_wif(self._document.scene.weave.wif)
+            self._document.remember(path)
+            with whole_file(path) as file:
+                file.write_bytes(data)
+            self._document.settle_draft(path)
+        except (SpacemapError, OSError) as error:
+            self.unwritten.emit(error)
+        else:
+            self.written.emit()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Catch up with what has changed unseen."""
+        super().showEvent(event)
+        self.refresh()
+
+    def _add_tools(self, layout: QVBoxLayout) -> None:
+        first = QHBoxLayout()
+        first.setSpacing(2)
+        self.opened = _button("Open…", "Weave a draft from a file (.wif, rows, picture)")
+        self.saved = _button("Save…", "Write the draft as WIF, for weaving programs")
+        self.smaller = _button("−", "Smaller (Ctrl+wheel)")
+        self.larger = _button("+", "Larger (Ctrl+wheel)")
+        self.fit = _button("Fit", "Show the whole draft")
+        self.colors = _button("Colours", "The yarns' colours; else black where the end is up", True)
+        self.colors.setChecked(True)
+        tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
+        self.cloth = _button("As cloth", tip, True)
+        self.cloth.setChecked(self.grid.as_cloth)
+        for button in (self.opened, self.saved):
+            first.addWidget(button)
+        first.addStretch(1)
+        for button in (self.smaller, self.larger, self.fit):
+            first.addWidget(button)
+        layout.addLayout(first)
+        self.counts: dict[str, QSpinBox] = {}
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(6)
+        for number, (name, tip) in enumerate(
+            (
+                ("ends", "Warp yarns; more repeat the draft"),
+                ("picks", "Weft yarns; more repeat the draft"),
+                ("shafts", "Of the loom; those in use cannot be taken away"),
+                ("treadles", "Of the loom; those in use cannot be taken away"),
+            )
+        ):
+            spin = QSpinBox()
+            spin.setRange(1, _MOST)
+            spin.setKeyboardTracking(False)
+            spin.setCorrectionMode(QSpinBox.CorrectionMode.CorrectToNearestValue)
+            spin.setToolTip(tip)
+            spin.valueChanged.connect(self._counted)
+            spin.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+            grid.addWidget(QLabel(name.capitalize()), number // 2, number % 2 * 2)
+            grid.addWidget(spin, number // 2, number % 2 * 2 + 1)
+            self.counts[name] = spin
+        self.kind = QComboBox()
+        self.kind.addItems(["Treadles", "Liftplan"])
+        self.kind.setToolTip("Tie-up and treadling, or the shafts of each pick (dobby, table loom)")
+        self.kind.activated.connect(self._kind_chosen)
+        self.rising = QCheckBox("Rising shed")
+        self.rising.setToolTip("Marked shafts rise (jack loom); else they sink (counterbalance)")
+        self.rising.clicked.connect(self._rising_chosen)
+        grid.addWidget(self.kind, 2, 0, 1, 2)
+        grid.addWidget(self.rising, 2, 2, 1, 2)
+        grid.addWidget(self.colors, 3, 0, 1, 2)
+        grid.addWidget(self.cloth, 3, 2, 1, 2)
+        layout.addWidget(self.tools)
+        grid.setContentsMargins(0, 0, 0, 0)
+        self.tools.setLayout(grid)
+        self.opened.clicked.connect(self.open)
+        self.saved.clicked.connect(self.save)
+        self.smaller.clicked.connect(self._zoom_out)
+        self.larger.clicked.connect(self._zoom_in)
+        self.fit.clicked.connect(self.grid.fit)
+        self.colors.toggled.connect(self._view_chosen)
+        self.cloth.toggled.connect(self._view_chosen)
+
+    def _show(self, shown: Shown | None, why: str = "") -> None:
+        if shown is None:
+            self._key = None
+        for widget in (self.grid, self.tools, self.palette_row, self.hint):
+            widget.setVisible(shown is not None)
+        self.empty.setText(why)
+        self.empty.setVisible(shown is None)
+        self.saved.setEnabled(shown is not None)
+        self.grid.show_draft(shown)
+        if shown is not None:
+            self.palette_row.show_colors(shown)
+            self._show_counts(shown)
+
+    def _show_counts(self, shown: Shown) -> None:
+        loom = shown.loom
+        lifted = loom.liftplan is not None
+        least = used(loom)
+        for name, value, low in (
+            ("ends", shown.size[0], 1),
+            ("picks", shown.size[1], 1),
+            ("shafts", loom.shafts, least[0]),
+            ("treadles", loom.treadles, least[1]),
+        ):
+            spin = self.counts[name]
+            spin.blockSignals(True)
+            spin.setRange(min(max(low, 1), value), max(_MOST, value))
+            spin.setValue(value)
+            spin.blockSignals(False)
+        self.counts["treadles"].setEnabled(not lifted)
+        self.kind.setCurrentIndex(int(lifted))
+        self.rising.setChecked(loom.rising)
+
+    def _edited(self, shown: Shown, name: str, going_on: bool) -> None:
+        if not self._burst:
+            self._burst = next(self._bursts)
+            self.held.emit(True)
+        self._waiting = shown, name
+        rest = self._done + self._cost * (1 / _SHARE - 1) - time.perf_counter()
+        if not going_on or rest <= 0.0:
+            self._commit()
+        elif not self._later.isActive():
+            self._later.start(round(rest * 1e3) + 1)
+        if not going_on:
+            self._burst = 0
+            self.held.emit(False)
+            self.refresh()
+
+    def _commit(self) -> None:
+        """Bring the last state of a stroke into the scene."""
+        self._later.stop()
+        if self._waiting is None:
+            return
+        (shown, name), self._waiting = self._waiting, None
+        begun = time.perf_counter()
+        if name in (NAMES["warp"], NAMES["weft"]):
+            family = "warp" if name == NAMES["warp"] else "weft"
+            self._change({f"{family}_color": as_series(getattr(shown, family))}, name)
+        elif name == NAMES["drawdown"]:
+            self._change(as_pattern(shown), name)
+        else:
+            self._weave(shown, name)
+        self._done = time.perf_counter()
+        self._cost = self._done - begun
+
+    def _weave(self, shown: Shown, name: str) -> None:
+        try:
+            path = self._document.drafts.keep(as_draft(shown))
+        except SpacemapError as error:
+            self.failed.emit(error)
+            return
+        self._change({"draft": str(path), "pattern": None}, name)
+
+    def _change(self, changes: Changes, name: str) -> None:
+        try:
+            self._document.set_many("weave", changes, self._burst, name)
+        except SpacemapError as error:
+            self._key = None
+            self.refresh()
+            self.failed.emit(error)
+        else:
+            self.accepted.emit()
+
+    def _counted(self, value: int) -> None:
+        shown = self.grid.shown
+        name = next(n for n, spin in self.counts.items() if spin is self.sender())
+        if shown is None:
+            return
+        if name in ("ends", "picks"):
+            self._change({name: value}, name)
+        else:
+            loom = shown.loom
+            sizes = {"shafts": loom.shafts, "treadles": loom.treadles, name: value}
+            self._reloom(sized(loom, **sizes), name)
+
+    def _kind_chosen(self, index: int) -> None:
+        shown = self.grid.shown
+        if shown is not None and index != (shown.loom.liftplan is not None):
+            loom = with_liftplan(shown.loom) if index else with_treadles(shown.loom)
+            self._reloom(loom, "liftplan" if index else "treadles")
+
+    def _rising_chosen(self, rising: bool) -> None:
+        if self.grid.shown is not None:
+            self._reloom(replace(self.grid.shown.loom, rising=rising), "shed")
+
+    def _reloom(self, loom: Loom, name: str) -> None:
+        assert self.grid.shown is not None
+        self._weave(self.grid.shown.with_loom(loom), name)
+
+    def _recolored(self, old: QColor, new: QColor) -> None:
+        shown = self.grid.shown
+        if shown is None:
+            return
+        rgb, changes = [old.red(), old.green(), old.blue()], {}
+        for family in ("warp", "weft"):
+            colors = getattr(shown, family).copy()
+            same = (colors == np.array(rgb, dtype=np.uint8)).all(axis=1)
+            if same.any():
+                colors[same] = new.red(), new.green(), new.blue()
+                changes[f"{family}_color"] = as_series(colors)
+        self._change(changes, "colour")
+
+    def _chose(self, color: QColor) -> None:
+        self.grid.color = color
+
+    def _hovered(self, words: str) -> None:
+        self.hint.setText(words or _HINT)
+
+    def _zoom_in(self) -> None:
+        self.grid.zoom(1)
+
+    def _zoom_out(self) -> None:
+        self.grid.zoom(-1)
+
+    def _view_chosen(self) -> None:
+        self.grid.set_view(self.cloth.isChecked(), self.colors.isChecked())
+
+
+def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:
+    button = QToolButton()
+    button.setText(text)
+    button.setToolTip(tip)
+    button.setCheckable(checkable)
+    button.setAutoRaise(True)
+    return button

@@ -1,0 +1,319 @@
+"""The grids of a draft as one widget: painted, scrolled, zoomed, and edited with the mouse."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QPointF, QSize, Qt, Signal
+from PySide6.QtGui import (
+    QColor,
+    QImage,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QResizeEvent,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QWidget
+
+from spacemap_vtk.app.draft.draft_painter import Inks, Painting
+from spacemap_vtk.app.draft.layout import Layout, Place, fitting
+from spacemap_vtk.app.draft.shown import Shown
+from spacemap_vtk.app.draft.strokes import Stroke
+
+#: Pixels of a cell, from the least to the most.
+SIZES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40)
+
+
+class DraftGrid(QAbstractScrollArea):
+    """Shows a draft; every stroke of the mouse is told, nothing is decided here."""
+
+    #: The draft as the stroke has left it, what was edited, and whether the stroke goes on.
+    edited = Signal(object, str, bool)
+    #: What lies under the mouse, in words.
+    hovered = Signal(str)
+    #: Why a click does nothing.
+    refused = Signal(str)
+    #: A colour that was picked up from a strip.
+    took = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: Shown | None = None
+        self.cell = 10
+        self.as_cloth = True
+        self.colored = True
+        #: What the strips are painted with.
+        self.color = QColor("#2d6a8e")
+        self._fits = True
+        self._stroke: Stroke | None = None
+        self._last: Place | None = None
+        self._hover: Place | None = None
+        self._picture: QImage | None = None
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.viewport().setMouseTracking(True)
+        self.horizontalScrollBar().valueChanged.connect(self.repaint_all)
+        self.verticalScrollBar().valueChanged.connect(self.repaint_all)
+
+    @property
+    def stroking(self) -> bool:
+        """Whether the button is down."""
+        return self._stroke is not None
+
+    def layout_now(self) -> Layout | None:
+        """Return where everything stands; None without a draft.
+
+        Returns
+        -------
+        Layout or None
+            In pixels of the viewport.
+        """
+        if self.shown is None:
+            return None
+        return Layout(self.shown, self.cell, self._room(), self._offset(), self.as_cloth)
+
+    def show_draft(self, shown: Shown | None) -> None:
+        """Show a draft.
+
+        Parameters
+        ----------
+        shown : Shown or None
+            None: an empty widget.
+        """
+        before = self.shown
+        self.shown = shown
+        if shown is None:
+            self._stroke = self._hover = None
+        if before is None or shown is None or before.size != shown.size:
+            self._hover = None
+            if self._fits:
+                self.fit()
+        self._range()
+        self.repaint_all()
+
+    def fit(self) -> None:
+        """Let the whole draft be seen."""
+        self._fits = True
+        if self.shown is not None:
+            self.cell = fitting(self.shown, self._room(), SIZES[0], 24)
+            self._range()
+            self.repaint_all()
+
+    def zoom(self, steps: int, about: QPointF | None = None) -> None:
+        """Make cells larger or smaller.
+
+        Parameters
+        ----------
+        steps : int
+            Above 0: larger.
+        about : QPointF, optional
+            The point that should stay where it is; the middle, if it is not given.
+        """
+        layout = self.layout_now()
+        if layout is None:
+            return
+        self._fits = False
+        sizes = [size for size in SIZES if (size > self.cell if steps > 0 else size < self.cell)]
+        if not sizes:
+            return
+        sizes.sort(reverse=steps < 0)
+        about = about or QPointF(self.viewport().rect().center())
+        before, self.cell = self.cell, sizes[min(abs(steps), len(sizes)) - 1]
+        self._range()
+        now = self.layout_now()
+        assert now is not None
+        for bar, old, new, at in (
+            (self.horizontalScrollBar(), layout.x, now.x, about.x()),
+            (self.verticalScrollBar(), layout.y, now.y, about.y()),
+        ):
+            bar.setValue(round((at - old.main) * self.cell / before + new.before - at))
+        self.repaint_all()
+
+    def set_view(self, as_cloth: bool | None = None, colored: bool | None = None) -> None:
+        """Choose how the draft is drawn.
+
+        Parameters
+        ----------
+        as_cloth : bool, optional
+            Whether ends are counted from the left and picks from below.
+        colored : bool, optional
+            Whether the drawdown has the yarns' colours.
+        """
+        self.as_cloth = self.as_cloth if as_cloth is None else as_cloth
+        self.colored = self.colored if colored is None else colored
+        self.repaint_all()
+
+    def repaint_all(self) -> None:
+        """Paint anew, what is kept of the last picture too."""
+        self._picture = None
+        self.viewport().update()
+
+    def words(self, place: Place) -> str:
+        """Return what stands at a cell.
+
+        Parameters
+        ----------
+        place : Place
+            The cell.
+
+        Returns
+        -------
+        str
+            End, pick, shaft and treadle, as far as it has them.
+        """
+        shown = self.shown
+        assert shown is not None
+        loom, panel = shown.loom, place.panel
+        lifted = loom.liftplan is not None
+        if panel in ("threading", "warp"):
+            shafts = _listed(loom.threading[place.x - 1], "no shaft")
+            shaft = f"shaft {place.y} · " if panel == "threading" else ""
+            return f"{shaft}end {place.x}, threaded on {shafts}"
+        if panel == "tieup":
+            return f"shaft {place.y} · treadle {place.x}"
+        pressed = _listed(shown.lifted[place.y - 1], "nothing")
+        verb = "lifts" if lifted else "presses"
+        if panel in ("treadling", "weft"):
+            column = ("shaft" if lifted else "treadle") + f" {place.x} · "
+            return f"{column if panel == 'treadling' else ''}pick {place.y} {verb} {pressed}"
+        over = shown.drawdown[place.y - 1, place.x - 1]
+        return (
+            f"end {place.x} {'over' if over else 'under'} pick {place.y} · "
+            f"shaft {_listed(loom.threading[place.x - 1], '–')} · "
+            f"{'lifts' if lifted else 'treadle'} {_listed(shown.lifted[place.y - 1], '–')}"
+        )
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint the kept picture, and what follows the mouse."""
+        painter = QPainter(self.viewport())
+        inks = Inks.of(self.palette().window().color().lightness() < 128)
+        layout = self.layout_now()
+        if layout is None or self.shown is None:
+            painter.fillRect(self.viewport().rect(), inks.back)
+            return
+        painting = Painting(self.shown, layout, inks, self.colored)
+        if self._picture is None:
+            ratio = self.devicePixelRatioF()
+            size = self.viewport().size() * ratio
+            self._picture = QImage(size, QImage.Format.Format_RGB32)
+            self._picture.setDevicePixelRatio(ratio)
+            self._picture.fill(inks.back)
+            inside = QPainter(self._picture)
+            inside.setFont(self.font())
+            painting.paint(inside, ratio)
+            inside.end()
+        painter.drawImage(0, 0, self._picture)
+        if self._hover is not None and not self.stroking:
+            painting.hover(painter, self._hover)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Begin a stroke."""
+        place = self._place(event.position())
+        if place is None or self.shown is None:
+            return
+        if event.button() == Qt.MouseButton.RightButton and place.panel in ("warp", "weft"):
+            colors = getattr(self.shown, place.panel)
+            self.took.emit(QColor(*colors[(place.x or place.y) - 1].tolist()))
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        if place.panel == "drawdown" and not self.shown.bare:
+            self.refused.emit(
+                "The loom weaves this cloth: change threading, tie-up or "
+                f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
+            )
+            return
+        keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+        self._stroke = Stroke(self.shown, place, bool(event.modifiers() & keys), self.color)
+        self._last = place
+        self._pass(place)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Go on with a stroke, or tell what is under the mouse."""
+        if self._stroke is None:
+            self._point(self._place(event.position()))
+            return
+        place = self._place(event.position(), self._stroke.panel)
+        if place is None or self._last is None:
+            return
+        # A quick hand skips cells.
+        steps = max(abs(place.x - self._last.x), abs(place.y - self._last.y))
+        for step in range(1, steps + 1):
+            x = round(self._last.x + (place.x - self._last.x) * step / steps)
+            y = round(self._last.y + (place.y - self._last.y) * step / steps)
+            self._pass(Place(place.panel, x, y))
+        self._last = place
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """End a stroke."""
+        if self._stroke is not None and event.button() == Qt.MouseButton.LeftButton:
+            name, self._stroke = self._stroke.name, None
+            self.edited.emit(self.shown, name, False)
+            self._point(self._place(event.position()))
+
+    def leaveEvent(self, _event: QEvent) -> None:
+        """Nothing is under the mouse."""
+        self._point(None)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom with Ctrl, else scroll."""
+        if event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+            if event.angleDelta().y():
+                self.zoom(1 if event.angleDelta().y() > 0 else -1, event.position())
+            event.accept()
+        else:
+            super().wheelEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the whole draft in sight, if it was."""
+        super().resizeEvent(event)
+        if self._fits:
+            self.fit()
+        self._range()
+        self.repaint_all()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the theme."""
+        if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
+            self.repaint_all()
+        super().changeEvent(event)
+
+    def sizeHint(self) -> QSize:
+        """Return a size in which a small draft can be edited."""
+        return QSize(360, 420)
+
+    def _pass(self, place: Place) -> None:
+        assert self._stroke is not None
+        assert self.shown is not None
+        shown = self._stroke.applied(self.shown, place)
+        if shown is not self.shown:
+            self.shown = shown
+            self._range()
+            self.repaint_all()
+            self.edited.emit(shown, self._stroke.name, True)
+
+    def _point(self, place: Place | None) -> None:
+        if place != self._hover:
+            self._hover = place
+            self.hovered.emit("" if place is None else self.words(place))
+            self.viewport().update()
+
+    def _place(self, at: QPointF, panel: str | None = None) -> Place | None:
+        layout = self.layout_now()
+        return None if layout is None else layout.at(at.x(), at.y(), panel)
+
+    def _room(self) -> tuple[int, int]:
+        return self.viewport().width(), self.viewport().height()
+
+    def _offset(self) -> tuple[int, int]:
+        return self.horizontalScrollBar().value(), self.verticalScrollBar().value()
+
+    def _range(self) -> None:
+        layout = self.layout_now()
+        most = (0, 0) if layout is None else layout.most
+        bars: tuple[QWidget, ...] = self.horizontalScrollBar(), self.verticalScrollBar()
+        for bar, end, room in zip(bars, most, self._room(), strict=True):
+            bar.setRange(0, end)
+            bar.setPageStep(room)
+            bar.setSingleStep(4 * self.cell)
+
+
+def _listed(numbers: tuple[int, ...], nothing: str) -> str:
+    return ", ".join(map(str, numbers)) or nothing

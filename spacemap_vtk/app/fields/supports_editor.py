@@ -1,0 +1,80 @@
+"""Editor of supports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtWidgets import QGridLayout, QLineEdit, QPushButton, QVBoxLayout
+
+from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.supports import SIDES, parse
+from spacemap_vtk.parameters import Parameter
+
+#: The sides as one sees them from the front, in the order in which they stand.
+_WORDS = {
+    "+y": "top",
+    "+x": "right",
+    "+z": "front",
+    "-y": "bottom",
+    "-x": "left",
+    "-z": "back",
+}
+assert set(_WORDS) == set(SIDES)
+
+
+class SupportsEditor(Editor):
+    """A button for each side of the box, and a line for all that can be held."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.sides: dict[str, QPushButton] = {}
+        self.line = QLineEdit()
+        self.line.setPlaceholderText("nothing is held")
+        grid = QGridLayout()
+        grid.setSpacing(4)
+        for number, (side, word) in enumerate(_WORDS.items()):
+            button = QPushButton()
+            button.setObjectName("side")
+            button.setCheckable(True)
+            button.setToolTip(f"Hold the {word} side of the cage's box, {side}")
+            button.clicked.connect(self._clicked)
+            grid.addWidget(button, number // 3, number % 3)
+            self.sides[side] = button
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        layout.addLayout(grid)
+        layout.addWidget(self.line)
+        self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
+        self.line.editingFinished.connect(self._typed)
+        self.show_value(())
+
+    def show_value(self, value: Any) -> None:
+        """Press the buttons of the sides that are held."""
+        self.shown = " ".join(value or ())
+        self.line.setText(self.shown)
+        held = {support.place: support for support in parse(self.shown)}
+        for side, button in self.sides.items():
+            button.setChecked(side in held)
+            components = held[side].components if side in held else "xyz"
+            partly = "" if components == "xyz" else f" ({components})"
+            button.setText(f"{side} {_WORDS[side]}{partly}")
+
+    def _clicked(self) -> None:
+        side = next(s for s, button in self.sides.items() if button is self.sender())
+        kept = [str(support) for support in parse(self.shown) if support.place != side]
+        if self.sides[side].isChecked():
+            kept.append(side)
+        self.edited.emit(" ".join(kept), 0)
+
+    def _typed(self) -> None:
+        if self.is_new(self.line.text()):
+            try:
+                parse(self.line.text())
+            except InputError:
+                pass  # whoever takes it says what is wrong
+            else:
+                self.shown = self.line.text()
+            self.edited.emit(self.line.text(), 0)

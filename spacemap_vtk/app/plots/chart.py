@@ -1,0 +1,299 @@
+"""The plots on the screen: drawn once by matplotlib, with a cursor that moves over the picture."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.ticker import LogLocator, MaxNLocator
+from PySide6.QtCore import QRect, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent
+from PySide6.QtWidgets import QSizePolicy
+
+from spacemap_vtk.app.plots.curves import Curves
+from spacemap_vtk.scenes.plots import QUANTITIES, handy
+
+#: Colours of points, of energies, and pixels round each plot: left, right, top, between, bottom.
+POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
+ENERGIES = ("#2c7fb8", "#d9642c", "#8a94a3", "#26323e")
+ENERGY_NAMES = ("kinetic", "strain", "dissipated", "total")
+COMPONENTS = ("x", "y", "z", "size")
+_LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
+#: Height of a line of a legend, and room between a title and a legend beside it, likewise; what
+#: matplotlib leaves between a title and its plot, in points.
+_LINE, _GAP, _PAD = 14, 10, 6.0
+
+
+class ShownCurves(NamedTuple):
+    """How curves are shown."""
+
+    quantity: str
+    """Out of `spacemap_vtk.scenes.plots.QUANTITIES`."""
+    component: str
+    """Out of `COMPONENTS`."""
+    dark: bool
+
+
+class PlotCanvas(FigureCanvasQTAgg):
+    """Motion and energies over time, and the frequency response, one below the other."""
+
+    #: A time that was clicked, and whether the mouse is still down.
+    asked = Signal(float, bool)
+
+    def __init__(self) -> None:
+        super().__init__(Figure(dpi=100))
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumHeight(240)
+        self.axes: list[Axes] = []
+        #: Those with time along x.
+        self.timed: list[Axes] = []
+        self._time = 0.0
+        self._pressed: Axes | None = None
+        self._ink, self._text = QColor("#26323e"), "#26323e"
+
+    def draw_curves(self, curves: Curves, shown: ShownCurves) -> None:
+        """Draw all plots anew.
+
+        Parameters
+        ----------
+        curves : Curves
+            What is plotted.
+        shown : ShownCurves
+            How.
+        """
+        figure = self.figure
+        figure.clear()
+        ink, back = ("#dfe6ee", "#1d232b") if shown.dark else ("#26323e", "#f4f6f8")
+        paper, grid = ("#161b22", "#2b3440") if shown.dark else ("#ffffff", "#e6e9ed")
+        self._ink, self._text = QColor("#ffb454" if shown.dark else "#111a24"), ink
+        figure.set_facecolor(back)
+        kinds = ["motion", *(["energy"] if curves.energies is not None else [])]
+        kinds += ["response"] if len(curves.frequencies) else []
+        self.axes = list(np.atleast_1d(figure.subplots(len(kinds), 1)))
+        self.timed = self.axes[: len(kinds) - ("response" in kinds)]
+        unit = self._motion(self.axes[0], curves, shown)
+        if curves.energies is not None:
+            _energy(self.axes[1], curves, ink)
+        if len(curves.frequencies):
+            self._response(self.axes[-1], curves, shown, unit, grid)
+        for axes in self.axes:
+            axes.set_facecolor(paper)
+            axes.grid(color=grid, linewidth=0.7)
+            axes.set_axisbelow(True)
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.spines[["left", "bottom"]].set_color(grid)
+            axes.tick_params(colors=ink, labelsize=7.5, length=0, which="both")
+            axes.xaxis.label.set(color=ink, fontsize=8)
+        self._place()
+        self.draw()
+
+    def set_time(self, time: float) -> None:
+        """Move the cursor; nothing but a line is painted.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        """
+        before = self._columns()
+        self._time = time
+        for column in {*before, *self._columns()}:
+            self.update(QRect(column - 2, 0, 5, self.height()))
+
+    def time_at(self, axes: Axes, x: float) -> float:
+        """Return the time at a place.
+
+        Parameters
+        ----------
+        axes : Axes
+            One of `timed`.
+        x : float
+            In Qt's pixels.
+
+        Returns
+        -------
+        float
+            In s, within the plot.
+        """
+        box = axes.get_position()
+        low, high = axes.get_xlim()
+        share = (x / self.width() - box.x0) / box.width
+        return float(low + (high - low) * min(max(share, 0.0), 1.0))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the picture, and the cursor over it."""
+        super().paintEvent(event)
+        painter = QPainter(self)
+        painter.setPen(QPen(self._ink, 1.2))
+        for axes, column in zip(self.timed, self._columns(), strict=True):
+            box = axes.get_position()
+            top, bottom = (round(self.height() * (1 - y)) for y in (box.y1, box.y0))
+            painter.drawLine(column, top, column, bottom)
+        painter.end()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the margins, which are text and do not grow."""
+        super().resizeEvent(event)
+        self._place()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Go to the time that is clicked."""
+        if event.button() == Qt.MouseButton.LeftButton:
+            at = event.position()
+            for axes in self.timed:
+                box = axes.get_position()
+                if box.y0 <= 1 - at.y() / self.height() <= box.y1:
+                    self._pressed = axes
+                    self.asked.emit(self.time_at(axes, at.x()), True)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Scrub while the button is down."""
+        if self._pressed is not None:
+            self.asked.emit(self.time_at(self._pressed, event.position().x()), True)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Stay at a time."""
+        if self._pressed is not None and event.button() == Qt.MouseButton.LeftButton:
+            axes, self._pressed = self._pressed, None
+            self.asked.emit(self.time_at(axes, event.position().x()), False)
+
+    def _columns(self) -> list[int]:
+        """Return where the cursor stands in each plot over time; out of sight outside."""
+        columns = []
+        for axes in self.timed:
+            box = axes.get_position()
+            low, high = axes.get_xlim()
+            share = (self._time - low) / (high - low)
+            inside = -1e-9 <= share <= 1 + 1e-9
+            x = (box.x0 + box.width * share) * self.width()
+            columns.append(round(x) if inside else -10)
+        return columns
+
+    def _place(self) -> None:
+        width, height, count = max(self.width(), 1), max(self.height(), 1), len(self.axes)
+        if not count:
+            return
+        if width <= _LEFT + _RIGHT:
+            return
+        lines = [self._head(axes, width - _LEFT - _RIGHT) for axes in self.axes]
+        top, between = _TOP + _LINE * lines[0], _BETWEEN + _LINE * max(lines[1:], default=0)
+        each = (height - top - _BOTTOM - (count - 1) * between) / count
+        if each <= 0:
+            return
+        self.figure.subplots_adjust(
+            left=_LEFT / width,
+            right=1 - _RIGHT / width,
+            top=1 - top / height,
+            bottom=_BOTTOM / height,
+            hspace=between / each,
+        )
+
+    def _head(self, axes: Axes, room: int) -> int:
+        """Write title and legend side by side, or below each other; return the lines below."""
+        text, ratio = axes.get_title(loc="left"), self.device_pixel_ratio
+        renderer = self.get_renderer()
+        title = axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=_PAD)
+        count = len(axes.get_legend_handles_labels()[1])
+        if count < 2:
+            return 0
+        taken = title.get_window_extent(renderer).width / ratio + _GAP
+        lines, wide = 0, _legend(axes, count, self._text).get_window_extent(renderer).width / ratio
+        while taken + wide > room and lines < count:
+            lines, taken = lines + 1, 0.0
+            legend = _legend(axes, -(-count // lines), self._text)
+            wide = legend.get_window_extent(renderer).width / ratio
+        pad = _PAD + lines * _LINE * 72 / 100
+        axes.set_title(text, loc="left", color=self._text, fontsize=8.5, pad=pad)
+        return lines
+
+    def _motion(self, axes: Axes, curves: Curves, shown: ShownCurves) -> tuple[str, float]:
+        unit, row = QUANTITIES[shown.quantity]
+        values = component_of(curves.motion[row], shown.component)
+        word, size = handy(unit, float(abs(values).max(initial=0.0)))
+        for number, curve in enumerate(values):
+            color = POINTS[number % len(POINTS)]
+            axes.plot(curves.times, curve / size, color=color, linewidth=1.2, label=f"{number + 1}")
+        part = "" if shown.component == "size" else f" along {shown.component}"
+        axes.set_title(f"{shown.quantity.capitalize()}{part} [{word}]", loc="left")
+        _over_time(axes, curves)
+        return unit, row
+
+    def _response(
+        self, axes: Axes, curves: Curves, shown: ShownCurves, unit: tuple[str, float], grid: str
+    ) -> None:
+        for mode in curves.modes:
+            if curves.frequencies[0] < mode < curves.frequencies[-1]:
+                axes.axvline(mode, color=grid, linewidth=0.7, zorder=0)
+        answer = curves.response * (2 * np.pi * curves.frequencies[:, None]) ** unit[1]
+        values = component_of(answer, shown.component)
+        word, size = handy(unit[0], float(values.max(initial=0.0)))
+        for number, curve in enumerate(values):
+            if curve.max(initial=0.0) > 0.0:
+                color = POINTS[number % len(POINTS)]
+                axes.loglog(curves.frequencies, curve / size, color=color, linewidth=1.1)
+        axes.set_title(f"Amplitude, loads as sines [{word}]", loc="left")
+        axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
+        axes.set_xlim(curves.frequencies[0], curves.frequencies[-1])
+        axes.yaxis.set_major_locator(LogLocator(numticks=6))
+        axes.minorticks_off()
+
+
+def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
+    """Return a component of vectors, or their size.
+
+    Parameters
+    ----------
+    vectors : ndarray of float64, shape (..., 3)
+        Whatever.
+    component : str
+        Out of `COMPONENTS`.
+
+    Returns
+    -------
+    ndarray of float64, shape (...)
+        Signed, but for ``"size"``.
+    """
+    if component == "size":
+        return np.asarray(np.linalg.norm(vectors, axis=-1))
+    return np.asarray(vectors[..., COMPONENTS.index(component)])
+
+
+def _energy(axes: Axes, curves: Curves, ink: str) -> None:
+    assert curves.energies is not None
+    unit, size = handy("J", float(abs(curves.energies).max(initial=0.0)))
+    for number, name in enumerate(ENERGY_NAMES):
+        color = ink if name == "total" else ENERGIES[number]
+        axes.plot(
+            curves.times, curves.energies[:, number] / size, color=color, linewidth=1.2, label=name
+        )
+    axes.set_title(f"Energy [{unit}]", loc="left")
+    _over_time(axes, curves)
+
+
+def _over_time(axes: Axes, curves: Curves) -> None:
+    axes.set_xlim(curves.times[0], curves.times[-1])
+    axes.set_xlabel("time [s]")
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def _legend(axes: Axes, columns: int, color: str) -> Legend:
+    # Over the plot, right: no curve runs there.
+    return axes.legend(
+        frameon=False,
+        ncols=columns,
+        fontsize=7.5,
+        labelcolor=color,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.3,
+        labelspacing=0.25,
+        borderpad=0,
+        handlelength=1.1,
+        handletextpad=0.4,
+        columnspacing=0.9,
+    )

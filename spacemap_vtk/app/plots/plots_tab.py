@@ -1,0 +1,292 @@
+"""The plots tab: when its curves are computed, and what is done with them."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PySide6.QtCore import QEvent, QTimer, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QMenu,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from spacemap_vtk.app.ask_file import ask_file
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.engine import Engine
+from spacemap_vtk.app.frame import Frame
+from spacemap_vtk.app.pick import Pick
+from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
+from spacemap_vtk.app.plots.save import save_frequencies, save_times
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.scenes.output import check_output, whole_file
+from spacemap_vtk.scenes.plots import QUANTITIES, save_figure
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.plots.chart import PlotCanvas
+
+#: Milliseconds without another change until curves are computed.
+_REST = 250
+#: Sections of a scene that say how it moves.
+_MOVING = ("weave", "object", "cage", "modal", "response", "motion")
+_HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
+_TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
+_PICTURES = {".png": "picture", ".svg": "drawing", ".pdf": "drawing"}
+
+
+class PlotsTab(QWidget):
+    """Plots of the motion, computed once for each change; playing moves a cursor.
+
+    Parameters
+    ----------
+    document : Document
+        What moves.
+    engine : Engine
+        What computes.
+    """
+
+    #: A time to go to, and whether more will follow at once.
+    asked = Signal(float, bool)
+    #: No point shall be plotted any more.
+    cleared = Signal()
+    #: What went wrong with the curves, and that there are others.
+    failed = Signal(object)
+    shown = Signal()
+    #: What went wrong with a file of them, and that it is written.
+    unwritten = Signal(object)
+    written = Signal()
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        super().__init__()
+        self._document, self._engine = document, engine
+        self.points: list[Pick] = []
+        self.curves: Curves | None = None
+        self._key = ""
+        self._time = 0.0
+        self._moved = False
+        #: The scene that was drawn last, as a file has it.
+        self._drawn: dict[str, Any] = {}
+        #: Made when it is first seen: matplotlib takes a while to import.
+        self.canvas: PlotCanvas | None = None
+        self.quantity = QComboBox()
+        self.quantity.addItems([name.capitalize() for name in QUANTITIES])
+        self.component = QComboBox()
+        self.component.addItems(["along x", "along y", "along z", "size"])
+        self.component.setToolTip("Component of the points' motion")
+        self._chosen = False
+        self.clear = QPushButton("Clear points")
+        self.save = QPushButton("Save")
+        menu = QMenu(self)
+        self.saves = {
+            "picture": menu.addAction("Picture…", self.save_picture),
+            "times": menu.addAction("Curves over time…", self.save_times),
+            "frequencies": menu.addAction("Frequency response…", self.save_frequencies),
+        }
+        self.save.setMenu(menu)
+        self.hint = QLabel(_HINT)
+        self.hint.setObjectName("about")
+        self.hint.setWordWrap(True)
+        first = QHBoxLayout()
+        for box in (self.quantity, self.component):
+            # In a narrow window words are cut rather than the view.
+            box.setMinimumContentsLength(4)
+            box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            first.addWidget(box, 1)
+        second = QHBoxLayout()
+        for button in (self.clear, self.save):
+            second.addWidget(button, 1)
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(6, 6, 6, 6)
+        self._layout.addLayout(first)
+        self._layout.addLayout(second)
+        self._layout.addStretch(1)
+        self._layout.addWidget(self.hint)
+        self._rest = QTimer(self)
+        self._rest.setSingleShot(True)
+        self._rest.setInterval(_REST)
+        self._rest.timeout.connect(self._ask)
+        self.quantity.activated.connect(self._draw)
+        self.component.activated.connect(self._component_chosen)
+        self.clear.clicked.connect(self.cleared)
+        document.replaced.connect(self._replaced)
+        engine.beside_ready.connect(self._ready)
+        self._enable()
+
+    def show_points(self, points: list[Pick]) -> None:
+        """Plot other points.
+
+        Parameters
+        ----------
+        points : list of Pick
+            Points of the fabric; without one the fabric's tip is plotted.
+        """
+        self.points = points
+        self._later()
+
+    def follow(self, frame: Frame) -> None:
+        """Move the cursor to a frame's time, and see whether the curves are still right.
+
+        Parameters
+        ----------
+        frame : Frame
+            What is drawn.
+        """
+        if frame.swing is not None:
+            return
+        self._time = frame.time
+        self._moved = frame.cage is not None
+        self._drawn = frame.values
+        if self.canvas is not None and self.isVisible():
+            self.canvas.set_time(frame.time)
+        if self.isVisible() and not self._rest.isActive() and self._wish().key != self._key:
+            self._later()
+
+    def stop(self) -> None:
+        """Compute no more."""
+        self._rest.stop()
+        self._engine.ask_beside(None)
+
+    def save_picture(self) -> None:
+        """Ask for a name, and save the plots as they are seen."""
+        assert self.canvas is not None
+        figure = self.canvas.figure
+        self._save(
+            "plots.png",
+            _PICTURES,
+            lambda file: save_figure(figure, file, dpi=200, facecolor=figure.get_facecolor()),
+        )
+
+    def save_times(self) -> None:
+        """Ask for a name, and save what is plotted over time."""
+        assert self.curves is not None
+        self._save("motion.csv", {".csv": "table"}, partial(save_times, self.curves))
+
+    def save_frequencies(self) -> None:
+        """Ask for a name, and save the frequency response."""
+        assert self.curves is not None
+        self._save("response.csv", {".csv": "table"}, partial(save_frequencies, self.curves))
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Begin to plot, or catch up."""
+        super().showEvent(event)
+        if self.canvas is None:
+            from spacemap_vtk.app.plots.chart import PlotCanvas
+
+            self.canvas = PlotCanvas()
+            self.canvas.asked.connect(self.asked)
+            item = self._layout.takeAt(2)
+            del item
+            self._layout.insertWidget(2, self.canvas, 1)
+            self.canvas.setVisible(self.curves is not None)
+        self._later()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._draw()
+        super().changeEvent(event)
+
+    def _later(self) -> None:
+        if self.isVisible():
+            self._rest.start()
+
+    def _wish(self) -> Wish:
+        values, animation = self._document.values, self._document.scene.animation
+        start, stop = animation.start, max(animation.stop, animation.start + 1e-9)
+        points = tuple(pick.rest for pick in self.points)
+        key = repr(([values.get(name) for name in _MOVING], points, start, stop))
+        return Wish(key, points, start, stop)
+
+    def _ask(self) -> None:
+        wish = self._wish()
+        if not self.isVisible() or wish.key == self._key:
+            return
+        if self._engine.busy:
+            self._rest.start()
+            return
+        if self._drawn != self._document.values:
+            return  # its run has failed or was given up: what the engine has is another scene's
+        self._key = wish.key
+        if self._moved:
+            self.hint.setText("Computing…")
+            self._engine.ask_beside(partial(curves_of, wish=wish))
+        else:
+            self._ready(None)
+
+    def _ready(self, result: Any) -> None:
+        if isinstance(result, BaseException):
+            self.failed.emit(result)
+            self.hint.setText(_HINT)
+            return
+        if result is not None and result.key != self._key:
+            return
+        self.shown.emit()
+        self.curves = result
+        hint = _HINT if self.points else _TIP
+        self.hint.setText(f"{hint} {result.note}" if result else "This scene does not move.")
+        self._enable()
+        if self.canvas is not None:
+            self.canvas.setVisible(result is not None)
+        if result is not None and not self._chosen:
+            # The component that moves most says most.
+            sizes = abs(result.motion[0]).max(axis=(0, 1), initial=0.0)
+            self.component.setCurrentIndex(int(np.argmax(sizes)))
+        self._draw()
+
+    def _draw(self) -> None:
+        if self.canvas is None or self.curves is None:
+            return
+        from spacemap_vtk.app.plots.chart import COMPONENTS, ShownCurves
+
+        dark = self.palette().window().color().lightness() < 128
+        self.canvas.draw_curves(
+            self.curves,
+            ShownCurves(
+                list(QUANTITIES)[self.quantity.currentIndex()],
+                COMPONENTS[self.component.currentIndex()],
+                dark,
+            ),
+        )
+        self.canvas.set_time(self._time)
+
+    def _component_chosen(self) -> None:
+        self._chosen = True
+        self._draw()
+
+    def _replaced(self) -> None:
+        self.points = []
+        self._chosen = False
+        self._key = ""
+        self._engine.ask_beside(None)
+
+    def _enable(self) -> None:
+        known = self.curves is not None
+        for widget in (self.quantity, self.component, self.save):
+            widget.setEnabled(known)
+        self.saves["frequencies"].setEnabled(
+            self.curves is not None and len(self.curves.frequencies) > 0
+        )
+
+    def _save(self, name: str, kinds: dict[str, str], write: Any) -> None:
+        endings = " ".join(f"*{ending}" for ending in kinds)
+        path = ask_file(self, "Save", name, f"Files ({endings})", next(iter(kinds)))
+        if path is None:
+            return
+        try:
+            check_output(path, kinds)
+            if kinds is _PICTURES:
+                with whole_file(path) as file:
+                    write(file)
+            else:
+                write(path)
+        except (SpacemapError, OSError) as error:
+            self.unwritten.emit(error)
+        else:
+            self.written.emit()

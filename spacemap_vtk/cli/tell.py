@@ -1,0 +1,288 @@
+"""Commands that tell: info, validate, scenes, keys, materials."""
+
+from __future__ import annotations
+
+import textwrap
+import tomllib
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes import library, thumbnails
+from spacemap_vtk.units import format_quantity
+
+#: In place of a figure that cannot be had; a warning says why.
+_UNKNOWN = "–"
+
+
+def info(
+    scene: str,
+    /,
+    *,
+    time: Annotated[
+        str | None,
+        Parameter(help="Look for the least clearance at this time, too: in s, as in 0.4 or 400ms."),
+    ] = None,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Print the figures of a fabric, or of an object.
+
+    Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
+    the least clearance between the yarns of the deformed fabric. Where there is no room for the
+    yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
+    arrays and the faults of its surface; of its cage, the pieces and what lies outside.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
+    """
+    chosen = opened(scene, set_, time=time)
+    if chosen.source is chosen.object:
+        from spacemap_vtk.cli.object_table import tell_object
+
+        tell_object(chosen, json_, quiet)
+        return
+    from spacemap_vtk.scenes import report
+
+    with progress(chosen, "Weaving", 1, quiet):
+        figures = report.fabric(chosen, None if time is None else chosen.view.time)
+    if json_:
+        print_json(figures)
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=chosen.title, show_header=True)
+    for heading in ("", "warp", "weft"):
+        table.add_column(heading, justify="right" if heading else "left")
+    warp, weft = figures["warp"], figures["weft"]
+    for label, key, unit in (
+        ("yarns", "yarns", None),
+        ("diameter d", "diameter", "m"),
+        ("section", "section", None),
+        ("width", "width", "m"),
+        ("yarn count in tex", "tex", ""),
+        ("spacing p", "spacing", "m"),
+        ("weave angle θ", "theta_deg", "deg"),
+        ("yarn length l per crossing", "length", "m"),
+        ("crimp c", "crimp", "%"),
+        ("mean crimp, floats included", "mean_crimp", "%"),
+        ("crimp height h", "height", "m"),
+        ("cover factor", "cover", "%"),
+        ("longest float", "longest_float", None),
+        ("yarn length in all", "yarn_length", "m"),
+    ):
+        table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
+    table.add_row("colours", *(str(len(family["colors"])) for family in (warp, weft)))
+    console = Console()
+    console.print(table)
+    cloth = Table.grid(padding=(0, 2))
+    least = figures["least_clearance"]
+    for label, value in (
+        ("thickness", _cell(figures["thickness"], "m")),
+        ("cover", _told("{:.1%}", figures["cover"])),
+        ("fibre volume fraction", _told("{:.1%}", figures["fibre_volume_fraction"])),
+        ("areal mass", _told("{:.4g} g/m²", figures["areal_mass"], 1e3)),
+        ("smallest repeat", "{} x {}".format(*figures["repeat"])),
+        ("shafts, treadles", "{shafts}, {treadles}".format(**figures)),
+        ("h1 feasible", _interval(figures["feasible_height"])),
+        ("least clearance", _clearance(least, figures["ends"]) if least else _UNKNOWN),
+        *(
+            [("... when deformed", _clearance(figures["deformed_clearance"], figures["ends"]))]
+            if "deformed_clearance" in figures
+            else []
+        ),
+        ("surface off true tubes", _told("{:.2g} of the radius", figures["radial_error"])),
+        ("patches", _cell(figures["patches"], None)),
+        ("control points", _cell(figures["control_points"], None)),
+        ("memory", _told("{:.3g} MiB", figures["memory_bytes"], 2**-20)),
+    ):
+        cloth.add_row(label, value)
+    console.print(cloth)
+    tell_warnings(chosen, quiet)
+
+
+def validate(scene: str, /, *, set_: Set = (), quiet: Quiet = False) -> None:
+    """Check a scene without drawing it.
+
+    Every value, the draft, the cage's material, and that the fabric is feasible; a draft by itself
+    is valid, with a warning, where its yarns have no room.
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
+    """
+    chosen = opened(scene, set_)
+    chosen.check()
+    tell_warnings(chosen, quiet)
+    if not quiet:
+        print(f"{chosen.file}: valid")
+
+
+def scenes(
+    name: Annotated[str | None, Parameter(help="Print this scene's file.")] = None,
+    /,
+    *,
+    json_: Json = False,
+) -> None:
+    """List the scenes that come with the program."""
+    if name is not None:
+        if name not in library.names():
+            from spacemap_vtk.parameters import suggestion
+
+            raise InputError(
+                "no such scene",
+                key="scenes",
+                value=name,
+                allowed=", ".join(library.names()),
+                cure=suggestion(name, library.names()),
+            )
+        print(library.find(name).read_text(encoding="utf-8"), end="")
+        return
+    titles = {name: thumbnails.title_of(name) for name in library.names()}
+    if json_:
+        print_json(titles)
+        return
+    for scene, title in titles.items():
+        print(f"{scene:<24}{title}")
+
+
+def materials(*, json_: Json = False) -> None:
+    """List the measured fabrics a cage can be made of.
+
+    modal.material names one. The table has its constants and their source; below it stands what
+    they leave open, and how a scene replaces them.
+    """
+    from spacemap_vtk.mechanics.measured_fabrics import ASSUMED, FABRICS, SOURCE
+
+    rows = {
+        name: {
+            "use": fabric.use,
+            "sample": fabric.sample,
+            "areal_mass": fabric.areal_mass,
+            **dict(zip(("C11", "C12", "C22", "C33"), fabric.stiffness, strict=True)),
+            "plate_thickness": fabric.plate,
+        }
+        for name, fabric in FABRICS.items()
+    }
+    if json_:
+        print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    for heading in ("material", "g/m²", "C11", "C12", "C22", "C33", "plate"):
+        table.add_column(
+            heading, justify="left" if heading == "material" else "right", no_wrap=True
+        )
+    table.add_column("sold as")
+    for name, fabric in FABRICS.items():
+        table.add_row(
+            f"{name}\n  {fabric.sample}",
+            f"{1e3 * fabric.areal_mass:g}",
+            *(f"{value:.4g}" for value in fabric.stiffness),
+            f"{1e3 * fabric.plate:.2f} mm",
+            fabric.use,
+        )
+    Console().print(table)
+    print(
+        textwrap.fill(
+            "C in N/m: C11 along the weft, C22 along the warp, C33 shear. A cage as thick as "
+            '"plate" bends as measured; one of any thickness stretches and weighs as measured.',
+            78,
+        )
+    )
+    print("\n" + textwrap.fill(f"Source: {SOURCE}.", 78) + "\n\nTaken without measurement:")
+    for text in ASSUMED:
+        print(textwrap.fill(f"{text}.", 78, initial_indent="- ", subsequent_indent="  "))
+    print(
+        "\n"
+        + textwrap.fill(
+            "youngs_moduli, shear_moduli, poissons_ratios and density in [modal] replace the "
+            'measured ones: --set modal.material=denim --set modal.density="400 kg/m3".',
+            78,
+        )
+    )
+
+
+def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:
+    """Explain the sections and keys of a scene file.
+
+    Each key with its default, when it counts, and what is allowed. In a file it stands below its
+    [section]; on the command line it is --set section.key=value.
+    """
+    from spacemap_vtk.parameters import suggestion
+    from spacemap_vtk.scenes.scene import SECTIONS
+
+    if section is not None and section not in SECTIONS:
+        raise InputError(
+            "no such section",
+            key="keys",
+            value=section,
+            allowed=", ".join(SECTIONS),
+            cure=suggestion(section, SECTIONS),
+        )
+    if section is None:
+        print('title = "..."\n    Name of the scene; stands above all sections.\n')
+    for name in SECTIONS if section is None else [section]:
+        summary = (SECTIONS[name].__doc__ or "").strip().splitlines()[0]
+        print(f"[{name}]  {summary}\n")
+        for key, parameter in SECTIONS[name].parameters.items():
+            print(f"{key} = {_toml(parameter)}")
+            when = f" Counts where {parameter.counts}." if parameter.counts else ""
+            print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
+            print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
+        print()
+
+
+def _toml(parameter: Any) -> str:
+    """Return a parameter's default as a scene file has it, with what "auto" stands for."""
+    from spacemap_vtk.parameters import AUTOMATIC
+
+    if parameter.default is None:
+        return f'"{AUTOMATIC}"  # {parameter.automatic}'
+    text = parameter.show(parameter.default)
+    if text.startswith("["):  # a vector, whose unit stands behind it
+        return text.replace("] ", "]  # ")
+    try:
+        tomllib.loads(f"x = {text}")
+    except tomllib.TOMLDecodeError:
+        return f'"{text}"'
+    return text
+
+
+def _interval(ends: list[float] | None) -> str:
+    return _UNKNOWN if ends is None else " to ".join(_cell(end, "m") for end in ends)
+
+
+def _told(text: str, value: float | None, factor: float = 1.0) -> str:
+    return _UNKNOWN if value is None else text.format(factor * value)
+
+
+def _clearance(found: dict[str, Any], ends: int) -> str:
+    # what rounding leaves of touching is no overlap
+    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
+    place = ", ".join(_cell(x, "m") for x in found["place"])
+    names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
+    return f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
+
+
+def _cell(value: float | None, unit: str | None) -> str:
+    if value is None:
+        return _UNKNOWN
+    if unit is None:
+        return str(value)
+    if unit == "%":
+        return f"{value:.2%}"
+    if unit == "deg":
+        return f"{value:.4g}°"
+    return format_quantity(float(f"{value:.5g}"), unit)

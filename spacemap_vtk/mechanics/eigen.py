@@ -1,0 +1,412 @@
+"""Vibration modes: K s = λ M s, equations (14) and (15) of Furukawa et al., for the lowest λ.
+
+Small problems are solved densely, large ones by `spacemap_vtk.mechanics.lanczos`. Components of a
+mesh, which no element joins, vibrate apart from each other and are solved apart: any number of
+equal ones then gives as many equal eigenvalues.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg as la
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics import threads
+from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
+from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
+from spacemap_vtk.mechanics.pencil import Component, Pencil
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[float], object]
+
+#: Up to here the dense solver is no slower.
+DENSE = 600
+
+#: Modes solved for beyond those that are asked for, so that a gap follows the last of these: with
+#: one asked for of a free body, five more are rigid.
+SPARE = 7
+
+#: Where in the gap modes are counted. When one is missing another solution is tried, from another
+#: start, and counted at another place: pivots may have been poor at the last one.
+_SHARES = (0.5, 0.3, 0.6)
+
+#: Largest ‖Kφ - λMφ‖ / ‖Kφ‖ of a mode.
+RESIDUAL = 1e-6
+
+#: Share of ‖|K| |φ|‖ that rounding may leave in Kφ.
+NOISE = 1e-13
+
+#: Share of |φ|ᵀ |K| |φ| that rounding may leave in φᵀKφ: below it a mode is rigid, where only K is
+#: known.
+RIGID = 1e-14
+
+#: Below this share, too many digits are lost in φᵀKφ: strains tell, where they are known.
+DOUBTFUL = 1e-10
+
+#: Share that rounding of the displacements leaves in the strain energy of a motion without strain:
+#: of a part that hangs by a vertex. A clamped sheet bends with more up to a million thicknesses.
+STRAINLESS = 1e-27
+
+#: Relative error of float64.
+_ROUNDING = 2.0**-53
+
+
+class Modes(NamedTuple):
+    """The lowest modes of a supported mesh."""
+
+    eigenvalues: FloatArray
+    """λ = ω² [1/s²], ascending, (n,); exactly 0.0 for a rigid mode."""
+    shapes: FloatArray
+    """Mode shapes [1/√kg], (n, V, 3)."""
+    rounding: FloatArray
+    """An estimate, from above, of the share of each λ that is rounding, (n,): 0 to 1."""
+
+
+def solve_modes(
+    stiffness: sp.csr_matrix,
+    mass: sp.csr_matrix,
+    free: ArrayLike,
+    count: int,
+    progress: Progress | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest vibration modes of K s = λ M s.
+
+    Parameters
+    ----------
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        K [N/m], positive semidefinite, and M [kg], positive definite on what is free; component
+        c of vertex v is row 3 v + c.
+    free : array_like of bool, shape (3V,)
+        Which components can move.
+    count : int
+        Number of modes n; all there are, if more are asked for.
+    progress : callable, optional
+        Called now and then with a fraction from 0 to 1; an exception it raises ends the solution.
+
+    Returns
+    -------
+    eigenvalues : ndarray of float64, shape (n,)
+        λ = ω² [1/s²], ascending; exactly 0.0 for a rigid mode.
+    shapes : ndarray of float64, shape (n, V, 3)
+        Mode shapes [1/√kg], mass-normalised (SᵀMS = I), zero where fixed; the first of the
+        components of largest size is positive. The modes of a multiple eigenvalue are one basis
+        of their space, as good as any other.
+
+    Raises
+    ------
+    InputError
+        If nothing is free, `count` is not positive, or a free component has no mass.
+    SizeError
+        If a factorisation does not fit into memory.
+    SolverError
+        If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), a
+        mode is missing, or K is not positive semidefinite.
+    """
+    _check_count(count)
+    return lowest(Pencil(stiffness, mass, free), count, progress)[:2]
+
+
+def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
+    """Return the lowest vibration modes of a pencil, as `solve_modes` does.
+
+    Parameters
+    ----------
+    pencil : Pencil
+        K and M on what is free; its factors are used, and kept by it.
+    count : int
+        Number of modes n; all there are, if more are asked for.
+    progress : callable, optional
+        As for `solve_modes`.
+
+    Returns
+    -------
+    Modes
+        Eigenvalues and shapes as for `solve_modes`, and how many of their digits are rounding.
+
+    Notes
+    -----
+    Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
+    leave. A thin sheet bends by so much more easily than it stretches that K holds nothing of its
+    lowest modes but rounding; in the space of the modes that are found, whose higher ones are
+    right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
+    outside of that space have.
+    """
+    _check_count(count)
+    report: Progress = progress or _ignore
+    report(0.0)
+    with threads.one():
+        eigenvalues, modes, rounding = _of_components(pencil, count, report)
+        _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
+    shapes = np.zeros((len(eigenvalues), pencil.size))
+    shapes[:, pencil.where] = (modes * _signs(modes)).T
+    report(1.0)
+    return Modes(eigenvalues, shapes.reshape(len(eigenvalues), -1, 3), rounding)
+
+
+def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
+    """Estimate the memory that `solve_modes` takes, to refuse in time.
+
+    Parameters
+    ----------
+    dof : int
+        Number of free components.
+    count : int
+        Number of modes.
+    layers : float, optional
+        Cells through the thickness of a slab. Without it, or infinite, the mesh is taken for a
+        cube, which needs most.
+
+    Returns
+    -------
+    int
+        Bytes, matrices and results included. Measured with 30 modes, above the matrices: 0.8 GB
+        for a cube of 89,280 dof (estimate 1.4), 0.5 GB for a slab of 99,630 in four layers
+        (estimate 1.3).
+    """
+    count = min(count, dof)
+    if _is_dense(dof, count):
+        return 8 * (4 * dof**2 + 4 * dof * count)
+    # Entries of the factors: those of a cube grow as the power 4/3, those of a sheet as A log A
+    # with a dense block for each of the A columns of vertices across it.
+    entries = 13.1 * dof ** (4 / 3)
+    if layers is not None:
+        column = 3 * (layers + 1)
+        entries = min(entries, 2.3 * dof * column * math.log2(max(2.0, dof / column)))
+    if importlib.util.find_spec("pymetis") is None:
+        entries *= 2.4
+    vectors = 8 * dof * (7 * count + 20 * BLOCK)
+    # 8 bytes an entry, and as much for what waits on the fronts' borders.
+    return int(16 * entries + 12 * 240 * dof + vectors)
+
+
+def _is_dense(dof: int, count: int) -> bool:
+    return dof <= DENSE or 4 * count >= dof
+
+
+def _ignore(_: float) -> None:
+    pass
+
+
+def _check_count(count: int) -> None:
+    if count < 1:
+        raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
+
+
+def _of_components(
+    pencil: Pencil, count: int, report: Progress
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return λ of the lowest modes of all components, these, (N, n), and their rounding."""
+    total = len(pencil.where)
+    rows, solved, done = [], [], 0
+    for component in pencil.components:
+
+        def part(share: float, done: int = done, size: int = len(component.rows)) -> None:
+            report((done + share * size) / total)
+
+        modes = _of_component(component, min(count, len(component.rows)), part)
+        rows.append(component.rows)
+        solved.append([found[..., :count] for found in _evaluated(pencil, component, modes)])
+        done += len(component.rows)
+    eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
+    lowest = np.argsort(eigenvalues, kind="stable")[:count]
+    if len(solved) == 1:
+        return eigenvalues[lowest], solved[0][1], rounding[lowest]
+    modes = np.zeros((total, len(lowest)))
+    first = 0
+    for mine, (values, vectors, _) in zip(rows, solved, strict=True):
+        chosen = np.flatnonzero((lowest >= first) & (lowest < first + len(values)))
+        modes[np.ix_(mine, chosen)] = vectors[:, lowest[chosen] - first]
+        first += len(values)
+    return eigenvalues[lowest], modes, rounding[lowest]
+
+
+def _of_component(component: Component, count: int, report: Progress) -> FloatArray:
+    """Return at least the lowest modes of a component."""
+    size = len(component.rows)
+    if not _is_dense(size, count):
+        return _counted(component, count, report)
+    # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
+    few = 4 * count < size
+    try:
+        modes = la.eigh(
+            component.stiffness.toarray(order="F"),
+            component.mass.toarray(order="F"),
+            driver="gvx" if few else "gvd",
+            subset_by_index=[0, min(count + SPARE, size) - 1] if few else None,
+            overwrite_a=True,
+            overwrite_b=True,
+        )[1]
+    except la.LinAlgError as error:
+        raise SolverError(
+            f"the dense eigenvalue problem has no solution: {error}",
+            cure="Look for badly shaped tetrahedra in the cage",
+        ) from error
+    report(1.0)
+    return modes
+
+
+def _evaluated(
+    pencil: Pencil, component: Component, modes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return λ of the modes of a component, ascending, these modes, and their rounding.
+
+    The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
+    of both solvers equal down to rounding in K itself.
+    """
+    energy, noise = _energies(component, modes)
+    rigid = energy <= RIGID * noise
+    rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
+    if pencil.strain_products is not None and (doubtful := energy <= DOUBTFUL * noise).any():
+        motions = pencil.motions(component)
+        left = motions.shape[1]
+        rigid = np.zeros(len(energy), dtype=bool)
+        rigid[np.argsort(energy, kind="stable")[:left]] = True
+        if doubtful.sum() > left:
+            low = energy <= energy[doubtful].max()  # modes are mass-normalised: these are lowest
+            modes = _told_by_strains(pencil, component, modes, low, motions)
+            noise = _energies(component, modes)[1]
+            energy = np.diag(pencil.strain_products(_fields(pencil, component, modes)))
+            rigid = (np.arange(len(energy)) < left) | (energy <= STRAINLESS * noise)
+            # Of second order, and left by the modes beyond the highest.
+            share = np.divide(noise, energy, out=np.full_like(noise, np.inf), where=energy > 0)
+            rounding = _ROUNDING**2 * share * noise / energy.max()
+    rounding = np.where(rigid, 0.0, np.minimum(rounding, 1.0))
+    eigenvalues = energy / np.einsum("nk,nk->k", modes, component.mass @ modes)
+    eigenvalues[rigid] = 0.0
+    order = np.argsort(eigenvalues, kind="stable")
+    return eigenvalues[order], modes[:, order], rounding[order]
+
+
+def _energies(component: Component, modes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
+    size = abs(modes)
+    energy = np.einsum("nk,nk->k", modes, component.stiffness @ modes)
+    return energy, np.einsum("nk,nk->k", size, abs(component.stiffness) @ size)
+
+
+def _fields(pencil: Pencil, component: Component, modes: FloatArray) -> FloatArray:
+    """Return the modes of a component as displacements of all vertices, (n, V, 3)."""
+    fields = np.zeros((modes.shape[1], pencil.size))
+    fields[:, pencil.where[component.rows]] = modes.T
+    return fields.reshape(modes.shape[1], -1, 3)
+
+
+def _told_by_strains(
+    pencil: Pencil,
+    component: Component,
+    modes: FloatArray,
+    lowest: NDArray[np.bool_],
+    motions: FloatArray,
+) -> FloatArray:
+    """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others.
+
+    Each is freed of those before it alone, which have less energy: what is left of them in it does
+    no harm, where a trace of a high mode in a low one would.
+    """
+    assert pencil.strain_products is not None
+    mass, low = component.mass, modes[:, lowest]
+    if motions.shape[1]:
+        # What of them is no rigid motion.
+        low = low @ la.null_space(motions.T @ (mass @ low))
+        low -= motions @ (motions.T @ (mass @ low))
+    others = modes[:, ~lowest]
+    both = np.concatenate([low, others], axis=1)
+    springs = pencil.strain_products(_fields(pencil, component, both))
+    size = np.diag(springs) ** -0.5
+    inertia = both.T @ (mass @ both)
+    scale = np.outer(size, size)
+    # Of 1/λ the largest are exact, and with them the lowest modes.
+    try:
+        turn = la.eigh(inertia * scale, springs * scale)[1][:, ::-1][:, : low.shape[1]]
+    except la.LinAlgError:
+        return np.concatenate([motions, both], axis=1)  # components that hang by a vertex
+    low = (both * size) @ turn
+    low /= np.sqrt(np.einsum("nk,nk->k", low, mass @ low))
+    both = np.concatenate([motions, low, others], axis=1)
+    factor = np.linalg.cholesky(both.T @ (mass @ both))
+    return la.solve_triangular(factor, both.T, lower=True).T
+
+
+def _counted(component: Component, count: int, report: Progress) -> FloatArray:
+    """Return a few more than the lowest modes, none of them missed.
+
+    A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
+    negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
+    that is wanted, and so a few more are solved for.
+    """
+    for attempt, share in enumerate(_SHARES):
+
+        def solve(seed: int = attempt) -> tuple[FloatArray, FloatArray]:
+            return lowest_modes(
+                component.factorised(lambda part: report(0.3 * part)).solve,
+                component.stiffness,
+                component.mass,
+                min(count + SPARE, len(component.rows)),
+                lambda part: report(0.3 + 0.3 * part),
+                seed=seed,
+            )
+
+        try:
+            values, vectors = solve()
+        except SolverError:
+            if not component.lower_shift():
+                raise
+            values, vectors = solve()
+        tail = values[count - 1 :]
+        # Against λ + σ, or rounding would tell rigid modes apart.
+        below = count + int(np.argmax(np.diff(tail) / (tail[1:] + component.shift)))
+        between = (1 - share) * values[below - 1] + share * values[below]
+        found = negative_eigenvalues(
+            component.stiffness - between * component.mass,
+            component.analysis,
+            lambda part: report(0.6 + 0.4 * part),
+        )
+        if found == below:
+            return vectors
+    raise SolverError(
+        f"{found} modes lie below {math.sqrt(between) / (2 * math.pi):.6g} Hz, and {below} of "
+        "them were found",
+        cure="Look for badly shaped tetrahedra in the cage, or ask for more modes",
+    )
+
+
+def _verify(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, eigenvalues: FloatArray, modes: FloatArray
+) -> None:
+    """Say which mode is wrong."""
+    if eigenvalues.min() < 0:
+        raise SolverError(
+            f"the stiffness matrix is not positive semidefinite: λ = {eigenvalues.min():.3g}",
+            cure="Check the material, and look for badly shaped tetrahedra in the cage",
+        )
+    force, inertia = stiffness @ modes, mass @ modes
+    noise = abs(stiffness) @ abs(modes)
+    residual = np.linalg.norm(force - inertia * eigenvalues, axis=0)
+    size, rounding = np.linalg.norm(force, axis=0), np.linalg.norm(noise, axis=0)
+    wrong = ~(residual <= np.maximum(RESIDUAL * size, NOISE * rounding))
+    if wrong.any():
+        worst = int(np.argmax(wrong))
+        raise SolverError(
+            f"mode {worst} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
+            f"{RESIDUAL:g}",
+            cure="Look for badly shaped tetrahedra in the cage and for moduli many powers of ten "
+            "apart, or ask for fewer modes",
+        )
+
+
+def _signs(modes: FloatArray) -> FloatArray:
+    """Return the signs that make the first of the largest components of each mode positive.
+
+    Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
+    ones often are, and rounding would choose between them.
+    """
+    size = abs(modes)
+    first = (size >= (1 - 1e-6) * size.max(axis=0)).argmax(axis=0)
+    return np.sign(modes[first, np.arange(modes.shape[1])])

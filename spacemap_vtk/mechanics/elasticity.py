@@ -1,0 +1,301 @@
+"""Stiffness and mass of tetrahedra: K and M of ``M ü + C u̇ + K u = f``.
+
+On a straight-sided tetrahedron the gradients g_i of the barycentric coordinates are constant, so
+both matrices are sums over the tetrahedra of a product for each pair (a, b) of vertices:
+
+    K[a k', b l'] = Σ_kl c_k'kl'l Σ_T V Σ_ij s_ijab g_i,k g_j,l      M[a i, b j] = δ_ij ρ Σ_T V p_ab
+
+with the integrals s and p of `spacemap_vtk.mechanics.elements`: exact, for linear and quadratic
+elements. The inner sums hold geometry alone. `assemble` makes them once; a new material is then
+one product with its 81 elasticities, however many tetrahedra share a vertex.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.elements import element
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.tetrahedra import (
+    FloatArray,
+    IntArray,
+    checked_mesh,
+    edges_and_volumes,
+    volumes,
+)
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+__all__ = [
+    "Assembly",
+    "assemble",
+    "isotropic",
+    "mass",
+    "nodal_mass",
+    "stiffness",
+    "stiffness_and_mass",
+    "volumes",
+]
+
+#: Row of the elasticity matrix that holds the strain component (i, k).
+VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """What a mesh of tetrahedra contributes to K and M, whatever its material.
+
+    Parameters
+    ----------
+    indptr, indices : ndarray of int64, shapes (V + 1,) and (P,)
+        The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
+    gradients : ndarray of float64, shape (P, 9)
+        ∫ N_a,k N_b,l of each pair, column 3 k + l [m].
+    products : ndarray of float64, shape (P,)
+        ∫ N_a N_b of each pair [m³].
+    lumps : ndarray of float64, shape (V,)
+        Each vertex's share of the volume, for a lumped mass [m³].
+    """
+
+    indptr: IntArray
+    indices: IntArray
+    gradients: FloatArray
+    products: FloatArray
+    lumps: FloatArray
+
+
+def barycentric_gradients(
+    points: FloatArray, tetrahedra: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the gradients of the barycentric coordinates, and the volumes.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
+        Vertices of each tetrahedron.
+
+    Returns
+    -------
+    gradients : ndarray of float64, shape (T, 4, 3)
+        ∇L_i [1/m]; they sum to zero.
+    volumes : ndarray of float64, shape (T,)
+        Volumes [m³], positive for either orientation.
+
+    Raises
+    ------
+    GeometryError
+        If a tetrahedron is flat.
+    """
+    edges, volume = edges_and_volumes(points, tetrahedra)
+    # ∇L_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
+    # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
+    cross = np.cross(edges[:, [1, 2, 0]], edges[:, [2, 0, 1]])
+    rest = cross / np.einsum("tk,tk->t", edges[:, 0], cross[:, 0])[:, None, None]
+    gradients: FloatArray = np.concatenate([-rest.sum(axis=1, keepdims=True), rest], axis=1)
+    return gradients, volume
+
+
+def nodal_mass(
+    points: ArrayLike, tetrahedra: ArrayLike, density: float, lumped: bool = False
+) -> FloatArray:
+    """Return the share of the mass that belongs to each vertex.
+
+    Parameters
+    ----------
+    points : array_like of float, shape (V, 3)
+        Vertices [m].
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
+        Vertices of each tetrahedron.
+    density : float
+        ρ > 0 [kg/m³].
+    lumped : bool
+        Of the lumped in place of the consistent mass matrix; for linear tetrahedra both agree.
+
+    Returns
+    -------
+    ndarray of float64, shape (V,)
+        Row sums of the mass matrix [kg]; they sum to ρV. Gravity's load is their product with g.
+        Linear tetrahedra give each vertex a quarter; the consistent mass of quadratic ones gives
+        a midpoint a fifth and a corner minus a twentieth.
+
+    Raises
+    ------
+    GeometryError
+        As `volumes` does.
+    InputError
+        If the density is not positive.
+    """
+    _check_density(density)
+    volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
+    shape = element(nodes.shape[1])
+    share = shape.lumps if lumped else shape.products.sum(axis=1)
+    return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
+
+
+def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
+    """Sum the geometric part of K and M over the tetrahedra.
+
+    Parameters
+    ----------
+    points : array_like of float, shape (V, 3)
+        Vertices [m].
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
+        Vertices of each tetrahedron.
+
+    Returns
+    -------
+    Assembly
+        What `stiffness` and `mass` need of the mesh.
+
+    Raises
+    ------
+    GeometryError
+        As `volumes` does.
+    """
+    points, tetrahedra = checked_mesh(points, tetrahedra)
+    gradient, volume = barycentric_gradients(points, tetrahedra)
+    nodes, count = tetrahedra.shape[1], len(points)
+    shape = element(nodes)
+
+    key = (tetrahedra[:, :, None] * count + tetrahedra[:, None, :]).ravel()
+    pair, slot = np.unique(key, return_inverse=True)
+    slot = slot.ravel()
+    indptr = np.searchsorted(pair, np.arange(count + 1) * count)
+
+    gradients = np.empty((len(pair), 9))
+    slopes = shape.slopes.reshape(16, -1)
+    for k in range(3):
+        for m in range(3):
+            # One component at a time: all nine at once would take nine times the memory.
+            outer = gradient[:, :, None, k] * gradient[:, None, :, m] * volume[:, None, None]
+            term = outer.reshape(len(volume), 16)
+            gradients[:, 3 * k + m] = np.bincount(
+                slot, (term if nodes == 4 else term @ slopes).ravel()
+            )
+    products = _summed(slot, np.outer(volume, shape.products), len(pair))
+    lumps = _summed(tetrahedra, np.outer(volume, shape.lumps), count)
+    return Assembly(indptr, pair % count, gradients, products, lumps)
+
+
+def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
+    """Return the stiffness matrix of one material.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The mesh, from `assemble`.
+    elasticity : array_like of float, shape (6, 6)
+        Elasticity matrix [Pa] in the order of `isotropic`, of any symmetric material.
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        K = Σ ∫ Bᵀ D B [N/m]; component c of vertex v is row 3 v + c.
+
+    Raises
+    ------
+    InputError
+        If `elasticity` is not a symmetric matrix of six rows.
+    """
+    from scipy.sparse import bsr_matrix  # with all it brings: a tenth of a second
+
+    matrix = np.asarray(elasticity, dtype=np.float64)
+    square = matrix.shape == (6, 6) and bool(np.isfinite(matrix).all())
+    if not square or not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
+        raise InputError(
+            "this is not an elasticity matrix",
+            key="elasticity",
+            value=f"array of shape {matrix.shape}",
+            allowed="a finite, symmetric matrix of shape (6, 6)",
+            cure="Make one with isotropic(youngs_modulus, poissons_ratio)",
+        )
+    # c_ikjl, its axes put in the order (k l, i j).
+    tensor = matrix[VOIGT[:, :, None, None], VOIGT].transpose(1, 3, 0, 2).reshape(9, 9)
+    blocks = (assembly.gradients @ tensor).reshape(-1, 3, 3)
+    size = 3 * (len(assembly.indptr) - 1)
+    return bsr_matrix((blocks, assembly.indices, assembly.indptr), shape=(size, size)).tocsr()
+
+
+def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
+    """Return the mass matrix.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The mesh, from `assemble`.
+    density : float
+        ρ > 0 [kg/m³].
+    lumped : bool
+        All mass on the diagonal. Frequencies then come from below where the consistent mass
+        brings them from above.
+
+    Returns
+    -------
+    scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        M = Σ ∫ ρ Nᵀ N [kg], rows as in `stiffness`.
+
+    Raises
+    ------
+    InputError
+        If the density is not positive.
+    """
+    import scipy.sparse as sp  # with all it brings: a tenth of a second
+
+    _check_density(density)
+    if lumped:
+        return sp.diags(np.repeat(density * assembly.lumps, 3), format="csr")
+    count = len(assembly.indptr) - 1
+    parts = (density * assembly.products, assembly.indices, assembly.indptr)
+    return sp.kron(sp.csr_matrix(parts, shape=(count, count)), sp.identity(3), format="csr")
+
+
+def stiffness_and_mass(
+    points: ArrayLike, tetrahedra: ArrayLike, elasticity: ArrayLike, density: float
+) -> tuple[csr_matrix, csr_matrix]:
+    """Return K and consistent M of a mesh of tetrahedra.
+
+    Parameters
+    ----------
+    points : array_like of float, shape (V, 3)
+        Vertices [m].
+    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
+        Vertices of each tetrahedron, of either orientation.
+    elasticity : array_like of float, shape (6, 6)
+        Elasticity matrix [Pa], see `isotropic`.
+    density : float
+        ρ > 0 [kg/m³].
+
+    Returns
+    -------
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        K [N/m] and consistent M [kg]; component c of vertex v is row 3 v + c.
+
+    Raises
+    ------
+    GeometryError
+        As `volumes` does.
+    InputError
+        If the elasticity matrix or the density is refused.
+    """
+    assembly = assemble(points, tetrahedra)
+    return stiffness(assembly, elasticity), mass(assembly, density)
+
+
+def _summed(places: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Return the sum of the values at each place."""
+    return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)
+
+
+def _check_density(density: float) -> None:
+    if not (np.isfinite(density) and density > 0):
+        raise InputError(
+            "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
+        )

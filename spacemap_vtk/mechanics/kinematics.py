@@ -1,0 +1,153 @@
+"""How a displacement field stretches and turns each tetrahedron."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.mechanics.elasticity import barycentric_gradients
+from spacemap_vtk.mechanics.elements import shape_slopes
+
+FloatArray = NDArray[np.float64]
+
+#: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
+LARGE_ROTATION = np.radians(20.0)
+
+#: The edges whose middles are the nodes 4 to 9 of a quadratic tetrahedron.
+_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+
+
+class MeanGradient:
+    """The mean gradient of displacement fields in each tetrahedron.
+
+    It is constant in a linear tetrahedron and linear in a quadratic one, whose mean is that at its
+    centroid.
+
+    Parameters
+    ----------
+    points : array_like of float, shape (V, 3)
+        Vertices [m].
+    cells : array_like of int, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
+
+    Raises
+    ------
+    GeometryError
+        If the mesh is none, or a tetrahedron flat.
+    """
+
+    def __init__(self, points: ArrayLike, cells: ArrayLike) -> None:
+        nodes = np.asarray(cells, dtype=np.int64)
+        slopes = barycentric_gradients(np.asarray(points, dtype=np.float64), nodes)[0]
+        if nodes.shape[1] == 10:
+            # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge; where all L are 1/4 the gradients of
+            # the corners vanish, and those of an edge are the sum of its corners'.
+            slopes = np.stack([slopes[:, a] + slopes[:, b] for a, b in _EDGES], axis=1)
+            nodes = nodes[:, 4:]
+        # The tetrahedra last, so that each sum runs along memory.
+        self._nodes = np.ascontiguousarray(nodes.T)
+        self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
+
+    def of(self, displacement: FloatArray) -> FloatArray:
+        """Return the gradients of a field.
+
+        Parameters
+        ----------
+        displacement : ndarray of float64, shape (V, 3)
+            u [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (3, 3, T)
+            ∂u_i/∂x_j.
+        """
+        result = np.empty((3, 3, self._nodes.shape[1]))
+        for i in range(3):
+            values = np.ascontiguousarray(displacement[:, i])[self._nodes]
+            for j in range(3):
+                np.einsum("nt,nt->t", values, self._slopes[j], out=result[i, j])
+        return result
+
+
+def largest_rotation(gradients: FloatArray) -> float:
+    """Return the largest rotation of any tetrahedron, half the curl of the displacement.
+
+    Parameters
+    ----------
+    gradients : ndarray of float64, shape (3, 3, T)
+        From `MeanGradient`.
+
+    Returns
+    -------
+    float
+        In rad.
+    """
+    curl = [gradients[j, i] - gradients[i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return 0.5 * float(np.sqrt(sum(part**2 for part in curl).max()))
+
+
+def strains(gradients: FloatArray) -> FloatArray:
+    """Return the strain of each tetrahedron.
+
+    Parameters
+    ----------
+    gradients : ndarray of float64, shape (3, 3, T)
+        From `MeanGradient`.
+
+    Returns
+    -------
+    ndarray of float64, shape (T, 6)
+        As xx, yy, zz, yz, zx, xy, shears in engineering measure (γ = 2ε).
+    """
+    shears = [gradients[i, j] + gradients[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.stack([*(gradients[i, i] for i in range(3)), *shears], axis=1)
+
+
+#: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;
+#: their mean is exact.
+_SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
+
+#: Tetrahedra that are worked on at a time.
+_CHUNK = 4096
+
+
+def strain_products(
+    points: FloatArray, cells: NDArray[np.int64], elasticity: FloatArray, fields: FloatArray
+) -> FloatArray:
+    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε.
+
+    That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is the
+    small difference of large forces; here, where only displacements within a tetrahedron are
+    subtracted, it is a sum of positive terms, with twice as many digits.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
+    elasticity : ndarray of float64, shape (6, 6)
+        Elasticity matrix C [Pa].
+    fields : ndarray of float64, shape (n, V, 3)
+        Displacements [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, n)
+        In J; the diagonal is twice the strain energies.
+    """
+    gradients, volume = barycentric_gradients(points, cells)
+    linear = cells.shape[1] == 4
+    slopes = np.eye(4)[None] if linear else shape_slopes(_SAMPLES)
+    total = np.zeros((len(fields), len(fields)))
+    for start in range(0, len(cells), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        moved = fields[:, cells[part]]
+        moved = (moved - moved[:, :, :1]).swapaxes(2, 3)
+        for slope in slopes:
+            gradient = moved @ (slope @ gradients[part])  # n, t, i, j
+            strain = strains(gradient.transpose(2, 3, 0, 1).reshape(3, 3, -1))
+            stress = strain @ elasticity
+            stress.reshape(len(fields), -1, 6)[...] *= volume[part, None] / len(slopes)
+            total += stress.reshape(len(fields), -1) @ strain.reshape(len(fields), -1).T
+    return (total + total.T) / 2

@@ -1,0 +1,183 @@
+"""Forces on the vertices of a cage: what acts on a side, at a vertex, or on the mass."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.supports import SIDES
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: The faces of a tetrahedron: three corners, and in a quadratic one the middles of their edges.
+FACES = np.array(
+    [[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 8, 7], [1, 2, 3, 5, 9, 8], [0, 2, 3, 6, 9, 7]], dtype=np.int64
+)
+
+
+class Wall(NamedTuple):
+    """The faces of a mesh that lie in one side of its bounding box."""
+
+    nodes: IntArray
+    """(f, k), the vertices that carry the load of each face: its corners in a mesh of linear
+    tetrahedra, the middles of its edges in one of quadratic ones."""
+    areas: FloatArray
+    """(f,) in m²."""
+    normal: FloatArray
+    """(3,), outward, of length one."""
+
+
+def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
+    """Return the faces in one side of the bounding box.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra with straight edges.
+    side : str
+        Out of `spacemap_vtk.mechanics.supports.SIDES`.
+
+    Returns
+    -------
+    Wall
+        Faces, areas and normal.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no face there.
+    """
+    axis, end = SIDES[side]
+    low, high = points.min(axis=0), points.max(axis=0)
+    tolerance = 1e-6 * float(np.linalg.norm(high - low))
+    there = abs(points[:, axis] - (high if end > 0 else low)[axis]) <= tolerance
+    faces = cells[:, FACES[:, :3]].reshape(-1, 3)
+    flat = np.flatnonzero(there[faces].all(axis=1))
+    # A face that two tetrahedra share is inside.
+    _, first, count = np.unique(
+        np.sort(faces[flat], axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer = flat[first[count == 1]]
+    if len(outer) == 0:
+        raise InputError(
+            f"the cage has no face in its side {side}",
+            key="on",
+            value=side,
+            cure="Choose a side where the cage is flat",
+        )
+    corners = points[faces[outer]]
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    quadratic = cells.shape[1] == 10
+    nodes = cells[:, FACES[:, 3:]].reshape(-1, 3)[outer] if quadratic else faces[outer]
+    normal = np.zeros(3)
+    normal[axis] = end
+    return Wall(nodes, areas, normal)
+
+
+def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
+    """Return the forces of a constant traction on a wall.
+
+    Parameters
+    ----------
+    count : int
+        Number of vertices V.
+    where : Wall
+        Where it acts.
+    stress : array_like of float, shape (3,)
+        Force per area [Pa].
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3)
+        Forces [N], consistent with the elements: ∫ N is a third of the area at each corner of a
+        linear face; in a quadratic one it is zero there and a third at the middle of each edge.
+    """
+    share = np.zeros(count)
+    np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / 3, 3))
+    return share[:, None] * np.asarray(stress, dtype=np.float64)
+
+
+def pressure(count: int, where: Wall, value: float) -> FloatArray:
+    """Return the forces of a pressure on a wall.
+
+    Parameters
+    ----------
+    count : int
+        Number of vertices V.
+    where : Wall
+        Where it acts.
+    value : float
+        Pressure [Pa]; a positive one pushes into the body.
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3)
+        Forces [N].
+    """
+    return traction(count, where, -value * where.normal)
+
+
+def at_vertex(points: FloatArray, place: ArrayLike, force: ArrayLike) -> FloatArray:
+    """Return a force on the vertex nearest to a place.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    place : array_like of float, shape (3,)
+        Where [m].
+    force : array_like of float, shape (3,)
+        In N.
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3)
+        Zero on all vertices but one.
+    """
+    result = np.zeros_like(points)
+    result[nearest(points, place)] = force
+    return result
+
+
+def nearest(points: FloatArray, place: ArrayLike) -> int:
+    """Return the vertex nearest to a place.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    place : array_like of float, shape (3,)
+        Where [m].
+
+    Returns
+    -------
+    int
+        Its number; of equally near ones the first.
+    """
+    return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
+
+
+def on_mass(nodal_mass: FloatArray, acceleration: ArrayLike) -> FloatArray:
+    """Return the forces of a constant acceleration, such as gravity.
+
+    Parameters
+    ----------
+    nodal_mass : ndarray of float64, shape (V,)
+        Row sums of the mass matrix [kg].
+    acceleration : array_like of float, shape (3,)
+        In m/s².
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3)
+        Forces [N].
+    """
+    return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

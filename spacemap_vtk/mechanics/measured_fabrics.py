@@ -1,0 +1,208 @@
+"""Measured fabrics: stiffness per width and mass per area, made into a solid of some thickness.
+
+A cage is a solid, a measurement is one of a sheet: the moduli are the sheet's stiffness divided by
+the thickness of the cage, so that the cage stretches, shears and weighs as the fabric does. Its
+frequencies in the plane do not depend on that thickness; bending does, see `MeasuredFabric.plate`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+#: Where all of `FABRICS` were measured.
+SOURCE = (
+    "H. Wang, J. F. O'Brien, R. Ramamoorthi, Data-driven elastic models for cloth: modeling and "
+    "measurement, ACM Transactions on Graphics 30 (4), 71 (2011), table of material parameters, "
+    "as distributed with the program ARCSim (materials/*.json)"
+)
+
+#: What the measurement does not say, and is taken here.
+ASSUMED = (
+    "the first of the table's six sets of constants, that at no strain: cloth stiffens as it is "
+    "stretched, and a linear model cannot",
+    "force per width = constant times Green's strain, the shear's in tensor measure, as in the "
+    "paper; ARCSim itself doubles all of them, which makes frequencies in the plane 1.41 times "
+    "higher",
+    "where the table has a negative C12 (knits, by up to 15 N/m) it is taken as 0, as ARCSim does: "
+    "a pulled fabric would grow wider",
+    "direction 1 of the table is the weft (of a knit: the courses): denim stretches more along its "
+    "weft, which has the elastane",
+    "across the thickness E3 = sqrt(E1 E2), G13 = G23 = G12, ν13 = ν23 = 0: none was measured",
+    "no thickness was measured: moduli and density are those per width and area, divided by "
+    "modal.thickness",
+)
+
+
+#: Of what a fabric's constants can be spread over [m].
+THINNEST, THICKEST = 1e-9, 1e9
+
+
+class Solid(NamedTuple):
+    """Constants of an orthotropic solid along the axes of a fabric.
+
+    Parameters
+    ----------
+    youngs_moduli : tuple of 3 float
+        E1 (warp), E2 (weft), E3 (normal) [Pa].
+    shear_moduli : tuple of 3 float
+        G12, G13, G23 [Pa].
+    poissons_ratios : tuple of 3 float
+        ν12, ν13, ν23.
+    density : float
+        In kg/m³.
+    """
+
+    youngs_moduli: tuple[float, float, float]
+    shear_moduli: tuple[float, float, float]
+    poissons_ratios: tuple[float, float, float]
+    density: float
+
+
+class MeasuredFabric(NamedTuple):
+    """What was measured of a fabric.
+
+    Parameters
+    ----------
+    sample : str
+        Its name in the source.
+    use : str
+        What it is sold for, and its fibres.
+    areal_mass : float
+        In kg/m².
+    stiffness : tuple of 4 float
+        C11, C12, C22, C33 [N/m].
+    bending : tuple of 3 float
+        Bending stiffness along direction 1, the bias and direction 2 at small curvature [N m].
+    """
+
+    sample: str
+    use: str
+    areal_mass: float
+    stiffness: tuple[float, float, float, float]
+    bending: tuple[float, float, float]
+
+    @property
+    def plate(self) -> float:
+        """The thickness [m] at which a plate that stretches as the fabric bends as it, too.
+
+        A plate of stiffness A per width has the bending stiffness A h²/12. Of warp and weft the
+        geometric means are taken.
+        """
+        c11, _, c22, _ = self.stiffness
+        along, _, across = self.bending
+        return math.sqrt(12 * math.sqrt(along * across / (c11 * c22)))
+
+    def solid(self, thickness: float) -> Solid:
+        """Return the solid that is the fabric when it is as thick as given.
+
+        Parameters
+        ----------
+        thickness : float
+            In m.
+
+        Returns
+        -------
+        Solid
+            Whose plane stress is that of the measured sheet.
+
+        Raises
+        ------
+        InputError
+            If there is no thickness, or none that a cage could have.
+        """
+        if not THINNEST <= thickness <= THICKEST:
+            raise InputError(
+                "a fabric's constants are spread over a thickness",
+                key="thickness",
+                value=thickness,
+                allowed=f"{THINNEST:g} to {THICKEST:g} m",
+            )
+        c11, c12, c22, c33 = self.stiffness
+        c12 = max(c12, 0.0)
+        weft = (c11 - c12**2 / c22) / thickness
+        warp = (c22 - c12**2 / c11) / thickness
+        # Of tensor measure: force per width = c33 γ / 2.
+        shear = c33 / 2 / thickness
+        return Solid(
+            (warp, weft, math.sqrt(warp * weft)),
+            (shear, shear, shear),
+            (c12 / c11, 0.0, 0.0),
+            self.areal_mass / thickness,
+        )
+
+
+#: Fabrics by name. The source has a tenth (navy-sparkle-sweat, a sweater), whose C22 at no strain,
+#: 3 N/m, is an eightieth of that at the next strain.
+FABRICS = {
+    "denim": MeasuredFabric(
+        "11oz-black-denim",
+        "jeans, 99 % cotton, 1 % elastane",
+        0.324,
+        (205.352005, 10.234077, 1013.88629, 53.387184),
+        (64.196457e-6, 73.384567e-6, 96.951576e-6),
+    ),
+    "trousers": MeasuredFabric(
+        "royal-target",
+        "trousers, 65 % cotton, 35 % polyester",
+        0.220,
+        (2016.55456, 9.170511, 2034.97644, 104.759674),
+        (125.409805e-6, 107.997696e-6, 125.409805e-6),
+    ),
+    "tablecloth": MeasuredFabric(
+        "white-dots-on-blk",
+        "tablecloth, polyester",
+        0.128,
+        (2002.08618, 0.345588, 2027.48559, 19.189022),
+        (51.713814e-6, 40.659470e-6, 31.282822e-6),
+    ),
+    "blanket": MeasuredFabric(
+        "pink-ribbon-brown",
+        "blanket, polyester",
+        0.228,
+        (151.503906, 106.028160, 244.830673, 30.250183),
+        (117.070122e-6, 87.509773e-6, 59.774277e-6),
+    ),
+    "jacket": MeasuredFabric(
+        "tango-red-jet-set",
+        "jacket, polyester",
+        0.113,
+        (43.067627, 54.373299, 171.424835, 14.314700),
+        (14.293814e-6, 21.951700e-6, 20.345654e-6),
+    ),
+    "t-shirt": MeasuredFabric(
+        "gray-interlock",
+        "T-shirt, interlock knit, 60 % cotton, 40 % polyester",
+        0.187,
+        (16.593832, -14.695990, 34.477123, 36.860302),
+        (23.191698e-6, 24.749964e-6, 14.267624e-6),
+    ),
+    "rib-knit": MeasuredFabric(
+        "ivory-rib-knit",
+        "underwear, rib knit, 95 % cotton, 5 % elastane",
+        0.276,
+        (42.871021, -0.234556, 65.166023, 83.175644),
+        (46.237591e-6, 30.015930e-6, 32.243889e-6),
+    ),
+    "ponte-knit": MeasuredFabric(
+        "camel-ponte-roma",
+        "jacket, double knit, 60 % polyester, 40 % rayon",
+        0.284,
+        (31.146198, -12.802702, 44.028667, 31.896357),
+        (36.348366e-6, 33.013252e-6, 37.157593e-6),
+    ),
+    "swimsuit": MeasuredFabric(
+        "white-swim-solid",
+        "swimsuit, 87 % nylon, 13 % elastane",
+        0.204,
+        (47.971176, 6.834521, 104.615456, 60.773663),
+        (60.237942e-6, 58.803211e-6, 51.018833e-6),
+    ),
+}

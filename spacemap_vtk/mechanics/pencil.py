@@ -1,0 +1,384 @@
+"""The free part of K and M, in components that no element joins, and static solutions of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg as la
+from scipy.sparse import csgraph
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics import lanczos, threads
+from spacemap_vtk.mechanics.factors import Factors, Solve, factorise
+from spacemap_vtk.mechanics.multifrontal import Analysis
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a cage's size that a rigid motion moves what is held, at most, by rounding. A clamped
+#: sheet that turns about its edge moves the edge by its thickness over its length.
+_HELD = 1e-11
+
+#: A static solution is done when a correction would change it by this share, in energy's norm.
+_CORRECTION = 1e-14
+
+#: Steps that are tried. Few eigenvalues lie below σ, and each costs about one; so many cost about
+#: as much as to factorise K again.
+_STEPS = 40
+
+#: Shifts nearer to zero, as shares of the largest ratio of stiffness and mass.
+_SHIFTS = (1e-14, 1e-13, 1e-12)
+
+#: Share of a static solution, in energy's norm, of which it can no longer be told from rounding.
+_NO_DIGIT = 0.1
+
+#: Relative error of float64.
+_ROUNDING = 2.0**-53
+
+
+class Component:
+    """A connected part of a mesh.
+
+    Parameters
+    ----------
+    rows : ndarray of int64, shape (n,)
+        Its displacements among the free ones.
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (n, n)
+        Its K and M.
+    vertices : ndarray of int64, shape (n,)
+        The vertex of each displacement.
+    """
+
+    def __init__(
+        self,
+        rows: NDArray[np.int64],
+        stiffness: sp.csr_matrix,
+        mass: sp.csr_matrix,
+        vertices: NDArray[np.int64],
+    ) -> None:
+        self.rows = rows
+        self.stiffness = stiffness
+        self.mass = mass
+        self.vertices = vertices
+        self._factors: Factors | None = None
+
+    @cached_property
+    def shift(self) -> float:
+        """The σ of the kept factors."""
+        if not (self.stiffness.diagonal() > 0).all():
+            raise SolverError(
+                "the stiffness matrix is not positive semidefinite",
+                cure="Check the material and the supports of the cage",
+            )
+        return lanczos.shift(self.stiffness, self.mass)
+
+    def lower_shift(self) -> bool:
+        """Bring σ nearer to zero, for modes that do not converge.
+
+        A free, very thin sheet bends so far below σ that its modes look alike from there.
+
+        Returns
+        -------
+        bool
+            Whether there was anything left to lower.
+        """
+        least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).max())
+        lower = max(1e-6 * self.shift, least)
+        if lower >= 0.5 * self.shift:
+            return False
+        self.shift, self._factors = lower, None
+        return True
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """Symbolic factorisation of the pattern of K and M, made once."""
+        return Analysis(abs(self.stiffness) + abs(self.mass), self.vertices)
+
+    @property
+    def factors(self) -> Factors:
+        """Factors of K + σM, made once."""
+        return self.factorised(None)
+
+    def factorised(self, progress: Callable[[float], object] | None) -> Factors:
+        """Return the factors, and report while they are made.
+
+        Parameters
+        ----------
+        progress : callable or None
+            Called with a fraction from 0 to 1; may raise.
+
+        Returns
+        -------
+        Factors
+            Of K + σM.
+
+        Raises
+        ------
+        SizeError
+            If they do not fit into memory.
+        SolverError
+            If K has no positive diagonal, or K + σM is not positive definite.
+        """
+        if self._factors is None:
+            matrix = self.stiffness + self.shift * self.mass
+            if progress is not None:
+                progress(0.0)  # it may have been stopped by now
+            self._factors = factorise(matrix, lambda: self.analysis, progress)
+        return self._factors
+
+
+class Pencil:
+    """K and M on what is free.
+
+    Parameters
+    ----------
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
+        K and M; component c of vertex v is row 3 v + c.
+    free : array_like of bool, shape (3V,)
+        Which components can move.
+    points : ndarray of float64, shape (V, 3), optional
+        Vertices [m], for rigid motions.
+    strain_products : callable, optional
+        Maps n displacement fields, shape (n, V, 3), to the products with K of each two of them,
+        with more digits than K itself has.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit, nothing is free, or a free component has no mass.
+    """
+
+    def __init__(
+        self,
+        stiffness: sp.csr_matrix,
+        mass: sp.csr_matrix,
+        free: ArrayLike,
+        points: FloatArray | None = None,
+        strain_products: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
+        self.where = _checked(stiffness, mass, free)
+        self.size = stiffness.shape[0]
+        self._whole = stiffness
+        self.points = points
+        self.strain_products = strain_products
+        self.stiffness = stiffness[self.where][:, self.where]
+        self.mass = mass[self.where][:, self.where]
+        massless = self.mass.diagonal() <= 0
+        if massless.any():
+            raise InputError(
+                f"{massless.sum()} free components have no mass, the first is index "
+                f"{self.where[massless.argmax()]}",
+                cure="Remove the points that belong to no tetrahedron",
+            )
+
+    @cached_property
+    def components(self) -> list[Component]:
+        """The connected parts, in the order of their first rows."""
+        vertices = self.where // 3
+        graph = abs(self.stiffness) + abs(self.mass)
+        count, owner = csgraph.connected_components(graph, directed=False)
+        if count == 1:
+            return [Component(np.arange(len(self.where)), self.stiffness, self.mass, vertices)]
+        components = []
+        for component in range(count):
+            rows = np.flatnonzero(owner == component)
+            k, m = self.stiffness[rows][:, rows], self.mass[rows][:, rows]
+            components.append(Component(rows, k, m, vertices[rows]))
+        return components
+
+    @cached_property
+    def rigid(self) -> FloatArray:
+        """The motions without strain, mass-normalised, shape (N, r)."""
+        blocks = []
+        for component in self.components:
+            motions = self.motions(component)
+            whole = np.zeros((len(self.where), motions.shape[1]))
+            whole[component.rows] = motions
+            blocks.append(whole)
+        return np.concatenate(blocks, axis=1)
+
+    def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does.
+
+        Parameters
+        ----------
+        forces : ndarray of float64, shape (N, m)
+            Right-hand sides.
+
+        Returns
+        -------
+        displacements : ndarray of float64, shape (N, m)
+            Solutions of K u = f.
+        rounding : ndarray of float64, shape (m,)
+            The share of each that is rounding, in energy's norm.
+
+        Raises
+        ------
+        SolverError
+            If one of them is nothing but rounding.
+        """
+        result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
+        with threads.one():
+            rigid = self.rigid
+            for component in self.components:
+                mine = rigid[component.rows]
+                mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
+                result[component.rows], share = _solved(component, forces[component.rows], mine)
+                rounding = np.maximum(rounding, share)
+        return result, rounding
+
+    def motions(self, component: Component) -> FloatArray:
+        """Return what of the six rigid motions moves nothing that is held.
+
+        That is seen from the vertices alone. The energy of such a motion would not tell: that of a
+        thin clamped sheet that turns about its edge is rounding in K.
+
+        Parameters
+        ----------
+        component : Component
+            One of `components`.
+
+        Returns
+        -------
+        ndarray of float64, shape (n, r)
+            Motions of the component, mass-normalised.
+
+        Raises
+        ------
+        InputError
+            If the vertices are unknown.
+        """
+        if self.points is None:
+            raise InputError("rigid motions need the vertices", key="points")
+        free = self.where[component.rows]
+        points, near = self.points, np.unique(self._whole[free].indices // 3)
+        held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), self.where)
+        middle = points[near].mean(axis=0)
+        size = max(float(np.abs(points[near] - middle).max()), np.finfo(float).tiny)
+
+        def six(rows: NDArray[np.int64]) -> FloatArray:
+            away, along = (points[rows // 3] - middle) / size, rows % 3
+            result = np.zeros((len(rows), 6))
+            for axis in range(3):
+                result[along == axis, axis] = 1.0
+                turn = np.cross(np.eye(3)[axis], away)
+                result[:, 3 + axis] = turn[np.arange(len(turn)), along]
+            return result
+
+        motions = six(free)
+        if len(held):
+            # of the triangle, as there may be many rows
+            triangle = la.qr(np.concatenate([six(held), np.zeros((6, 6))]), mode="r")[0][:6]
+            _, moved, turn = la.svd(triangle)
+            motions = motions @ turn[moved <= _HELD * np.sqrt(len(held))].T
+        if motions.shape[1]:
+            motions = la.orth(motions)
+        if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
+            return motions
+        factor = np.linalg.cholesky(motions.T @ (component.mass @ motions))
+        return la.solve_triangular(factor, motions.T, lower=True).T
+
+
+def _solved(
+    component: Component, forces: FloatArray, rigid: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return static displacements, (n, m), and the share of each that is rounding, (m,).
+
+    The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with the
+    bending of a thin sheet, for which K is factorised again, closer to zero.
+    """
+    solve = component.factors.solve
+    u, settled = _conjugate_gradients(component, solve, forces, rigid)
+    if not settled:
+        solve = _near_zero(component).solve
+        u, _ = _conjugate_gradients(component, solve, forces, rigid)
+    # What is missing still, and what it takes that each entry of K is a rounded one: of random
+    # sign, as an honest bound would be a hundred times too pessimistic.
+    stiffness = component.stiffness
+    residual = forces - component.mass @ (rigid @ (rigid.T @ forces)) - stiffness @ u
+    rounding = _ROUNDING * np.sqrt(stiffness.multiply(stiffness).tocsr() @ u**2)
+    rounding *= np.random.default_rng(0).choice([-1.0, 1.0], (len(u), 1))
+    lost = np.zeros(u.shape[1])
+    for force in (residual, rounding):
+        moved = solve(force)
+        moved -= rigid @ ((component.mass @ rigid).T @ moved)
+        lost += np.abs(np.einsum("nm,nm->m", force, moved))
+    energy = np.abs(np.einsum("nm,nm->m", u, forces))
+    share = np.sqrt(np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0))
+    if rigid.size:  # a force that only accelerates the body leaves nothing but rounding
+        share[energy <= _CORRECTION * np.einsum("nm,nm->m", forces, solve(forces))] = 0.0
+    if (share > _NO_DIGIT).any():
+        raise SolverError(
+            "no digit of a static solution is left by rounding",
+            cure="Take a coarser cage, or a thicker one; look for badly shaped tetrahedra, and "
+            "for parts of the cage that hang by an edge or a vertex alone",
+        )
+    return u, share
+
+
+def _near_zero(component: Component) -> Factors:
+    """Return factors of K + σM for the least σ that keeps it positive definite in float64."""
+    ratio = float((component.stiffness.diagonal() / component.mass.diagonal()).max())
+    for share in _SHIFTS:
+        try:
+            return factorise(
+                component.stiffness + share * ratio * component.mass, lambda: component.analysis
+            )
+        except SolverError:
+            continue
+    return component.factors
+
+
+def _conjugate_gradients(
+    component: Component, solve: Solve, forces: FloatArray, rigid: FloatArray
+) -> tuple[FloatArray, bool]:
+    """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled.
+
+    With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful of
+    steps do. Columns are worked on side by side.
+    """
+    stiffness = component.stiffness
+    pushed = component.mass @ rigid
+    residual = forces - pushed @ (rigid.T @ forces)
+    # What rounding leaves of a force that only accelerates the body is no load.
+    floor = np.einsum("nm,nm->m", forces, solve(forces)) if rigid.size else 0.0
+    u = np.zeros_like(residual)
+    direction, before = None, np.ones(residual.shape[1])
+    for _ in range(_STEPS):
+        better = solve(residual)
+        better -= rigid @ (pushed.T @ better)
+        missing = np.einsum("nm,nm->m", residual, better)
+        enough = np.maximum(np.abs(np.einsum("nm,nm->m", u, forces)), floor)
+        open_ = missing > _CORRECTION**2 * enough
+        if not open_.any():
+            return u, True
+        share = np.divide(missing, before, out=np.zeros_like(before), where=open_)
+        direction = better if direction is None else better + share * direction
+        before = missing
+        work = stiffness @ direction
+        energy = np.einsum("nm,nm->m", direction, work)
+        step = np.divide(missing, energy, out=np.zeros_like(before), where=open_ & (energy > 0))
+        u += step * direction
+        residual -= step * work
+    return u, False
+
+
+def _checked(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> NDArray[np.int64]:
+    """Return the indices of the free components, or say what is wrong."""
+    mask = np.asarray(free)
+    size = len(mask) if mask.ndim == 1 else -1
+    if mask.dtype != bool or size % 3 or not stiffness.shape == mass.shape == (size, size):
+        raise InputError(
+            f"stiffness {stiffness.shape}, mass {mass.shape} and free ({mask.dtype}, "
+            f"{mask.shape}) do not fit each other",
+            allowed="shapes (3V, 3V), (3V, 3V) and, bool, (3V,)",
+        )
+    if not mask.any():
+        raise InputError(
+            "every vertex of the cage is fixed, nothing can vibrate",
+            cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
+        )
+    return np.flatnonzero(mask)

@@ -1,0 +1,217 @@
+"""Response of oscillators to a piecewise linear load, repeated or not, without stepping.
+
+The state (q, q̇) at the start of each piece is made once; any later time is then one evaluation
+away, however many pieces lie before it. A periodic load maps the state over a period as
+x → A x + b: after m periods it is Aᵐ x + (1 + A + … + Aᵐ⁻¹) b, the powers of A known in closed form
+and the sum built by doubling, which divides by nothing and so bears resonance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.oscillator import FloatArray, Kernels, kernels
+from spacemap_vtk.mechanics.timefunctions import Pieces
+
+#: Kernels are made for so many numbers at once while the states at the pieces' starts are.
+CHUNK = 2_000_000
+
+
+def propagate(
+    kernel: Kernels, stiffness: FloatArray, state: FloatArray, load: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Return the state of oscillators after a while under a load that is linear in time.
+
+    Parameters
+    ----------
+    kernel : Kernels
+        For the while, of shape (n,).
+    stiffness : ndarray of float64, shape (n,)
+        λ [1/s²].
+    state : ndarray of float64, shape (2, n)
+        q and q̇ at the start.
+    load, slope : ndarray of float64, shape (n,)
+        The load at the start, and its change with time.
+
+    Returns
+    -------
+    ndarray of float64, shape (2, n)
+        q and q̇ at the end.
+    """
+    q, rate = state
+    return np.stack(
+        [
+            q * kernel.free + rate * kernel.impulse + load * kernel.step + slope * kernel.ramp,
+            # Not through `free_rate` for the load: its own rates are kernels already.
+            q * kernel.free_rate
+            + rate * kernel.impulse_rate
+            + load * kernel.impulse
+            + slope * kernel.step,
+        ]
+    )
+
+
+class Linear:
+    """Motion of oscillators under piecewise linear loads that act together.
+
+    Parameters
+    ----------
+    stiffness, half : ndarray of float64, shape (n,)
+        λ [1/s²] and h [1/s].
+    times : ndarray of float64, shape (k,)
+        Start of each piece [s]; the first is 0.
+    values, slopes : ndarray of float64, shape (k, m)
+        Of m factors, at the start of and along each piece.
+    gains : ndarray of float64, shape (m, n)
+        Load on each mode for a factor of one.
+    jumps : ndarray of float64, shape (k, 2, n)
+        By what the state jumps as each piece starts.
+    start : ndarray of float64, shape (2, n)
+        State at t = 0, before the first jump.
+    """
+
+    def __init__(
+        self,
+        stiffness: FloatArray,
+        half: FloatArray,
+        times: FloatArray,
+        values: FloatArray,
+        slopes: FloatArray,
+        gains: FloatArray,
+        jumps: FloatArray | None,
+        start: FloatArray,
+    ) -> None:
+        self._stiffness, self._half, self._times = stiffness, half, times
+        self._values, self._slopes, self._gains = values, slopes, gains
+        count, size = len(times), len(stiffness)
+        self._starts = np.empty((count, 2, size))
+        self._starts[0] = start if jumps is None else start + jumps[0]
+        spans = np.diff(times)[:, None]
+        chunk = max(1, CHUNK // (7 * size))
+        for first in range(0, count - 1, chunk):
+            block = kernels(stiffness, half, spans[first : first + chunk])
+            for k, kernel in enumerate(zip(*block, strict=True), first):
+                end = propagate(Kernels(*kernel), stiffness, self._starts[k], *self._load(k))
+                self._starts[k + 1] = end if jumps is None else end + jumps[k + 1]
+
+    def _load(self, k: int) -> tuple[FloatArray, FloatArray]:
+        return self._values[k] @ self._gains, self._slopes[k] @ self._gains
+
+    def at(self, time: float) -> FloatArray:
+        """Return the state at a time, after a jump that happens just then.
+
+        Parameters
+        ----------
+        time : float
+            In s, at least 0.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, n)
+            q and q̇.
+        """
+        k = int(np.searchsorted(self._times, time, side="right")) - 1
+        if time == self._times[k]:
+            return self._starts[k]
+        kernel = kernels(self._stiffness, self._half, time - self._times[k])
+        return propagate(kernel, self._stiffness, self._starts[k], *self._load(k))
+
+
+class Repeated:
+    """Motion of oscillators, from rest, under one periodic load.
+
+    Parameters
+    ----------
+    stiffness, half : ndarray of float64, shape (n,)
+        λ [1/s²] and h [1/s].
+    function : Pieces
+        With a period.
+    gain : ndarray of float64, shape (n,)
+        Load on each mode for a factor of one; zeros where only the state jumps.
+    jumps : ndarray of float64, shape (k + 1, 2, n)
+        By what the state jumps at the very start, as each further piece starts, and as the period
+        starts anew.
+
+    Raises
+    ------
+    InputError
+        If it shall be steady, and a mode without damping is driven at its own frequency.
+    """
+
+    def __init__(
+        self,
+        stiffness: FloatArray,
+        half: FloatArray,
+        function: Pieces,
+        gain: FloatArray,
+        jumps: FloatArray,
+    ) -> None:
+        assert function.period is not None
+        self._stiffness, self._half = stiffness, half
+        self._function, self._period = function, function.period
+        inner = jumps[:-1].copy()
+        inner[0] = 0.0
+        rest = np.zeros_like(jumps[0])
+        columns = function.values[:, None], function.slopes[:, None]
+        self._inside = Linear(stiffness, half, function.times, *columns, gain[None, :], inner, rest)
+        #: What m = 1, 2, 4, … periods add to a state, and how they move it.
+        self._sums = [self._inside.at(self._period) + jumps[-1]]
+        self._moves = [kernels(stiffness, half, self._period)]
+        self._first = self._steady_state() if function.steady else jumps[0]
+
+    def at(self, time: float) -> FloatArray:
+        """Return the state at a time, after a jump that happens just then.
+
+        Parameters
+        ----------
+        time : float
+            In s, at least 0.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, n)
+            q and q̇.
+        """
+        count, rest = self._function.phase(time)
+        state = self._first
+        level = 0
+        while count >> level:
+            if level == len(self._sums):
+                move = self._moves[-1]
+                self._sums.append(_moved(move, self._sums[-1]) + self._sums[-1])
+                self._moves.append(
+                    kernels(self._stiffness, self._half, self._period * float(1 << level))
+                )
+            if count >> level & 1:
+                state = _moved(self._moves[level], state) + self._sums[level]
+            level += 1
+        free = _moved(kernels(self._stiffness, self._half, rest), state)
+        return free + self._inside.at(rest)
+
+    def _steady_state(self) -> FloatArray:
+        """Return x of x = A x + b."""
+        move, (q, rate) = self._moves[0], self._sums[0]
+        # (1 - A)⁻¹ by Cramer's rule, mode by mode, with 1 - C = λ S₂ and 1 - Ṡ = λ S₂ + 2h S: for
+        # a mode much slower than the period the differences would have no digits.
+        a = self._stiffness * move.step
+        d = a + 2 * self._half * move.impulse
+        b, c = -move.impulse, self._stiffness * move.impulse
+        determinant = a * d - b * c
+        driven = (abs(q) > 0) | (abs(rate) > 0)
+        # Off resonance the determinant is of the order of min(1, λτ²), τ being the period.
+        least = 1e-20 * np.minimum(1.0, self._stiffness * self._period**2)
+        if (lost := driven & (determinant <= least)).any():
+            raise InputError(
+                f"mode {int(np.argmax(lost))} has no steady state under the periodic load",
+                cure="Give damping, or start from rest",
+            )
+        safe = np.where(driven, determinant, 1.0)
+        return np.stack([(d * q - b * rate) / safe, (a * rate - c * q) / safe])
+
+
+def _moved(move: Kernels, state: FloatArray) -> FloatArray:
+    q, rate = state
+    return np.stack(
+        [q * move.free + rate * move.impulse, q * move.free_rate + rate * move.impulse_rate]
+    )

@@ -1,0 +1,172 @@
+"""What a few modes leave out, and how to put it back.
+
+A load makes a static displacement K⁻¹f. The kept modes hold Σ φ φᵀf/λ of it; the rest, made
+M-orthogonal to them, is one more shape to move in, the residual vector of the load. With it the
+static response is exact whatever number of modes is kept. Source: Abaqus Theory Manual 2.5.5 and
+Benchmarks Manual 1.4.14; the method is also known as modal truncation augmentation.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from spacemap_vtk.mechanics.elasticity import Assembly
+
+FloatArray = NDArray[np.float64]
+
+#: A residual below this share of the static response, in the energy norm, is rounding.
+NEGLIGIBLE = 1e-11
+
+
+def residual_modes(
+    shapes: FloatArray,
+    eigenvalues: FloatArray,
+    stiffness: csr_matrix,
+    mass: csr_matrix,
+    loads: FloatArray,
+    statics: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return shapes that make the static response to loads exact.
+
+    Parameters
+    ----------
+    shapes : ndarray of float64, shape (n, N)
+        The kept modes, mass-normalised, zero where fixed.
+    eigenvalues : ndarray of float64, shape (n,)
+        Their λ [1/s²].
+    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (N, N)
+        K and M.
+    loads : ndarray of float64, shape (N, m)
+        Forces, zero on fixed components.
+    statics : ndarray of float64, shape (N, m)
+        K⁻¹ of the loads, zero on fixed components; M-orthogonal to rigid motions.
+
+    Returns
+    -------
+    eigenvalues : ndarray of float64, shape (k,)
+        λ of the residual shapes, ascending; k ≤ m, as loads that the modes hold entirely, or that
+        depend on others, add none.
+    shapes : ndarray of float64, shape (k, N)
+        Mass-normalised, M-orthogonal to the modes, and M- and K-orthogonal to each other.
+    """
+    from scipy import linalg as la  # with all it brings: a tenth of a second
+
+    elastic = eigenvalues > 0.0
+    kept, values = shapes[elastic], eigenvalues[elastic]
+    inertia, springs = (mass @ shapes.T).T, (stiffness @ kept.T).T / values[:, None]
+    found: list[FloatArray] = []
+    forces: list[FloatArray] = []
+    for load, static in zip(loads.T, statics.T, strict=True):
+        size = float(np.sqrt(max(static @ load, 0.0)))
+        rest = static - ((kept @ load) / values) @ kept
+        # Twice, because once leaves rounding where little of the response is new. With exact modes
+        # M- and K-orthogonality are one; with computed ones the latter makes the statics exact.
+        for _ in range(2):
+            rest = rest - (inertia @ rest) @ shapes
+            rest = rest - (springs @ rest) @ kept
+            for vector, force in zip(found, forces, strict=True):
+                rest = rest - (force @ rest) * vector
+        force = stiffness @ rest
+        left = float(np.sqrt(max(rest @ force, 0.0)))
+        if left > NEGLIGIBLE * size:
+            found.append(rest / left)
+            forces.append(force / left)
+    if not found:
+        return np.empty(0), np.empty((0, shapes.shape[1]))
+    basis = np.stack(found)
+    # K is the unit matrix in this basis, so the eigenvalues of M are 1 / λ.
+    inverse, turn = la.eigh(basis @ (mass @ basis.T))
+    order = np.argsort(-inverse)
+    scale = 1.0 / np.sqrt(inverse[order])
+    return scale**2, (turn[:, order] * scale).T @ basis
+
+
+def movable_mass(
+    assembly: Assembly, density: float, lumped: bool, free: NDArray[np.bool_]
+) -> FloatArray:
+    """Return the mass that a uniform acceleration along each axis can set in motion.
+
+    It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M r
+    being the inertia forces. With a consistent mass matrix it is less than the whole by what the
+    supports carry.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The mesh, from `spacemap_vtk.mechanics.elasticity.assemble`.
+    density : float
+        ρ [kg/m³].
+    lumped : bool
+        Lumped in place of consistent mass.
+    free : ndarray of bool, shape (3V,)
+        Which components can move.
+
+    Returns
+    -------
+    ndarray of float64, shape (3,)
+        Along x, y and z [kg].
+    """
+    # The matrix is the same along each axis, and joins none of them: one row a vertex is enough,
+    # and its products need no scipy.
+    count = len(assembly.lumps)
+    rows = np.repeat(np.arange(count), np.diff(assembly.indptr))
+    own = rows == assembly.indices
+    consistent = np.bincount(rows[own], assembly.products[own], count)
+    diagonal = assembly.lumps if lumped else consistent
+
+    def inertia(x: FloatArray) -> FloatArray:
+        if lumped:
+            return diagonal * x
+        summed = np.bincount(rows, assembly.products * x[assembly.indices], count)
+        return summed.astype(np.float64, copy=False)
+
+    result = np.zeros(3)
+    for axis in range(3):
+        moves = free[axis::3]
+        if not moves.any():
+            continue
+        x = moves.astype(np.float64)
+        right = inertia(np.ones(count)) * moves
+        # Conjugate gradients with M's own diagonal: a few dozen steps on any mesh, since the
+        # condition of a consistent mass matrix scaled by its diagonal does not grow with its size.
+        r = right - inertia(x) * moves
+        z = r / diagonal
+        p, rho = z.copy(), float(r @ z)
+        enough = 1e-28 * float(right @ (right / diagonal))
+        for _ in range(200):
+            if rho <= enough:
+                break
+            q = inertia(p) * moves
+            step = rho / float(p @ q)
+            x += step * p
+            r -= step * q
+            z = r / diagonal
+            rho, before = float(r @ z), rho
+            p = z + (rho / before) * p
+        result[axis] = density * float(right @ x)
+    return result
+
+
+def participation(shapes: FloatArray, nodal_mass: FloatArray) -> FloatArray:
+    """Return how far a uniform acceleration along each axis drives each mode.
+
+    Parameters
+    ----------
+    shapes : ndarray of float64, shape (n, 3V)
+        Mass-normalised modes.
+    nodal_mass : ndarray of float64, shape (V,)
+        Row sums of M [kg].
+
+    Returns
+    -------
+    ndarray of float64, shape (n, 3)
+        Γ = φᵀ M r [√kg]; its square is the effective mass.
+    """
+    modes = shapes.reshape(len(shapes), -1, 3)
+    return np.einsum("nvc,v->nc", modes, nodal_mass)
