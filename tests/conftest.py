@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import subprocess
 import weakref
 from collections.abc import Callable, Iterator
@@ -43,6 +44,18 @@ def silent_vtk() -> Iterator[vtkStringOutputWindow]:
     yield window
     vtkOutputWindow.SetInstance(usual)
     assert window.GetOutput() == ""
+
+
+@pytest.fixture(autouse=True, scope="session")
+def heard_signals() -> None:
+    """Let children hear what ends programs, though the tests be run in the background.
+
+    What is ignored there, and under nohup, stays ignored in a new program; what has a handler not.
+    """
+    for name in ("SIGINT", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number and signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
 
 @pytest.fixture(autouse=True)

@@ -100,7 +100,10 @@ def test_a_film_that_is_stopped_leaves_nothing(
         wait_until(lambda: list(tmp_path.glob(f".spacemap-{begun}")) or process.poll())
         wait_until(lambda: name != "x.mp4" or ffmpegs(tmp_path))
         process.send_signal(number)
-        assert process.wait(20) == (143 if number == signal.SIGTERM else 1)
+        try:
+            assert process.wait(20) == (143 if number == signal.SIGTERM else 1)
+        finally:
+            process.kill()
         said = "" if number == signal.SIGTERM else "spacemap: stopped\n"
         assert process.stderr is not None
         assert process.stderr.read() == said
