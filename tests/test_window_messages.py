@@ -58,7 +58,7 @@ def test_while_time_plays_messages_stay_until_they_are_put_right(
     window.menus.actions["Save as…"].trigger()
     window.document.set("view", "ghost", None)
     frames_drawn(window, 5)
-    assert "nothing can be written" in window.errors.text
+    assert "could not be written" in window.errors.text
     window.menus.actions["Save as…"].trigger()
     assert window.errors.text == ""
     # An export, likewise.
