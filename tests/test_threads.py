@@ -38,7 +38,7 @@ def test_large_blocks_alone_are_shared():
         assert taken() == {"numpy": {1}, "scipy": {1}}
         with threads.several(1e6):
             assert taken() == {"numpy": {1}, "scipy": {1}}
-        with threads.several(1e9):
+        with threads.several(1e10):
             assert taken() == {"numpy": {1}, "scipy": {2}}
         assert taken() == {"numpy": {1}, "scipy": {1}}
     assert taken() == {"numpy": {2}, "scipy": {2}}

@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any
 
 #: Multiplications from which several threads are quicker than one.
-_MANY = 1e8
+_MANY = 1e9
 
 
 def one() -> AbstractContextManager[Any]:
