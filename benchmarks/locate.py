@@ -21,8 +21,8 @@ from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPolyData, vtkUnstructure
 from vtkmodules.vtkFiltersCore import vtkProbeFilter
 
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.datasets.arrays import add_array, to_cells, to_points
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.filters.arrays import add_array, to_cells, to_points
 
 POINTS, FEW = 4_000_000, 200_000
 #: Cross-sections of a yarn, and points on each.

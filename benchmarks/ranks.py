@@ -70,7 +70,7 @@ def work(size: int, folder: Path) -> None:
         TetraCage,
         WeaveSource,
     )
-    from spacemap_vtk.filters.processes import Piece, Processes
+    from spacemap_vtk.datasets.processes import Piece, Processes
 
     warnings.simplefilter("ignore", SpacemapWarning)  # the cage is doubtful, its cost is not
 

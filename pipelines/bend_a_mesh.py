@@ -12,7 +12,7 @@ import pyvista as pv
 from pyvista import examples
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 ant = examples.load_ant().compute_normals()
 x0, x1, y0, y1, z0, z1 = ant.bounds

@@ -13,7 +13,7 @@ from pathlib import Path
 from vtkmodules.vtkIOParallelXML import vtkXMLPPolyDataWriter
 from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader
 
-from spacemap_vtk.filters.processes import Piece
+from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.scenes.scene import Scene
 
 modulus, density, gravity = 2e3, 300.0, 9.81  # Pa, kg/m3, m/s2

@@ -12,7 +12,7 @@ import pyvista as pv
 from pyvista import examples
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 plane = examples.load_airplane().scale(1e-3)  # metres, 1.8 m long
 swing = plane.spacemap.modal(

@@ -12,7 +12,7 @@ import pyvista as pv
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
 from spacemap_vtk import PatchTessellator, WeaveSource
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 RESULT = Path(__file__).resolve().parents[1] / "scenes" / "calculix" / "sheet.pvd"
 

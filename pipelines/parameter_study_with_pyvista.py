@@ -10,7 +10,7 @@ import pyvista as pv
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
 from spacemap_vtk import ModalSolver, PatchTessellator, WeaveSource
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
 surface.SetInputConnection(weave.GetOutputPort())

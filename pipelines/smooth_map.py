@@ -12,7 +12,7 @@ import numpy as np
 import pyvista as pv
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 
 def twisted(points: np.ndarray) -> np.ndarray:

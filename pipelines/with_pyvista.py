@@ -16,7 +16,7 @@ from spacemap_vtk import (
     TetraCage,
     WeaveSource,
 )
-from spacemap_vtk.scenes.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import prepare_offscreen
 
 weave = WeaveSource(ends=7, picks=7, warp_diameter="0.25 mm", weft_diameter="0.25 mm")
 cage, modal = TetraCage(divisions=(5, 5, 1), order=2), ModalSolver(youngs_modulus="8 kPa", modes=60)

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
+from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import InputError, UnknownNameError
-from spacemap_vtk.filters.arrays import add_array, array_of
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.tetra_cage import TetraCage
-from spacemap_vtk.filters.volume import tetrahedral
 from spacemap_vtk.parameters import suggestion
 
 

@@ -38,13 +38,7 @@ _FORMAT = "1"
 
 
 def folder() -> Path | None:
-    """Return where entries lie.
-
-    Returns
-    -------
-    Path or None
-        The folder, which need not exist yet; None where the cache is off.
-    """
+    """Return where entries lie."""
     chosen = os.environ.get(VARIABLE, "")
     if chosen.lower() in ("off", "0", "no", "false"):
         return None
@@ -62,18 +56,7 @@ def folder() -> Path | None:
 
 
 def load(key: str) -> dict[str, NDArray[Any]] | None:
-    """Return the arrays of an entry.
-
-    Parameters
-    ----------
-    key : str
-        Digest of what they depend on: letters, digits, ``-``.
-
-    Returns
-    -------
-    dict of ndarray, or None
-        None if there is no such entry, or it is damaged.
-    """
+    """Return the arrays of an entry."""
     place = folder()
     if place is None:
         return None
@@ -93,15 +76,7 @@ def load(key: str) -> dict[str, NDArray[Any]] | None:
 
 
 def store(key: str, **arrays: NDArray[Any]) -> None:
-    """Keep arrays, in place of an entry of the same key.
-
-    Parameters
-    ----------
-    key : str
-        Digest of what they depend on: letters, digits, ``-``.
-    **arrays : ndarray
-        What to keep, by name.
-    """
+    """Keep arrays, in place of an entry of the same key."""
     place = folder()
     size = sum(array.nbytes for array in arrays.values())
     if place is None or size > LARGEST / 2:

@@ -13,28 +13,9 @@ _LOOK = 0.05
 
 
 def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end.
-
-    ``subprocess.run`` waits inside one call of the system's, where no exception that another thread
-    raises in this one arrives.
-
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments.
-    folder : Path
-        The folder that it works in.
-
-    Returns
-    -------
-    subprocess.CompletedProcess
-        With its exit status, and what it printed.
-
-    Raises
-    ------
-    BaseException
-        Whatever is raised in this thread meanwhile; the program is ended before.
-    """
+    """Run a program to its end."""
+    # ``subprocess.run`` waits inside one call of the system's, where no exception that another
+    # thread raises in this one arrives.
     # Files, not pipes: a pipe that nobody reads stops the program when it is full.
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as told:
         process = subprocess.Popen(command, cwd=folder, stdout=out, stderr=told)

@@ -21,26 +21,8 @@ WORTHWHILE = 100_000
 
 
 def compiled(function: Function) -> Function:
-    """Have a function compiled at its first call, for the types of its arguments.
-
-    The machine code is kept on disk, so that the compiler runs once on a machine.
-
-    Parameters
-    ----------
-    function : callable
-        Loops over arrays, in the part of Python that Numba knows. Runs without the interpreter's
-        lock. Indices are not checked.
-
-    Returns
-    -------
-    callable
-        The same, compiled.
-
-    Raises
-    ------
-    ImportError
-        Numba is missing.
-    """
+    """Have a function compiled at its first call, for the types of its arguments."""
+    # The machine code is kept on disk, so that the compiler runs once on a machine.
     from numba import njit
 
     # A division by zero is infinite, as in NumPy; a product and a sum may be rounded once.
@@ -53,19 +35,7 @@ def compiled(function: Function) -> Function:
 
 
 def loops(name: str) -> ModuleType | None:
-    """Return a module of compiled loops, if there is a compiler.
-
-    Parameters
-    ----------
-    name : str
-        Name of the module, whose functions are `compiled`.
-
-    Returns
-    -------
-    module or None
-        None without Numba, or where it is switched off by ``NUMBA_DISABLE_JIT=1``: in the
-        interpreter the loops would run for minutes.
-    """
+    """Return a module of compiled loops, if there is a compiler."""
     try:
         from numba import config
     except ImportError:

@@ -26,14 +26,7 @@ _GROUP_FILES = (
 
 
 def available() -> int | None:
-    """Return how much memory can still be taken.
-
-    Returns
-    -------
-    int or None
-        Bytes: the machine's, or what a container's limit leaves, if that is less. None where the
-        system does not tell.
-    """
+    """Return how much memory can still be taken."""
     free = _left_in_machine()
     known = [left for left in (free, left_in_group()) if left is not None]
     return min(known, default=None)
@@ -59,26 +52,8 @@ def _left_in_machine() -> int | None:
 def left_in_group(
     processes: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
 ) -> int | None:
-    """Return what the limits of the control groups that this process is in leave to it.
-
-    Who passes such a limit is killed, without a word: a machine's free memory does not tell.
-
-    Parameters
-    ----------
-    processes : Path, optional
-        The file that names the groups.
-    root : Path, optional
-        Where their folders are.
-
-    Returns
-    -------
-    int or None
-        Bytes, at least 0; None where there is no limit, as on all systems but Linux.
-
-    Notes
-    -----
-    "Control Group v2" and "Memory Resource Controller", Linux kernel documentation.
-    """
+    """Return what the limits of the control groups that this process is in leave to it."""
+    # Who passes such a limit is killed, without a word: a machine's free memory does not tell.
     try:
         lines = processes.read_text().splitlines()
     except OSError:
@@ -116,23 +91,7 @@ def require(
     value: object = None,
     cure: str | Callable[[int], str] | None = None,
 ) -> None:
-    """Refuse what would not fit into memory.
-
-    Parameters
-    ----------
-    size : int
-        Estimate of the bytes needed.
-    what : str
-        What needs them, for the message.
-    key, value, cure : object, optional
-        As for `spacemap_vtk.errors.SpacemapError`; a cure may be a function of the bytes that are
-        available.
-
-    Raises
-    ------
-    SizeError
-        If less than `size` bytes are available.
-    """
+    """Refuse what would not fit into memory."""
     free = available() if size > SMALL else None
     if free is not None and size > free:
         raise SizeError(

@@ -22,13 +22,7 @@ _MOST_THREADS = 8
 
 
 def thread_count() -> int:
-    """Return how many threads array work is spread over.
-
-    Returns
-    -------
-    int
-        The processors that this process may use, at most 8.
-    """
+    """Return how many threads array work is spread over."""
     try:
         available = len(os.sched_getaffinity(0))
     except AttributeError:  # Windows, macOS
@@ -39,25 +33,8 @@ def thread_count() -> int:
 def for_each(
     jobs: Sequence[Job], worker: Callable[[], Callable[[Job], None]], threads: int | None = None
 ) -> None:
-    """Do every job, in any order, in a few threads.
-
-    The threads live for one call: kept ones would be lost by a fork and hang the child.
-
-    Parameters
-    ----------
-    jobs : sequence
-        What is to be done; must not change meanwhile.
-    worker : callable
-        Called once in each thread; returns the function that does one job. What it prepares
-        (scratch memory) belongs to that thread alone.
-    threads : int, optional
-        `thread_count` if not given. No more threads are started than there are jobs.
-
-    Raises
-    ------
-    Exception
-        Whatever a job raised first; jobs not yet begun are left.
-    """
+    """Do every job, in any order, in a few threads."""
+    # The threads live for one call: kept ones would be lost by a fork and hang the child.
     if not jobs:
         return
     count = min(threads or thread_count(), len(jobs))

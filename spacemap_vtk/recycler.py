@@ -17,23 +17,16 @@ from numpy.typing import DTypeLike, NDArray
 
 
 class Recycler:
-    """Uninitialised arrays from memory that earlier ones have left.
+    """Uninitialised arrays from memory that earlier ones have left."""
 
-    It is safe to keep a returned array, or any view of it, for ever: memory comes back only when
-    the last of them has died. This works because every view of an array keeps a reference to the
-    array that owns the memory, or, as here, to the outermost one over a foreign buffer: NumPy
-    shortens the chain of bases only through arrays. That outermost array is watched by a weak
-    reference, the pool never holds it, and reference counts are never looked at.
-
-    What happens when it dies is one call into C. An array may die within VTK's collector, which
-    holds a lock of all threads: any line of Python may hand Python's own lock to a thread that then
-    waits for VTK's, and both stand for ever.
-
-    Parameters
-    ----------
-    keep : int
-        Free blocks to hold on to; two outputs a step need two.
-    """
+    # It is safe to keep a returned array, or any view of it, for ever: memory comes back only when
+    # the last of them has died. This works because every view of an array keeps a reference to the
+    # array that owns the memory, or, as here, to the outermost one over a foreign buffer: NumPy
+    # shortens the chain of bases only through arrays. That outermost array is watched by a weak
+    # reference, the pool never holds it, and reference counts are never looked at.
+    # What happens when it dies is one call into C. An array may die within VTK's collector, which
+    # holds a lock of all threads: any line of Python may hand Python's own lock to a thread that
+    # then waits for VTK's, and both stand for ever.
 
     def __init__(self, keep: int = 2) -> None:
         self._keep = keep
@@ -44,20 +37,7 @@ class Recycler:
         self._left: deque[weakref.ref[NDArray[Any]]] = deque()
 
     def empty(self, shape: Sequence[int], dtype: DTypeLike) -> NDArray[Any]:
-        """Return an uninitialised, C-contiguous array.
-
-        Parameters
-        ----------
-        shape : sequence of int
-            Shape of the array.
-        dtype : dtype_like
-            Type of its elements.
-
-        Returns
-        -------
-        ndarray
-            Its contents are arbitrary.
-        """
+        """Return an uninitialised, C-contiguous array."""
         kind = np.dtype(dtype)
         size = prod(shape) * kind.itemsize
         if not size:

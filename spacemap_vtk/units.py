@@ -31,25 +31,7 @@ _QUANTITY = re.compile(
 
 
 def parse_quantity(text: str, unit: str) -> float:
-    """Read a number with an optional unit.
-
-    Parameters
-    ----------
-    text : str
-        For example ``"0.3 mm"``, ``"1e6"`` or ``"2 MPa"``. Without a unit the number is SI.
-    unit : str
-        The SI unit wanted, a key of `UNITS`; ``""`` for a plain number.
-
-    Returns
-    -------
-    float
-        The value in `unit`.
-
-    Raises
-    ------
-    InputError
-        If the text is no number, or its unit is not one of the right kind.
-    """
+    """Read a number with an optional unit."""
     match = _QUANTITY.fullmatch(text)
     known = UNITS.get(unit, {})
     if match is None:
@@ -71,20 +53,7 @@ def _example(unit: str) -> str:
 
 
 def format_quantity(value: float, unit: str) -> str:
-    """Write a value in the unit that gives it one to three digits before the point.
-
-    Parameters
-    ----------
-    value : float
-        The value in SI.
-    unit : str
-        Its SI unit, a key of `UNITS` or ``""``.
-
-    Returns
-    -------
-    str
-        For example ``"0.25 mm"``.
-    """
+    """Write a value in the unit that gives it one to three digits before the point."""
     scales = {
         "m": ("µm", "mm", "m"),
         "Pa": ("Pa", "kPa", "MPa", "GPa"),

@@ -25,21 +25,9 @@ ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sig
 
 @contextmanager
 def vanishing(path: Path) -> Iterator[Path]:
-    """Remove a file or folder when the block ends, however it ends.
-
-    Meanwhile SIGTERM and SIGHUP, where nobody else answers them, end the program by ``SystemExit``
-    with the status that a shell gives it, 128 and the signal's number.
-
-    Parameters
-    ----------
-    path : Path
-        It need not exist, neither before nor after.
-
-    Yields
-    ------
-    Path
-        The same.
-    """
+    """Remove a file or folder when the block ends, however it ends."""
+    # Meanwhile SIGTERM and SIGHUP, where nobody else answers them, end the program by
+    # ``SystemExit`` with the status that a shell gives it, 128 and the signal's number.
     # Where Python code that VTK calls is interrupted, VTK exits: no "finally" is reached then.
     last = partial(_remove, path)
     atexit.register(last)
@@ -54,23 +42,7 @@ def vanishing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def vanishing_folder(place: Path) -> Iterator[Path]:
-    """Yield a new folder that goes, with all in it, when the block ends, however it ends.
-
-    Parameters
-    ----------
-    place : Path
-        An existing folder, in which the new one is made.
-
-    Yields
-    ------
-    Path
-        The new folder, whose name nobody else has.
-
-    Raises
-    ------
-    OSError
-        If it cannot be made.
-    """
+    """Yield a new folder that goes, with all in it, when the block ends, however it ends."""
     with vanishing(place / f".spacemap-{os.urandom(6).hex()}") as folder:
         folder.mkdir(mode=0o700)
         yield folder
@@ -78,13 +50,7 @@ def vanishing_folder(place: Path) -> Iterator[Path]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Let no signal cut off what takes a moment; those that come meanwhile are lost.
-
-    Yields
-    ------
-    None
-        While they are.
-    """
+    """Let no signal cut off what takes a moment; those that come meanwhile are lost."""
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, *ENDING):

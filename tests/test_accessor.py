@@ -10,8 +10,8 @@ import pytest
 import pyvista as pv
 
 import spacemap_vtk.accessor
+from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.errors import InputError, UnknownNameError
-from spacemap_vtk.scenes.graphics import prepare_offscreen
 
 
 def box() -> pv.ImageData:

@@ -17,9 +17,9 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.settle import settle
-from spacemap_vtk.fabric.wif import WifDraft, parse_wif, read_wif
-from spacemap_vtk.fabric.wif_writer import format_wif
 from spacemap_vtk.fabric.wishes import Wishes
+from spacemap_vtk.io.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.io.wif_writer import format_wif
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 

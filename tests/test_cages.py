@@ -14,16 +14,15 @@ import pyvista as pv
 
 import spacemap_vtk.accessor  # noqa: F401
 from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
-from spacemap_vtk.cage import split
+from spacemap_vtk.cage import split, tetwild
 from spacemap_vtk.cage.carve import touched
 from spacemap_vtk.cage.split_quadratic import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE
+from spacemap_vtk.datasets.arrays import add_array, tetrahedra_of
+from spacemap_vtk.datasets.outline import envelope, outline
+from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.filters import tetwild
-from spacemap_vtk.filters.arrays import add_array, tetrahedra_of
-from spacemap_vtk.filters.outline import envelope, outline
-from spacemap_vtk.filters.volume import tetrahedral
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 

@@ -19,8 +19,8 @@ from PIL import Image
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.fabric.wif import read_wif
-from spacemap_vtk.scenes.export import content
+from spacemap_vtk.io.export import content
+from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -561,7 +561,7 @@ def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_a_missing_library_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from spacemap_vtk.scenes import graphics
+    from spacemap_vtk.draw import graphics
 
     monkeypatch.setattr(graphics, "_loads", lambda name: False)
     target = tmp_path / "a.png"
@@ -573,7 +573,7 @@ def test_a_missing_library_is_named(
 def test_a_film_that_breaks_off_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from spacemap_vtk.scenes.picture import Picture
+    from spacemap_vtk.draw.picture import Picture
 
     real, count = Picture.draw, []
 

@@ -13,14 +13,11 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import points_of
-from spacemap_vtk.scenes.coloring import measure
-from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.graphics import prepare_offscreen
-from spacemap_vtk.scenes.picture import Picture
-from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.surface_actor import (
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.surface_actor import (
     RAMP,
     fit_scale,
     rgb,
@@ -28,6 +25,9 @@ from spacemap_vtk.scenes.surface_actor import (
     scale_share,
     scale_title,
 )
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.scene import Scene
 
 SMALL: dict[str, Any] = {
     "weave": {"ends": 4, "picks": 4},

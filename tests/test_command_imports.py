@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from spacemap_vtk.scenes.shading import STRIP, averaged, blurred, contact_shade
+from spacemap_vtk.draw.shading import STRIP, averaged, blurred, contact_shade
 
 #: What takes a tenth of a second to import, or more.
 _HEAVY = (

@@ -11,11 +11,11 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkMassProperties, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from spacemap_vtk.filters.arrays import points_of, to_array
-from spacemap_vtk.scenes.cut_face import CutFaceActor, cut_face
-from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.datasets.arrays import points_of, to_array
+from spacemap_vtk.draw.cut_face import CutFaceActor, cut_face
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.surface_actor import FAMILIES
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.surface_actor import FAMILIES
 
 
 def area(face: vtkPolyData) -> float:

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
 from spacemap_vtk.scenes.footprint import picture_bytes
-from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
 import json, resource, sys
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
 from spacemap_vtk.scenes.footprint import picture_bytes
-from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 scene, size, times = Scene(json.loads(sys.argv[1])), (640, 480), json.loads(sys.argv[2])

@@ -9,11 +9,11 @@ import pytest
 from scipy.ndimage import binary_dilation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.datasets.arrays import add_array, points_of
+from spacemap_vtk.draw.glyphs import LoadActor, cut_of, rest_of
+from spacemap_vtk.draw.load_arrows import KINDS, load_arrows
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array, points_of
-from spacemap_vtk.scenes.glyphs import LoadActor, cut_of, rest_of
-from spacemap_vtk.scenes.load_arrows import KINDS, load_arrows
-from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {

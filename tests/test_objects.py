@@ -11,10 +11,10 @@ from PIL import Image
 
 from spacemap_vtk import BarycentricWarp, ObjectSource, PatchTessellator, TetraCage
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.filters.arrays import add_array
-from spacemap_vtk.scenes.graphics import prepare_offscreen
-from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -206,7 +206,7 @@ def test_roles_of_arrays_outlast_the_surface() -> None:
 
 
 def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    import spacemap_vtk.filters.surface_extract as module
+    import spacemap_vtk.datasets.surface_extract as module
 
     calls = []
     real = module._surface

@@ -18,9 +18,9 @@ import pytest
 from numpy.typing import NDArray
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.film import write_film
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.scenes.film import write_film
-from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"

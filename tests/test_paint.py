@@ -11,10 +11,10 @@ from PIL import Image
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ObjectSource
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.texture_atlas import pixels_of
-from spacemap_vtk.scenes.graphics import prepare_offscreen
-from spacemap_vtk.scenes.picture import Picture
+from spacemap_vtk.io.texture_atlas import pixels_of
 from spacemap_vtk.scenes.scene import Scene
 
 SQUARES = """mtllib two.mtl

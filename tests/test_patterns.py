@@ -15,10 +15,11 @@ from PIL import Image
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
-from spacemap_vtk.fabric import draft, draft_file, drawdown, pattern_names, patterns
-from spacemap_vtk.fabric.draft_file import parse_rows, read_draft
+from spacemap_vtk.fabric import draft, drawdown, pattern_names, patterns
 from spacemap_vtk.fabric.pattern_names import canonical, named
-from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.io import draft_file
+from spacemap_vtk.io.draft_file import parse_rows, read_draft
+from spacemap_vtk.io.wif_writer import format_wif
 
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
 

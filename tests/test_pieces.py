@@ -17,11 +17,11 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 from weaves import woven
 
 from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource
+from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.weave import build
-from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.scenes.scene import Scene
 
 sys.path.insert(0, str(Path(__file__).parent / "mpi"))

@@ -34,10 +34,10 @@ from spacemap_vtk import (
     TetraCage,
     WeaveSource,
 )
+from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
-from spacemap_vtk.filters.arrays import add_array
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
-from spacemap_vtk.filters.processes import Piece
 from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
 from spacemap_vtk.paraview.patches import arrays_to_points
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk import WeaveSource
+from spacemap_vtk.draw.coloring import largest_principal, measure, unit_of
 from spacemap_vtk.fabric.point_clearance import gaps
 from spacemap_vtk.fabric.yarn_clearance import least_clearance
-from spacemap_vtk.scenes.coloring import largest_principal, measure, unit_of
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 

@@ -13,8 +13,8 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOGeometry import vtkSTLWriter
 from vtkmodules.vtkIOPLY import vtkPLYWriter
 
-from spacemap_vtk.scenes.output import write
-from spacemap_vtk.scenes.polygon_files import ply, stl
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.polygon_files import ply, stl
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 

@@ -14,9 +14,9 @@ import pytest
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.scenes import library, report
-from spacemap_vtk.scenes.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 ROOT = Path(__file__).parents[1]

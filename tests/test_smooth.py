@@ -9,11 +9,11 @@ from scipy.spatial import Delaunay
 
 from spacemap_vtk import BarycentricWarp, TetraCage
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import add_array
 
 UNIT = (0.0, 1.0, 0.0, 1.0, 0.0, 1.0)
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.fabric import wif, wif_writer
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.wif import WifDraft, parse_wif, read_wif
-from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.io import wif, wif_writer
+from spacemap_vtk.io.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.io.wif_writer import format_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
 

@@ -24,9 +24,9 @@ from spacemap_vtk.app.draft.shown import as_series, shown_of  # noqa: E402
 from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
 from spacemap_vtk.fabric.draft import Draft  # noqa: E402
-from spacemap_vtk.fabric.wif import parse_wif, read_wif  # noqa: E402
-from spacemap_vtk.fabric.wif_writer import format_wif  # noqa: E402
 from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
+from spacemap_vtk.io.wif import parse_wif, read_wif  # noqa: E402
+from spacemap_vtk.io.wif_writer import format_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 

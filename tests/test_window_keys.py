@@ -21,7 +21,7 @@ from PySide6.QtGui import QCursor, QGuiApplication, QKeyEvent, QKeySequence  # n
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication  # noqa: E402
 
-from spacemap_vtk.scenes.camera import VIEW_ANGLE  # noqa: E402
+from spacemap_vtk.draw.camera import VIEW_ANGLE  # noqa: E402
 
 Press = Callable[..., None]
 #: X's names, where they are not Qt's.

@@ -17,7 +17,7 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
-from spacemap_vtk.filters.arrays import points_of  # noqa: E402
+from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton

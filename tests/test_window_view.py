@@ -22,9 +22,9 @@ from PySide6.QtGui import QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 
-from spacemap_vtk.scenes.camera import CAMERAS  # noqa: E402
+from spacemap_vtk.draw.camera import CAMERAS  # noqa: E402
+from spacemap_vtk.draw.surface_actor import scale_share  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
-from spacemap_vtk.scenes.surface_actor import scale_share  # noqa: E402
 
 
 def image(window: Any) -> np.ndarray:

@@ -8,9 +8,9 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstruct
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.app.pipeline import displacement_of
-from spacemap_vtk.filters.arrays import points_of, tetrahedra_of, to_cells, to_points
-from spacemap_vtk.scenes.glyphs import LINE
-from spacemap_vtk.scenes.surface_actor import rgb
+from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of, to_cells, to_points
+from spacemap_vtk.draw.glyphs import LINE
+from spacemap_vtk.draw.surface_actor import rgb
 
 #: Width of a picked point's dot, in points.
 PICKED = 14.0
@@ -32,13 +32,7 @@ class CageActor(vtkActor):
         self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
 
     def show(self, cage: vtkUnstructuredGrid | None) -> None:
-        """Draw a cage.
-
-        Parameters
-        ----------
-        cage : vtkUnstructuredGrid or None
-            With ``displacement``.
-        """
+        """Draw a cage."""
         lines = vtkPolyData()
         if cage is not None:
             tetrahedra = tetrahedra_of(cage)
@@ -65,30 +59,13 @@ class PickActor(vtkActor):
         self.show(np.zeros((0, 3)))
 
     def show(self, points: NDArray[np.float64]) -> None:
-        """Draw dots.
-
-        Parameters
-        ----------
-        points : ndarray, shape (n, 3)
-            Where.
-        """
+        """Draw dots."""
         self._mapper.SetInputData(_dots(points))
         self.SetVisibility(len(points) > 0)
 
 
 def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
-    """Return a cage's vertices where they are now.
-
-    Parameters
-    ----------
-    cage : vtkUnstructuredGrid
-        With ``displacement``.
-
-    Returns
-    -------
-    ndarray, shape (n_vertices, 3)
-        A new array.
-    """
+    """Return a cage's vertices where they are now."""
     return points_of(cage) + displacement_of(cage)
 
 

@@ -10,18 +10,7 @@ from spacemap_vtk.parameters import Parameterised
 
 
 def intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
-    """Return the interval in which each parameter may lie, all the others as they are.
-
-    Parameters
-    ----------
-    part : Parameterised
-        A stage, not necessarily feasible; a class with a property `feasible` speaks for itself.
-
-    Returns
-    -------
-    dict of str to tuple of float
-        By parameter; empty where nothing is known.
-    """
+    """Return the interval in which each parameter may lie, all the others as they are."""
     try:
         if hasattr(type(part), "feasible"):
             return dict(part.feasible)  # type: ignore[attr-defined]
@@ -31,18 +20,7 @@ def intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
 
 
 def settled(part: Parameterised) -> dict[str, Any]:
-    """Return what automatic parameters have settled to.
-
-    Parameters
-    ----------
-    part : Parameterised
-        A stage.
-
-    Returns
-    -------
-    dict of str to object
-        By parameter, in SI; empty where nothing is known.
-    """
+    """Return what automatic parameters have settled to."""
     if not isinstance(part, WeaveSource):
         return {}
     try:

@@ -16,20 +16,7 @@ from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 
 def as_command(document: Document, time: float) -> str:
-    """Return the command that draws what the window shows.
-
-    Parameters
-    ----------
-    document : Document
-        The scene; what differs from its file becomes ``--set``.
-    time : float
-        In s.
-
-    Returns
-    -------
-    str
-        One line for a shell.
-    """
+    """Return the command that draws what the window shows."""
     # A scene that was never saved is told as what it changes of the one that everyone has.
     name = "plain_weave" if document.source is None else str(document.source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
@@ -59,20 +46,7 @@ def _toml(value: Any) -> str:
 
 
 def as_script(document: Document, time: float) -> str:
-    """Return a Python script that makes the surface that the window shows.
-
-    Parameters
-    ----------
-    document : Document
-        The scene.
-    time : float
-        In s.
-
-    Returns
-    -------
-    str
-        Runs as it is.
-    """
+    """Return a Python script that makes the surface that the window shows."""
     # Indented below the brace of the first line.
     values = pprint.pformat(document.values, width=87, sort_dicts=False)
     values = values.replace("\n", "\n" + " " * len("values = "))

@@ -20,21 +20,19 @@ from vtkmodules.vtkRenderingCore import (
     vtkRenderWindowInteractor,
 )
 
-from spacemap_vtk.scenes.camera import add_lights, front_of
+from spacemap_vtk.draw.camera import add_lights, front_of
 
 # pyvistaqt would take any Qt binding that it finds; this program is written for one.
 os.environ["QT_API"] = "pyside6"
 
 
 def _pyvistaqt_widget() -> Any:
-    """Return pyvistaqt's widget, without the rest of pyvistaqt.
-
-    The package's ``__init__`` brings pyvista's plotter, and that brings matplotlib: more time than
-    all else that the window needs. The widget's own module is free of both. Its packages stand in
-    ``sys.modules`` without having been run while it is imported, and PySide6 itself for qtpy, which
-    would make Python classes of everything in Qt. Nothing of this stays: whoever imports one of
-    these packages later gets all of it.
-    """
+    """Return pyvistaqt's widget, without the rest of pyvistaqt."""
+    # The package's ``__init__`` brings pyvista's plotter, and that brings matplotlib: more time
+    # than all else that the window needs. The widget's own module is free of both. Its packages
+    # stand in ``sys.modules`` without having been run while it is imported, and PySide6 itself for
+    # qtpy, which would make Python classes of everything in Qt. Nothing of this stays: whoever
+    # imports one of these packages later gets all of it.
     name = "pyvistaqt.rwi"
     packages = [p for p in ("pyvista", "pyvistaqt", "qtpy") if p not in sys.modules]
     before = set(sys.modules)
@@ -65,13 +63,7 @@ _COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
 
 
 class Canvas(_Widget):
-    """Shows one renderer, lit, that the mouse turns as in every VTK program.
-
-    Parameters
-    ----------
-    parent : QWidget
-        Qt's owner.
-    """
+    """Shows one renderer, lit, that the mouse turns as in every VTK program."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -101,11 +93,9 @@ class Canvas(_Widget):
         self._wait = ctypes.CFUNCTYPE(None)(place)
 
     def paintGL(self) -> None:
-        """Draw, and hand Qt what was drawn.
-
-        Software draws in threads of its own, and whoever wants the result waits for them: ctypes
-        lets the other threads of Python work meanwhile, where VTK's and Qt's functions do not.
-        """
+        """Draw, and hand Qt what was drawn."""
+        # Software draws in threads of its own, and whoever wants the result waits for them: ctypes
+        # lets the other threads of Python work meanwhile, where VTK's and Qt's functions do not.
         window = self.render_window
         if self._painting or not window.GetReadyForRendering():
             return
@@ -160,13 +150,7 @@ class Canvas(_Widget):
         return self.renderer.GetActiveCamera()
 
     def image(self) -> NDArray[np.uint8]:
-        """Draw, and return what is seen.
-
-        Returns
-        -------
-        ndarray of uint8, shape (height, width, 3)
-            Red, green and blue.
-        """
+        """Draw, and return what is seen."""
         drawn = self.grabFramebuffer().convertToFormat(QImage.Format.Format_RGB888)
         rows = np.frombuffer(drawn.constBits(), np.uint8).reshape(drawn.height(), -1)
         # Each row begins at a multiple of four bytes.

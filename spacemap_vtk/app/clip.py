@@ -11,26 +11,14 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkActor, vtkRenderWindowInteractor
 
-from spacemap_vtk.scenes.glyphs import Cut
+from spacemap_vtk.draw.glyphs import Cut
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.clip_handle import ClipHandle
 
 
 class ClipPlane:
-    """Hides what lies on one side of a plane, in any number of actors.
-
-    Parameters
-    ----------
-    interactor : vtkRenderWindowInteractor
-        Of the view.
-    actors : sequence of vtkActor
-        What is cut.
-    told : SignalInstance
-        Emitted with normal and origin when the mouse has moved the plane.
-    moving : SignalInstance
-        Emitted while the mouse moves the plane, before it is drawn.
-    """
+    """Hides what lies on one side of a plane, in any number of actors."""
 
     def __init__(
         self,
@@ -50,15 +38,7 @@ class ClipPlane:
         self._handle: ClipHandle | None = None
 
     def show(self, cut: Cut | None, points: NDArray[np.float64] | None) -> None:
-        """Cut, or show the whole.
-
-        Parameters
-        ----------
-        cut : tuple or None
-            Normal, which points to what stays in sight, and origin [m]; None: the whole.
-        points : ndarray, shape (n, 3), or None
-            What is seen: the mouse can take hold of the plane there.
-        """
+        """Cut, or show the whole."""
         if cut is not None and points is not None:
             self.last = cut
             self._handle = self._handle or self._made()

@@ -11,19 +11,11 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkInteractionWidgets import vtkImplicitPlaneRepresentation, vtkImplicitPlaneWidget2
 from vtkmodules.vtkRenderingCore import vtkRenderWindowInteractor
 
-from spacemap_vtk.scenes.glyphs import Cut
+from spacemap_vtk.draw.glyphs import Cut
 
 
 class ClipHandle:
-    """The plane as one sees it: its border, and an arrow along its normal.
-
-    Parameters
-    ----------
-    interactor : vtkRenderWindowInteractor
-        Of the view.
-    moved : callable
-        Told whether the mouse has let go, whenever it has moved the plane.
-    """
+    """The plane as one sees it: its border, and an arrow along its normal."""
 
     def __init__(
         self, interactor: vtkRenderWindowInteractor, moved: Callable[[bool], object]
@@ -57,17 +49,7 @@ class ClipHandle:
         ]
 
     def place(self, cut: Cut, points: NDArray[np.float64], pixels: float = 1.0) -> None:
-        """Stand where a plane cuts what is seen.
-
-        Parameters
-        ----------
-        cut : tuple
-            Normal and origin [m].
-        points : ndarray, shape (n, 3)
-            What is seen.
-        pixels : float, optional
-            Of the screen, in width, for one that a person sees.
-        """
+        """Stand where a plane cuts what is seen."""
         self._shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
         self._shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
         low, high = points.min(axis=0), points.max(axis=0)
@@ -79,23 +61,11 @@ class ClipHandle:
         self._shape.SetOrigin(*cut[1])
 
     def read(self, plane: vtkPlane) -> None:
-        """Write into a plane where this one is.
-
-        Parameters
-        ----------
-        plane : vtkPlane
-            Gets normal and origin [m].
-        """
+        """Write into a plane where this one is."""
         self._shape.GetPlane(plane)
 
     def show(self, on: bool) -> None:
-        """Be seen, or not.
-
-        Parameters
-        ----------
-        on : bool
-            Seen.
-        """
+        """Be seen, or not."""
         self._widget.SetEnabled(on)
 
     def close(self) -> None:

@@ -21,21 +21,7 @@ _NOTICE = 150
 
 
 class Director(QObject):
-    """Asks the engine for what the window should show, and shows what comes.
-
-    Parameters
-    ----------
-    document : Document
-        What the user wants.
-    engine : Engine
-        What makes it.
-    view : View3D
-        Where it is drawn.
-    times : TimeBar
-        When.
-    stages : StageList
-        Where runs are told.
-    """
+    """Asks the engine for what the window should show, and shows what comes."""
 
     #: A frame has been drawn.
     drawn = Signal(object)
@@ -79,13 +65,7 @@ class Director(QObject):
         engine.idle.connect(self._idle)
 
     def ask(self, coarse: bool = False) -> None:
-        """Ask for a frame of the present document and time.
-
-        Parameters
-        ----------
-        coarse : bool, optional
-            Whether more will follow at once, so that speed counts.
-        """
+        """Ask for a frame of the present document and time."""
         document, scene = self._document, self._document.scene
         self._asked = Job(
             values=document.values,
@@ -107,13 +87,7 @@ class Director(QObject):
             self._rest.stop()
 
     def swing_mode(self, swing: Swing | None) -> None:
-        """Show a mode in place of the motion; None: the motion again.
-
-        Parameters
-        ----------
-        swing : Swing or None
-            The mode.
-        """
+        """Show a mode in place of the motion; None: the motion again."""
         if swing is None:
             self.swing = None
             self.ask()
@@ -123,13 +97,7 @@ class Director(QObject):
             self.ask(coarse=True)
 
     def hold(self, held: bool) -> None:
-        """Put the smooth frame off while a drag goes on.
-
-        Parameters
-        ----------
-        held : bool
-            Whether it does.
-        """
+        """Put the smooth frame off while a drag goes on."""
         self._held = held
 
     @property

@@ -15,10 +15,10 @@ from tomlkit.items import AoT, Array
 from spacemap_vtk.app.edit import Edit, History
 from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.reading import OBJECT_ENDINGS
+from spacemap_vtk.io.output import whole_folder
+from spacemap_vtk.io.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.output import whole_folder
 from spacemap_vtk.scenes.scene import SECTIONS, Scene
 
 #: A longer list is written with a line for each value.
@@ -32,18 +32,7 @@ _Change = tuple[str, dict[str, Any], int, str]
 
 
 def values_of(path: Path) -> dict[str, Any]:
-    """Return what a scene, a draft or a mesh says, as a scene file would.
-
-    Parameters
-    ----------
-    path : Path
-        A file that `Scene.read` reads.
-
-    Returns
-    -------
-    dict
-        A table for each section.
-    """
+    """Return what a scene, a draft or a mesh says, as a scene file would."""
     if path.suffix.lower() in OBJECT_ENDINGS:
         return {"object": {"file": str(path)}}
     if path.suffix.lower() == ".wif":
@@ -62,15 +51,9 @@ class Version(NamedTuple):
 
 
 class Document(QObject):
-    """A scene as its file has it, with comments, and its undo stack.
+    """A scene as its file has it, with comments, and its undo stack."""
 
-    Only accepted values are in it: a refused one raises and changes nothing.
-
-    Parameters
-    ----------
-    parent : QObject, optional
-        Qt's owner.
-    """
+    # Only accepted values are in it: a refused one raises and changes nothing.
 
     #: A value is another; undo and redo too.
     changed = Signal()
@@ -107,18 +90,7 @@ class Document(QObject):
         self._clean = self._settings()
 
     def open(self, name: str | Path) -> None:
-        """Read a scene, a draft, or a scene that comes with the program.
-
-        Parameters
-        ----------
-        name : str or Path
-            What a user would write for SCENE.
-
-        Raises
-        ------
-        InputError
-            If it cannot be read; the present scene stays.
-        """
+        """Read a scene, a draft, or a scene that comes with the program."""
         path = library.find(name).resolve()
         read = Scene.read(path)  # also for its message, which names the file
         scene = path.suffix.lower() not in (".wif", *OBJECT_ENDINGS)
@@ -137,20 +109,7 @@ class Document(QObject):
         self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n', None)
 
     def save(self, path: Path | None = None) -> None:
-        """Write the scene, comments and all.
-
-        Parameters
-        ----------
-        path : Path, optional
-            Where to; by default the scene's own file.
-
-        Raises
-        ------
-        InputError
-            If it has none, or a file that it names is gone.
-        SpacemapError
-            If the file cannot be written; the document is as before then.
-        """
+        """Write the scene, comments and all."""
         target = path or self.file
         if target is None:
             raise InputError("this scene has no file yet", cure='Use "Save as".')
@@ -174,13 +133,7 @@ class Document(QObject):
             self.changed.emit()
 
     def settle_draft(self, path: Path) -> None:
-        """Refer to the file that an edited draft was written to; if that is all, all is saved.
-
-        Parameters
-        ----------
-        path : Path
-            Of the present draft.
-        """
+        """Refer to the file that an edited draft was written to; if that is all, all is saved."""
         if self.drafts.holds(self.scene.weave.draft):
             beside = self.file is not None and path.parent == self._folder
             written = path.name if beside else str(path)
@@ -233,60 +186,17 @@ class Document(QObject):
         return self.file.name if self.file else self.scene.title or "New fabric"
 
     def written(self, section: str, key: str) -> Any:
-        """Return a value as the file has it.
-
-        Parameters
-        ----------
-        section, key : str
-            Where it stands.
-
-        Returns
-        -------
-        object
-            None where the file says nothing, so that the default holds.
-        """
+        """Return a value as the file has it."""
         return self.values.get(section, {}).get(key)
 
     def set(self, section: str, key: str, written: Any, burst: int = 0) -> None:
-        """Change a value; can be undone.
-
-        Parameters
-        ----------
-        section, key : str
-            Which.
-        written : object
-            As a scene file would have it; None removes it, so that the default holds.
-        burst : int, optional
-            Changes of one key with the same number, other than 0, are undone as one.
-
-        Raises
-        ------
-        InputError
-            If the scene refuses it; nothing has changed then.
-        """
+        """Change a value; can be undone."""
         self.set_many(section, {key: written}, burst)
 
     def set_many(
         self, section: str, written: Mapping[str, Any], burst: int = 0, name: str = ""
     ) -> None:
-        """Change values that belong together; undone as one.
-
-        Parameters
-        ----------
-        section : str
-            Where they stand.
-        written : mapping of str to object
-            As for `set`, by key.
-        burst : int, optional
-            As for `set`.
-        name : str, optional
-            What is changed, for the menu; by default the keys.
-
-        Raises
-        ------
-        InputError
-            If the scene refuses one; nothing has changed then.
-        """
+        """Change values that belong together; undone as one."""
         change = section, dict(written), burst, name
         if self._waiting is not None and not _replaces(change, self._waiting):
             self.catch_up()
@@ -331,13 +241,7 @@ class Document(QObject):
             self.failed.emit(error)
 
     def restore(self, version: Version) -> None:
-        """Take an earlier text; for undo and redo. Its paths lead to what they led to.
-
-        Parameters
-        ----------
-        version : Version
-            Of this document.
-        """
+        """Take an earlier text; for undo and redo. Its paths lead to what they led to."""
         before = self.text
         self._parse(version.text)
         draft = self.values.get("weave", {}).get("draft")
@@ -355,20 +259,7 @@ class Document(QObject):
             self.changed.emit()
 
     def remember(self, draft: Path) -> None:
-        """Keep what a draft holds before it is written over: undo leads back to it.
-
-        Parameters
-        ----------
-        draft : Path
-            A file that need not exist, without links in its path.
-
-        Raises
-        ------
-        InputError
-            If the disk refuses it.
-        OSError
-            If it cannot be read.
-        """
+        """Keep what a draft holds before it is written over: undo leads back to it."""
         if draft.exists():
             self._overwritten.append((draft, self.drafts.keep_file(draft)))
 

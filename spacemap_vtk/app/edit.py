@@ -12,19 +12,7 @@ if TYPE_CHECKING:
 
 
 class Edit(QUndoCommand):
-    """A change, kept as the text before and after: comments come back exactly.
-
-    Parameters
-    ----------
-    document : Document
-        The document, already changed.
-    name : str
-        What was changed, for the menu.
-    before, after : Version
-        The texts, and what their paths mean.
-    burst : int
-        Edits of one name with the same number, other than 0, become one.
-    """
+    """A change, kept as the text before and after: comments come back exactly."""
 
     def __init__(
         self, document: Document, name: str, before: Version, after: Version, burst: int

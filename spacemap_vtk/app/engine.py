@@ -24,13 +24,7 @@ _SHORT = 0.1
 
 
 class Engine(QThread):
-    """A thread that turns jobs into frames. Of several waiting jobs it does the last.
-
-    Parameters
-    ----------
-    parent : QObject, optional
-        Qt's owner.
-    """
+    """A thread that turns jobs into frames. Of several waiting jobs it does the last."""
 
     #: A frame is there: `take` it.
     ready = Signal()
@@ -64,13 +58,7 @@ class Engine(QThread):
         )
 
     def ask(self, job: Job) -> None:
-        """Ask for a frame; replaces a job that has not begun.
-
-        Parameters
-        ----------
-        job : Job
-            The wish.
-        """
+        """Ask for a frame; replaces a job that has not begun."""
         with self._condition:
             self._job = job
             # For another time of the same scene the run goes on: all it prepares is needed.
@@ -84,27 +72,14 @@ class Engine(QThread):
                 self._pipeline.stop()
 
     def ask_beside(self, work: Callable[[Scene], Generator[None, None, Any]] | None) -> None:
-        """Ask for work on the present scene that is done while no frame is asked for.
-
-        Parameters
-        ----------
-        work : callable, or None
-            Given the scene, which is as the last job wanted it, a generator that pauses often;
-            what it returns is told by `beside_ready`. None gives up what is under way.
-        """
+        """Ask for work on the present scene that is done while no frame is asked for."""
         with self._condition:
             scene = self._pipeline.scene
             self._beside = None if work is None or scene is None else work(scene)
             self._condition.notify()
 
     def take(self) -> Frame | None:
-        """Return the latest frame once; None if it was taken.
-
-        Returns
-        -------
-        Frame or None
-            Frames that were not taken in time are lost: the last one counts.
-        """
+        """Return the latest frame once; None if it was taken."""
         with self._condition:
             frame, self._frame = self._frame, None
         return frame

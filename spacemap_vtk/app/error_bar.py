@@ -15,10 +15,9 @@ if TYPE_CHECKING:
 
 
 class ErrorBar(QWidget):
-    """Hidden while all is well.
+    """Hidden while all is well."""
 
-    What it says stays until that is put right, another takes its place, or the user closes it.
-    """
+    # What it says stays until that is put right, another takes its place, or the user closes it.
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,29 +44,11 @@ class ErrorBar(QWidget):
         self.hide()
 
     def say(self, error: BaseException, about: str) -> None:
-        """Show an error.
-
-        Parameters
-        ----------
-        error : BaseException
-            What was raised.
-        about : str
-            What has gone wrong, as "run": whatever puts that right clears it by this word.
-        """
+        """Show an error."""
         self.warn(_words(error), about)
 
     def warn(self, text: str, about: str, can_run: bool = False) -> None:
-        """Show a sentence.
-
-        Parameters
-        ----------
-        text : str
-            What the user should know.
-        about : str
-            As for `say`.
-        can_run : bool, optional
-            Whether a button to run offers itself.
-        """
+        """Show a sentence."""
         self._about = about
         text = self.told(text)
         self.run.setVisible(can_run)
@@ -75,13 +56,7 @@ class ErrorBar(QWidget):
         self.show()
 
     def clear(self, about: str | None = None) -> None:
-        """Say nothing any more.
-
-        Parameters
-        ----------
-        about : str, optional
-            What has been put right: what is said of other things stays. By default, all.
-        """
+        """Say nothing any more."""
         if about in (None, self._about) and not self.isHidden():
             self.hide()
 
@@ -92,28 +67,14 @@ class ErrorBar(QWidget):
 
 
 class Matter(QObject):
-    """Something that can go wrong. Not a `partial`, which would keep the window.
-
-    Parameters
-    ----------
-    about : str
-        As `ErrorBar.say` has it.
-    window : MainWindow
-        Qt's owner, where it is told.
-    """
+    """Something that can go wrong. Not a `partial`, which would keep the window."""
 
     def __init__(self, about: str, window: MainWindow) -> None:
         super().__init__(window)
         self._about = about
 
     def report(self, error: BaseException) -> None:
-        """Tell what has gone wrong.
-
-        Parameters
-        ----------
-        error : BaseException
-            What was raised.
-        """
+        """Tell what has gone wrong."""
         self.parent().report(self._about, error)
 
     def clear(self) -> None:

@@ -20,21 +20,7 @@ from PySide6.QtWidgets import (
 
 
 class ExportDialog(QDialog):
-    """Asks for file, size and camera.
-
-    Parameters
-    ----------
-    parent : QWidget
-        The window.
-    kind : str
-        ``"picture"`` or ``"film"``.
-    proposal : str
-        Name of the file.
-    filters : str
-        As Qt's file dialogs have them.
-    size : tuple of 2 int
-        Width and height in pixels.
-    """
+    """Asks for file, size and camera."""
 
     def __init__(
         self, parent: QWidget, kind: str, proposal: str, filters: str, size: tuple[int, int]

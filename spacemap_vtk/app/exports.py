@@ -14,10 +14,10 @@ from PySide6.QtWidgets import QFileDialog, QProgressDialog
 
 from spacemap_vtk.app.ask_file import ended
 from spacemap_vtk.app.export_dialog import ExportDialog
+from spacemap_vtk.draw.background import Order
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.filters.base import Cancelled
-from spacemap_vtk.scenes.background import Order
-from spacemap_vtk.scenes.output import check_output, whole_folder
+from spacemap_vtk.io.output import check_output, whole_folder
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.main_window import MainWindow
@@ -37,13 +37,7 @@ DATA = {
 
 
 class Exports(QObject):
-    """What the menu "Export" does. The work is a child process: cancelling ends it at once.
-
-    Parameters
-    ----------
-    window : MainWindow
-        Qt's owner, and what is exported.
-    """
+    """What the menu "Export" does. The work is a child process: cancelling ends it at once."""
 
     #: The file that was written.
     written = Signal(str)
@@ -96,21 +90,7 @@ class Exports(QObject):
         panels: list[str] | None = None,
         camera: dict[str, Any] | None = None,
     ) -> None:
-        """Begin to write.
-
-        Parameters
-        ----------
-        kind : str
-            ``"picture"``, ``"film"``, or a key of `DATA`.
-        path : Path
-            The file.
-        size : tuple of 2 int, optional
-            Width and height in pixels.
-        panels : list of str, optional
-            What is shown, as `spacemap_vtk.scenes.background.Order` has it.
-        camera : dict, optional
-            Where it is seen from, likewise.
-        """
+        """Begin to write."""
         document, times = self._window.document, self._window.times
         endings = _ENDINGS.get(kind) or dict.fromkeys(DATA[kind][1], DATA[kind][0])
         try:
@@ -119,7 +99,7 @@ class Exports(QObject):
             numbered = kind == "film" and path.suffix.lower() == ".png"
             check_output(path, endings, numbered)
             if kind == "film":
-                from spacemap_vtk.scenes.film import require_encoder
+                from spacemap_vtk.draw.film import require_encoder
 
                 require_encoder(path)
             if numbered and "%" not in path.name:
@@ -148,7 +128,7 @@ class Exports(QObject):
         process.readyReadStandardOutput.connect(self._read)
         process.finished.connect(self._finished)
         process.errorOccurred.connect(self._failed)
-        process.start(sys.executable, ["-m", "spacemap_vtk.scenes.background"])
+        process.start(sys.executable, ["-m", "spacemap_vtk.draw.background"])
         if process.state() != QProcess.ProcessState.NotRunning:
             process.write(order.text.encode())
             process.closeWriteChannel()
@@ -265,7 +245,7 @@ class Exports(QObject):
 
 def _can_encode() -> bool:
     """Whether .mp4 can be written here."""
-    from spacemap_vtk.scenes.film import require_encoder
+    from spacemap_vtk.draw.film import require_encoder
 
     try:
         require_encoder(Path("film.mp4"))

@@ -12,7 +12,7 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.scenes.output import check_output, whole_file
+from spacemap_vtk.io.output import check_output, whole_file
 
 _OPENED = "Scenes, drafts, meshes (*.toml *.wif *.ply *.stl *.obj *.vtp *.vtu);;All files (*)"
 _RECENT = 8
@@ -20,17 +20,7 @@ _PICTURES = {".png": "picture", ".jpg": "picture"}
 
 
 class Files(QObject):
-    """What the menu "File" does.
-
-    Parameters
-    ----------
-    window : QWidget
-        Parent of the dialogs.
-    document : Document
-        What is opened and saved.
-    errors : ErrorBar
-        Where failures are told.
-    """
+    """What the menu "File" does."""
 
     #: The files used lately are others.
     remembered = Signal()
@@ -59,18 +49,7 @@ class Files(QObject):
                 self.load(name)
 
     def load(self, name: str) -> bool:
-        """Open a scene or a draft.
-
-        Parameters
-        ----------
-        name : str
-            A file, or the name of a scene that comes with the program.
-
-        Returns
-        -------
-        bool
-            Whether it could be read; the error is told.
-        """
+        """Open a scene or a draft."""
         try:
             self._document.open(name)
         except (SpacemapError, OSError) as error:
@@ -81,46 +60,22 @@ class Files(QObject):
         return True
 
     def leave_for(self, name: str) -> None:
-        """Open another scene, if the present one can be left.
-
-        Parameters
-        ----------
-        name : str
-            As for `load`.
-        """
+        """Open another scene, if the present one can be left."""
         if self.may_leave():
             self.load(name)
 
     def save(self) -> bool:
-        """Save, asking for a name where there is none.
-
-        Returns
-        -------
-        bool
-            Whether it is saved.
-        """
+        """Save, asking for a name where there is none."""
         return self.save_as() if self._document.file is None else self._write(None)
 
     def save_as(self) -> bool:
-        """Ask for a name, and save.
-
-        Returns
-        -------
-        bool
-            Whether it is saved.
-        """
+        """Ask for a name, and save."""
         path = ask_file(self._window, "Save as", "", "Scenes (*.toml)", ".toml")
         return path is not None and self._write(path)
 
     def save_picture(self, view: View3D) -> None:
-        """Ask for a name, and save what the view shows.
-
-        Parameters
-        ----------
-        view : View3D
-            The view.
-        """
-        from spacemap_vtk.scenes.film import write_picture
+        """Ask for a name, and save what the view shows."""
+        from spacemap_vtk.draw.film import write_picture
 
         filters = "Pictures (*.png *.jpg)"
         path = ask_file(self._window, "Save picture", "picture.png", filters, ".png")
@@ -136,13 +91,7 @@ class Files(QObject):
             self._errors.clear("picture")
 
     def may_leave(self) -> bool:
-        """Ask what becomes of unsaved changes.
-
-        Returns
-        -------
-        bool
-            Whether the document can be left.
-        """
+        """Ask what becomes of unsaved changes."""
         if self._document.undo.isClean():
             return True
         box = QMessageBox.StandardButton

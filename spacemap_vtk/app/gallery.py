@@ -18,7 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.scenes import library, thumbnails
+from spacemap_vtk.draw import thumbnails
+from spacemap_vtk.scenes import library
 
 #: Smallest width of a picture that says something, in pixels, and height over width.
 _WIDTH, _FORM = 140, 2 / 3
@@ -80,13 +81,7 @@ class Gallery(QWidget):
                 item.setIcon(_picture(item.data(_NAME)))
 
     def show_recent(self, files: list[str]) -> None:
-        """List the files used lately.
-
-        Parameters
-        ----------
-        files : list of str
-            The last one first.
-        """
+        """List the files used lately."""
         self.recent.clear()
         for name in files[:5]:
             item = QListWidgetItem(Path(name).name)

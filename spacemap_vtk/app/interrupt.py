@@ -40,23 +40,7 @@ class Interrupt:
         self._run = 0
 
     def guard(self, work: Callable[[], T]) -> T:
-        """Do some work that can be ended.
-
-        Parameters
-        ----------
-        work : callable
-            Called once, in this thread.
-
-        Returns
-        -------
-        object
-            What it returns.
-
-        Raises
-        ------
-        Interrupted
-            If it was ended.
-        """
+        """Do some work that can be ended."""
         try:
             try:
                 with self._lock:

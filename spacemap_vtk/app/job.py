@@ -9,52 +9,33 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Swing:
-    """A mode to be shown in place of the motion.
+    """A mode to be shown in place of the motion."""
 
-    Parameters
-    ----------
-    mode : int
-        Its number.
-    amplitude : float
-        Largest displacement, as a share of the cage's largest side.
-    phase : float
-        In whole swings.
-    """
-
+    #: Its number.
     mode: int
+    #: Largest displacement, as a share of the cage's largest side.
     amplitude: float
+    #: In whole swings.
     phase: float
 
 
 @dataclass(frozen=True)
 class Job:
-    """A picture wanted.
+    """A picture wanted."""
 
-    Parameters
-    ----------
-    values : dict
-        The scene, as a file has it.
-    base : Path
-        Relative paths count from its folder.
-    settings : dict
-        The values of every section's parameters, checked and in SI, as `values` have them.
-    stages : tuple of str
-        Sections of the stages that are connected, likewise.
-    generation : int
-        Another number for another scene.
-    time : float
-        In s.
-    coarse : bool
-        Whether speed counts for more than smoothness.
-    swing : Swing, optional
-        The mode to show in place of the motion.
-    """
-
+    #: The scene, as a file has it.
     values: dict[str, Any]
+    #: Relative paths count from its folder.
     base: Path
+    #: The values of every section's parameters, checked and in SI, as `values` have them.
     settings: dict[str, dict[str, Any]]
+    #: Sections of the stages that are connected, likewise.
     stages: tuple[str, ...]
+    #: Another number for another scene.
     generation: int
+    #: In s.
     time: float
+    #: Whether speed counts for more than smoothness.
     coarse: bool = False
+    #: The mode to show in place of the motion.
     swing: Swing | None = field(default=None)

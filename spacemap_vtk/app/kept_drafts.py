@@ -10,58 +10,25 @@ import weakref
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.wif import WifDraft
-from spacemap_vtk.fabric.wif_writer import format_wif
+from spacemap_vtk.io.wif import WifDraft
+from spacemap_vtk.io.wif_writer import format_wif
 
 
 class KeptDrafts:
-    """A folder of drafts, named by their content, that goes when this object goes.
+    """A folder of drafts, named by their content, that goes when this object goes."""
 
-    A scene refers to a draft by its file. With a file for each version, undo and redo of an edited
-    draft are those of the scene's text, and the pipeline sees nothing but another file.
-    """
+    # A scene refers to a draft by its file. With a file for each version, undo and redo of an
+    # edited draft are those of the scene's text, and the pipeline sees nothing but another file.
 
     def __init__(self) -> None:
         self._folder: Path | None = None
 
     def keep(self, wif: WifDraft) -> Path:
-        """Write a draft.
-
-        Parameters
-        ----------
-        wif : WifDraft
-            The draft.
-
-        Returns
-        -------
-        Path
-            Its file, the same for the same draft.
-
-        Raises
-        ------
-        InputError
-            If the disk refuses it.
-        """
+        """Write a draft."""
         return self._keep(format_wif(wif), ".wif")
 
     def keep_file(self, file: Path) -> Path:
-        """Write a copy of a draft's file.
-
-        Parameters
-        ----------
-        file : Path
-            The file, of any kind.
-
-        Returns
-        -------
-        Path
-            Its copy.
-
-        Raises
-        ------
-        InputError
-            If the disk refuses it.
-        """
+        """Write a copy of a draft's file."""
         return self._keep(file.read_bytes(), file.suffix)
 
     def _keep(self, data: bytes, suffix: str) -> Path:
@@ -85,33 +52,11 @@ class KeptDrafts:
         return path
 
     def holds(self, path: Path | None) -> bool:
-        """Return whether a file is one of these.
-
-        Parameters
-        ----------
-        path : Path or None
-            A draft's file.
-
-        Returns
-        -------
-        bool
-            True: nobody but this object knows of it, and it will go.
-        """
+        """Return whether a file is one of these."""
         return path is not None and self._folder is not None and path.parent == self._folder
 
     def told(self, text: object) -> str:
-        """Return what a user is told.
-
-        Parameters
-        ----------
-        text : object
-            A path, or a sentence that may name one.
-
-        Returns
-        -------
-        str
-            With words in place of files that nobody knows of.
-        """
+        """Return what a user is told."""
         if self._folder is None:
             return str(text)
         return re.sub(rf"{re.escape(str(self._folder))}/\w+\.\w+", "edited draft", str(text))

@@ -17,22 +17,7 @@ from spacemap_vtk.vanishing import ENDING
 
 
 def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
-    """Open the window and return when it is closed.
-
-    Parameters
-    ----------
-    scene : str or None
-        Scene file, draft or name of a scene; None for the paper's, and the gallery.
-    made : callable, optional
-        Given the window before it is shown.
-
-    Raises
-    ------
-    InputError
-        If the scene cannot be read.
-    SystemExit
-        If a signal has closed the window.
-    """
+    """Open the window and return when it is closed."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     app.setApplicationName("spacemap")
     app.setOrganizationName("spacemap")

@@ -7,16 +7,10 @@ from dataclasses import dataclass
 
 @dataclass
 class Look:
-    """What the view shows; all else is said by the scene's section ``[view]``.
+    """What the view shows; all else is said by the scene's section ``[view]``."""
 
-    Parameters
-    ----------
-    fabric, cage : bool
-        Whether each is drawn.
-    wireframe : bool
-        Whether of the fabric only the facets' edges are drawn.
-    """
-
+    #: Whether each is drawn.
     fabric: bool = True
     cage: bool = True
+    #: Whether of the fabric only the facets' edges are drawn.
     wireframe: bool = False

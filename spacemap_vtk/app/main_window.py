@@ -91,32 +91,13 @@ class MainWindow(QMainWindow):
         self.engine.start()
 
     def start(self, scene: str | None) -> None:
-        """Show the first scene.
-
-        Parameters
-        ----------
-        scene : str or None
-            What the user wrote for SCENE; None for the paper's scene.
-
-        Raises
-        ------
-        InputError
-            If it cannot be read.
-        """
+        """Show the first scene."""
         self._show_recent()
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
 
     def report(self, about: str, error: BaseException) -> None:
-        """Show an error, and mark the field that it names.
-
-        Parameters
-        ----------
-        about : str
-            As `ErrorBar.say` has it.
-        error : BaseException
-            What was raised.
-        """
+        """Show an error, and mark the field that it names."""
         self.errors.say(error, about)
         draft = self.document.scene.weave.draft
         if isinstance(error, SpacemapError) and draft and error.file == str(draft):

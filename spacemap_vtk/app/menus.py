@@ -34,13 +34,7 @@ MOUSE = "\n".join(
 
 
 class Menus(QObject):
-    """Fills a window's menu bar.
-
-    Parameters
-    ----------
-    window : MainWindow
-        Qt's owner, and what the actions act on.
-    """
+    """Fills a window's menu bar."""
 
     def __init__(self, window: MainWindow) -> None:
         super().__init__(window)

@@ -105,15 +105,7 @@ class ModesTab(QWidget):
         return self._mode
 
     def show_modes(self, cage: vtkUnstructuredGrid | None, response: ModalResponse) -> None:
-        """Fill the table, if modes or damping are others.
-
-        Parameters
-        ----------
-        cage : vtkUnstructuredGrid or None
-            With ``eigenvalues``; None empties the table.
-        response : ModalResponse
-            Its damping.
-        """
+        """Fill the table, if modes or damping are others."""
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
         values = np.zeros(0) if array is None else vtk_to_numpy(array)
         try:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from spacemap_vtk.filters.arrays import points_of
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.units import format_quantity
 
 Point = tuple[float, float, float]
@@ -17,23 +17,15 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Pick:
-    """What is known of a picked point.
+    """What is known of a picked point."""
 
-    Parameters
-    ----------
-    yarn : int or None
-        Its yarn: ends from 0 on, then picks; None on an object.
-    family : int or None
-        0 warp, 1 weft.
-    number : int or None
-        The yarn's number among its family's, from 1 on, as weavers count and the draft does.
-    position, rest, displacement : tuple of 3 float
-        Where it is, where it is at rest, and the difference, in m.
-    """
-
+    #: Its yarn: ends from 0 on, then picks; None on an object.
     yarn: int | None
+    #: 0 warp, 1 weft.
     family: int | None
+    #: The yarn's number among its family's, from 1 on, as weavers count and the draft does.
     number: int | None
+    #: Where it is, where it is at rest, and the difference, in m.
     position: Point
     rest: Point
     displacement: Point
@@ -50,22 +42,7 @@ class Pick:
 
 
 def read_point(surface: vtkPolyData, cell: int, point: int) -> Pick:
-    """Read what a surface says of one of its points.
-
-    Parameters
-    ----------
-    surface : vtkPolyData
-        The fabric.
-    cell : int
-        A facet at the point.
-    point : int
-        The point.
-
-    Returns
-    -------
-    Pick
-        What is known of it.
-    """
+    """Read what a surface says of one of its points."""
     position = points_of(surface)[point].astype(float)
     moved = surface.GetPointData().GetArray("displacement")
     displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)

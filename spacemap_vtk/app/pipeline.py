@@ -15,15 +15,15 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from spacemap_vtk.app.frame import Frame, copied
 from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
-from spacemap_vtk.filters.arrays import add_array, array_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.load_arrows import load_arrows
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.memory import require
-from spacemap_vtk.scenes.coloring import add_measure
 from spacemap_vtk.scenes.footprint import drawing_bytes
-from spacemap_vtk.scenes.load_arrows import load_arrows
 from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
@@ -31,17 +31,7 @@ COARSE_QUADS = 8_000
 
 
 class Pipeline:
-    """Runs one scene after the other; belongs to the engine's thread.
-
-    Parameters
-    ----------
-    started : callable
-        Told the section of a stage that is about to be brought up to date.
-    ran : callable
-        Told section, seconds and executions of a stage that has run.
-    progressed : callable
-        Told section and share done.
-    """
+    """Runs one scene after the other; belongs to the engine's thread."""
 
     def __init__(
         self,
@@ -71,25 +61,7 @@ class Pipeline:
         return self._scene
 
     def run(self, job: Job) -> Frame:
-        """Return what a job asks for.
-
-        Parameters
-        ----------
-        job : Job
-            The wish.
-
-        Returns
-        -------
-        Frame
-            Copies.
-
-        Raises
-        ------
-        Exception
-            Whatever a stage raised.
-        Cancelled
-            After `stop`.
-        """
+        """Return what a job asks for."""
         scene = self.prepared(job)
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
@@ -137,18 +109,7 @@ class Pipeline:
         )
 
     def prepared(self, job: Job) -> Scene:
-        """Return the scene with a job's values set; only what differs is touched.
-
-        Parameters
-        ----------
-        job : Job
-            The wish.
-
-        Returns
-        -------
-        Scene
-            Not yet run.
-        """
+        """Return the scene with a job's values set; only what differs is touched."""
         here = self._scene
         if (
             here is None
@@ -251,16 +212,5 @@ def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
 
 
 def displacement_of(cage: vtkUnstructuredGrid) -> np.ndarray:
-    """Return the cage's displacement.
-
-    Parameters
-    ----------
-    cage : vtkUnstructuredGrid
-        As in a `Frame`.
-
-    Returns
-    -------
-    ndarray, shape (n_vertices, 3)
-        A view.
-    """
+    """Return the cage's displacement."""
     return vtk_to_numpy(cage.GetPointData().GetArray("displacement"))

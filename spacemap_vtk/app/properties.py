@@ -21,13 +21,7 @@ _LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
 
 
 class Properties(QScrollArea):
-    """A row for each declared parameter of one section.
-
-    Parameters
-    ----------
-    document : Document
-        What the rows show and edit.
-    """
+    """A row for each declared parameter of one section."""
 
     #: A value was refused: the error.
     refused = Signal(object)
@@ -53,13 +47,7 @@ class Properties(QScrollArea):
         document.replaced.connect(self.refresh)
 
     def choose(self, section: str) -> None:
-        """Show another section.
-
-        Parameters
-        ----------
-        section : str
-            A key of ``SECTIONS``.
-        """
+        """Show another section."""
         # A slider that goes while it is held is never let go.
         self.held.emit(False)
         self.section = section
@@ -122,28 +110,14 @@ class Properties(QScrollArea):
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 
     def mark(self, error: SpacemapError, about: str = "value") -> None:
-        """Mark the field that an error names, if it is here.
-
-        Parameters
-        ----------
-        error : SpacemapError
-            With `section` and `key`.
-        about : str, optional
-            As `ErrorBar.say` has it.
-        """
+        """Mark the field that an error names, if it is here."""
         row = self.rows.get(error.key or "")
         if row is not None and error.section in (None, self.section):
             row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
             self.ensureWidgetVisible(row)
 
     def clear(self, about: str) -> None:
-        """Mark no field for something any more.
-
-        Parameters
-        ----------
-        about : str
-            What has been put right, as `ErrorBar.clear` has it.
-        """
+        """Mark no field for something any more."""
         for row in self.rows.values():
             if row.about == about:
                 row.mark(None)

@@ -39,14 +39,7 @@ _CURE = (
 
 
 def require_window() -> None:
-    """Check packages, system libraries and display.
-
-    Raises
-    ------
-    MissingLibraryError
-        If something is not there; the message says what to install. Qt itself would abort the
-        process.
-    """
+    """Check packages, system libraries and display."""
     missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         raise MissingLibraryError(

@@ -10,17 +10,12 @@ from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPixmap
 from PySide6.QtWidgets import QApplication, QLabel
 
-from spacemap_vtk.scenes import library, thumbnails
+from spacemap_vtk.draw import thumbnails
+from spacemap_vtk.scenes import library
 
 
 class Splash:
-    """Shows the scene's small picture at once; goes when the window has drawn its first one.
-
-    Parameters
-    ----------
-    scene : str or None
-        What the user wrote for SCENE.
-    """
+    """Shows the scene's small picture at once; goes when the window has drawn its first one."""
 
     def __init__(self, scene: str | None) -> None:
         self.app = QApplication.instance() or QApplication(sys.argv[:1])
@@ -40,13 +35,7 @@ class Splash:
         self._screen: QLabel | None = label
 
     def give_way_to(self, window: Any) -> None:
-        """Go at the window's first picture, or when there will be none.
-
-        Parameters
-        ----------
-        window : MainWindow
-            Not yet shown.
-        """
+        """Go at the window's first picture, or when there will be none."""
         window.director.drawn.connect(self._gone)
         window.director.failed.connect(self._gone)
         window.engine.cancelled.connect(self._gone)

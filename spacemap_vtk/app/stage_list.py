@@ -62,13 +62,7 @@ class StageList(QTreeWidget):
         self.currentItemChanged.connect(self._chosen)
 
     def restart(self, scene: Scene) -> None:
-        """Show another scene's stages, none of which has run.
-
-        Parameters
-        ----------
-        scene : Scene
-            Which stages are connected.
-        """
+        """Show another scene's stages, none of which has run."""
         # All rows are in sight: the list is the picture of the pipeline.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
         self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)
@@ -83,15 +77,7 @@ class StageList(QTreeWidget):
             )
 
     def set_state(self, section: str, state: str) -> None:
-        """Show a stage's state.
-
-        Parameters
-        ----------
-        section : str
-            Which.
-        state : str
-            A key of `STATES`.
-        """
+        """Show a stage's state."""
         if section not in self.items or self.states.get(section) == state:
             return
         self.states[section] = state
@@ -106,17 +92,7 @@ class StageList(QTreeWidget):
         item.setForeground(0, QBrush(QColor("#9aa3ae")) if faint else QBrush())
 
     def show_run(self, section: str, seconds: float, executions: int) -> None:
-        """Show how long a stage ran last, and how often it has run.
-
-        Parameters
-        ----------
-        section : str
-            Which.
-        seconds : float
-            Of the last run.
-        executions : int
-            All its runs.
-        """
+        """Show how long a stage ran last, and how often it has run."""
         self._runs[section] = seconds, executions
         if not self._flush.isActive():
             self._flush.start()
@@ -133,13 +109,7 @@ class StageList(QTreeWidget):
         item.setText(2, str(executions))
 
     def choose(self, section: str) -> None:
-        """Choose a section.
-
-        Parameters
-        ----------
-        section : str
-            Which.
-        """
+        """Choose a section."""
         self.setCurrentItem(self.items[section])
 
     def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
@@ -148,18 +118,7 @@ class StageList(QTreeWidget):
 
 
 def words_of(name: str) -> str:
-    """Return a stage's name as the list has it.
-
-    Parameters
-    ----------
-    name : str
-        Of its class, as in ``"ModalSolver"``.
-
-    Returns
-    -------
-    str
-        As in ``"Modal solver"``.
-    """
+    """Return a stage's name as the list has it."""
     spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
     return spaced.capitalize()
 

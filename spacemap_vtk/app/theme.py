@@ -68,15 +68,7 @@ QCheckBox::indicator:unchecked:enabled { border: 1px solid #7d8998; border-radiu
 
 
 def apply_theme(app: QApplication, dark: bool) -> None:
-    """Give every window a light or dark look.
-
-    Parameters
-    ----------
-    app : QApplication
-        The program.
-    dark : bool
-        Dark.
-    """
+    """Give every window a light or dark look."""
     # Once: each style that is set leaves the one before behind in PySide.
     if app.property("styled") is None:
         app.setStyle("Fusion")

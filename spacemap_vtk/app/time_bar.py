@@ -103,15 +103,7 @@ class TimeBar(QWidget):
         return self.play.isChecked()
 
     def adopt(self, animation: Animation, at: float | None = None) -> None:
-        """Take range, frames and speed from a scene.
-
-        Parameters
-        ----------
-        animation : Animation
-            The scene's section.
-        at : float, optional
-            Time to show, for a new scene.
-        """
+        """Take range, frames and speed from a scene."""
         speed = f"{animation.speed:g} ×"
         span = (animation.start, max(animation.stop, animation.start + 1e-9))
         if at is not None or span != (self._start, self._stop):
@@ -129,15 +121,7 @@ class TimeBar(QWidget):
         self._show(self.time if at is None else at)
 
     def go(self, at: float, going_on: bool = False) -> None:
-        """Show a time.
-
-        Parameters
-        ----------
-        at : float
-            In s.
-        going_on : bool, optional
-            Whether more will follow at once.
-        """
+        """Show a time."""
         self.chosen.emit()
         self._move(at, going_on)
 

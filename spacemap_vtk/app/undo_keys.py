@@ -8,16 +8,10 @@ from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QLineEdit, QWidget
 
 
 class UndoKeys(QObject):
-    """Leaves undo and redo to the window's menu where a line of text has none of its own.
+    """Leaves undo and redo to the window's menu where a line of text has none of its own."""
 
-    Qt's lines keep both keys for themselves, even when there is nothing to undo in them: after
-    Enter in a field Ctrl+Z would do nothing at all.
-
-    Parameters
-    ----------
-    parent : QObject
-        Qt's owner.
-    """
+    # Qt's lines keep both keys for themselves, even when there is nothing to undo in them: after
+    # Enter in a field Ctrl+Z would do nothing at all.
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)

@@ -18,19 +18,19 @@ from spacemap_vtk.app.clip import ClipPlane
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick, read_point
-from spacemap_vtk.filters.arrays import points_of
-from spacemap_vtk.scenes.camera import aim
-from spacemap_vtk.scenes.coloring import SHOWN
-from spacemap_vtk.scenes.cut_face import CutFaceActor
-from spacemap_vtk.scenes.glyphs import DOT, LINE, GhostActor, LoadActor, SupportActor, cut_of
-from spacemap_vtk.scenes.settings import View
-from spacemap_vtk.scenes.surface_actor import (
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.coloring import SHOWN
+from spacemap_vtk.draw.cut_face import CutFaceActor
+from spacemap_vtk.draw.glyphs import DOT, LINE, GhostActor, LoadActor, SupportActor, cut_of
+from spacemap_vtk.draw.surface_actor import (
     Span,
     SurfaceActor,
     fit_scale,
     natural_span,
     scale_share,
 )
+from spacemap_vtk.scenes.settings import View
 
 #: Most picked points; the oldest goes.
 MOST_PICKS = 6
@@ -39,13 +39,7 @@ _STEADY = 3.0
 
 
 class View3D(QWidget):
-    """Draws frames; the mouse turns, moves and zooms as in every VTK program.
-
-    Parameters
-    ----------
-    look : Look
-        What is shown; `refresh` after a change.
-    """
+    """Draws frames; the mouse turns, moves and zooms as in every VTK program."""
 
     #: A point that was clicked at: a `Pick`.
     picked = Signal(object)
@@ -100,15 +94,7 @@ class View3D(QWidget):
         return [self._fabric, self._ghost, self._cage, self._supports, self._loads]
 
     def show_frame(self, frame: Frame, view: View) -> None:
-        """Draw a frame.
-
-        Parameters
-        ----------
-        frame : Frame
-            What the engine made.
-        view : View
-            The scene's colours.
-        """
+        """Draw a frame."""
         self._fit_to_screen(view)
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
         self.plotter.renderer.SetUseFXAA(not frame.coarse)
@@ -126,13 +112,7 @@ class View3D(QWidget):
         self.render()
 
     def adopt(self, view: View) -> None:
-        """Show the present frame as a scene's section ``[view]`` says.
-
-        Parameters
-        ----------
-        view : View
-            Of the scene that the frame is of.
-        """
+        """Show the present frame as a scene's section ``[view]`` says."""
         if self._view is None:
             self._color(view)  # behind what may never come
         elif view.settings != self._view.settings:
@@ -142,13 +122,7 @@ class View3D(QWidget):
             self.refresh()
 
     def refresh(self, render: bool = True) -> None:
-        """Show the present frame as `look` and the scene say.
-
-        Parameters
-        ----------
-        render : bool, optional
-            Whether to draw at once.
-        """
+        """Show the present frame as `look` and the scene say."""
         frame, look, view = self.frame, self.look, self._view
         if frame is None or view is None:
             return
@@ -205,13 +179,7 @@ class View3D(QWidget):
             self.plotter.update()
 
     def reset_camera(self, name: str | None = "three-quarter") -> None:
-        """Look at the whole.
-
-        Parameters
-        ----------
-        name : str or None, optional
-            From where: a key of `spacemap_vtk.scenes.camera.CAMERAS`; None: from this side.
-        """
+        """Look at the whole."""
         points = self._extent()
         if points is None:
             return
@@ -224,13 +192,7 @@ class View3D(QWidget):
         self.render()
 
     def zoom(self, factor: float) -> None:
-        """Look from nearer.
-
-        Parameters
-        ----------
-        factor : float
-            How much larger things look; below 1 they look smaller.
-        """
+        """Look from nearer."""
         camera = self.plotter.camera
         if camera.GetParallelProjection():
             camera.SetParallelScale(camera.GetParallelScale() / factor)
@@ -252,13 +214,7 @@ class View3D(QWidget):
             self.reset_camera(name)
 
     def set_orthographic(self, on: bool) -> None:
-        """Switch between parallel and perspective projection.
-
-        Parameters
-        ----------
-        on : bool
-            Parallel.
-        """
+        """Switch between parallel and perspective projection."""
         camera = self.plotter.camera
         if on:
             camera.SetParallelScale(_half_height(camera))
@@ -267,7 +223,7 @@ class View3D(QWidget):
 
     @property
     def place(self) -> dict[str, Any]:
-        """Where the camera stands, as `spacemap_vtk.scenes.picture.Place` has it."""
+        """Where the camera stands, as `spacemap_vtk.draw.picture.Place` has it."""
         camera = self.plotter.camera
         return {
             "position": camera.GetPosition(),
@@ -277,15 +233,7 @@ class View3D(QWidget):
         }
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
-        """Keep a picked point, and mark it.
-
-        Parameters
-        ----------
-        pick : Pick
-            The point.
-        alone : bool, optional
-            Whether it takes the place of those picked before.
-        """
+        """Keep a picked point, and mark it."""
         self.picks = [pick] if alone else [*self.picks, pick][-MOST_PICKS:]
         self._mark()
         self.render()
@@ -313,18 +261,7 @@ class View3D(QWidget):
         self.marks.show(points_of(surface)[nearest].astype(np.float64))
 
     def pick(self, x: float, y: float) -> Pick | None:
-        """Return what lies under a point of the widget.
-
-        Parameters
-        ----------
-        x, y : float
-            In Qt's pixels, from the upper left.
-
-        Returns
-        -------
-        Pick or None
-            None where there is no fabric.
-        """
+        """Return what lies under a point of the widget."""
         if self.frame is None:
             return None
         ratio = self.plotter.devicePixelRatioF()
@@ -339,28 +276,14 @@ class View3D(QWidget):
         return None if cell < 0 or point < 0 else read_point(self.frame.surface, cell, point)
 
     def click(self, at: QPointF, adding: bool = False) -> None:
-        """Pick what lies under a point of the widget, if anything does.
-
-        Parameters
-        ----------
-        at : QPointF
-            In Qt's pixels, from the upper left.
-        adding : bool, optional
-            Whether it joins those picked before.
-        """
+        """Pick what lies under a point of the widget, if anything does."""
         found = self.pick(at.x(), at.y())
         if found is not None:
             self.add_pick(found, alone=not adding)
             self.picked.emit(found)
 
     def image(self) -> NDArray[np.uint8]:
-        """Return what is seen.
-
-        Returns
-        -------
-        ndarray of uint8, shape (height, width, 3)
-            Red, green and blue.
-        """
+        """Return what is seen."""
         return self.plotter.image()
 
     def shut(self) -> None:

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, Q
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
-from spacemap_vtk.scenes.camera import CAMERAS
+from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
@@ -33,13 +33,7 @@ BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
 
 
 class ViewBar(QToolBar):
-    """What is shown, in which colours, from where.
-
-    Parameters
-    ----------
-    view : View3D
-        What they act on.
-    """
+    """What is shown, in which colours, from where."""
 
     #: A key of `COLORINGS`.
     colored = Signal(str)
@@ -132,13 +126,7 @@ class ViewBar(QToolBar):
             self.backgrounds[name] = action
 
     def show_scene(self, scene: Scene) -> None:
-        """Show what a scene's colours mean, and what else they could.
-
-        Parameters
-        ----------
-        scene : Scene
-            The document's.
-        """
+        """Show what a scene's colours mean, and what else they could."""
         possible = scene.colorings
         if possible != self._possible:
             self._possible = possible

@@ -18,18 +18,10 @@ _FLY = 1.3
 
 
 class ViewKeys(QObject):
-    """Makes the actions; they stand in the menu and in the help as all others do.
+    """Makes the actions; they stand in the menu and in the help as all others do."""
 
-    Not VTK's own: S, F and 3 have another meaning here, so its wireframe could not be left again;
-    its R changes the lens, and saved pictures would show another part than the view.
-
-    Parameters
-    ----------
-    view : View3D
-        What they act on.
-    parent : QObject
-        Qt's owner.
-    """
+    # Not VTK's own: S, F and 3 have another meaning here, so its wireframe could not be left again;
+    # its R changes the lens, and saved pictures would show another part than the view.
 
     #: By how many steps lines and dots shall be thicker.
     thickened = Signal(int)

@@ -76,10 +76,8 @@ def touched(
 
 
 def _overlap(corners: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether triangles (n, 3, 3) overlap the unit box round the origin.
-
-    Their own boxes do already.
-    """
+    """Return whether triangles (n, 3, 3) overlap the unit box round the origin."""
+    # Their own boxes do already.
     edges = np.roll(corners, -1, axis=1) - corners
     normal = np.cross(edges[:, 0], edges[:, 1])
     axes = [normal]

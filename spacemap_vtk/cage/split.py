@@ -92,18 +92,7 @@ def split_hexahedra(cells: Cells) -> Cells:
 
 
 def cut_quadrilaterals(quads: Cells) -> Cells:
-    """Return two triangles for each quadrilateral, cut from its lowest number.
-
-    Parameters
-    ----------
-    quads : (n, 4) int
-        In circular order.
-
-    Returns
-    -------
-    (n, 2, 3) int
-        Triangles.
-    """
+    """Return two triangles for each quadrilateral, cut from its lowest number."""
     even = quads.argmin(axis=1) % 2 == 0
     one = quads[:, [[0, 1, 2], [0, 2, 3]]]
     two = quads[:, [[1, 2, 3], [1, 3, 0]]]

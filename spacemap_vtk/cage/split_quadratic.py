@@ -20,20 +20,13 @@ from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, split_hexahedra
 
 @dataclass(frozen=True)
 class Kind:
-    """A quadratic cell, with VTK's numbers of its nodes.
+    """A quadratic cell, with VTK's numbers of its nodes."""
 
-    Parameters
-    ----------
-    nodes : int
-        Corners and middles of edges; further ones are not used.
-    edges : tuple of pairs of int
-        Corners of each edge; the middle of the first has the number after the last corner's.
-    faces : tuple of tuples of int
-        Corners of each face, in circular order.
-    """
-
+    #: Corners and middles of edges; further ones are not used.
     nodes: int
+    #: Corners of each edge; the middle of the first has the number after the last corner's.
     edges: tuple[tuple[int, int], ...]
+    #: Corners of each face, in circular order.
     faces: tuple[tuple[int, ...], ...]
 
 

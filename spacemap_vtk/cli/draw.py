@@ -13,10 +13,10 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Quiet, Set, Shown, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
 
 if TYPE_CHECKING:
-    from spacemap_vtk.scenes.picture import Image
+    from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
 STILL_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
@@ -47,8 +47,8 @@ def render(
     """
     check_output(output, STILL_FORMATS)
     opened_scene = opened(scene, set_, time=time, size=size, color=color)
-    from spacemap_vtk.scenes.film import write_picture
-    from spacemap_vtk.scenes.picture import Picture
+    from spacemap_vtk.draw.film import write_picture
+    from spacemap_vtk.draw.picture import Picture
 
     at = opened_scene.view.time
     with progress(opened_scene, "Drawing", 1, quiet):
@@ -85,7 +85,7 @@ def animate(
     """
     numbered = output.suffix.lower() == ".png"
     check_output(output, FILM_FORMATS, numbered)
-    from spacemap_vtk.scenes.film import require_encoder, write_film, write_frames
+    from spacemap_vtk.draw.film import require_encoder, write_film, write_frames
 
     require_encoder(output)
     if numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", output.name):
@@ -95,7 +95,7 @@ def animate(
             allowed=f"for example {output.with_name(example)}",
         )
     opened_scene = opened(scene, set_, size=size, color=color)
-    from spacemap_vtk.scenes.picture import Picture
+    from spacemap_vtk.draw.picture import Picture
 
     opened_scene.check()
     if size is None and output.suffix.lower() == ".gif":
@@ -157,8 +157,8 @@ def storyboard(
     else:
         first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
         moments = _seven(first, last)
-    from spacemap_vtk.scenes.film import write_picture
-    from spacemap_vtk.scenes.picture import storyboard as drawn
+    from spacemap_vtk.draw.film import write_picture
+    from spacemap_vtk.draw.picture import storyboard as drawn
 
     chosen = (2240, 640) if size is None else tuple(opened_scene.view.size)
     with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:
@@ -196,7 +196,7 @@ def export(
     output : Path
         A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """
-    from spacemap_vtk.scenes.export import FORMATS, content
+    from spacemap_vtk.io.export import FORMATS, content
 
     check_output(output, {ending: " or ".join(kinds) for ending, kinds in FORMATS.items()})
     ending = output.suffix.lower()

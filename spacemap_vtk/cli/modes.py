@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.output import check_output, whole_file
+from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def plot(
                 value=point,
                 allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
             )
-    from spacemap_vtk.scenes.plots import motion_plot
+    from spacemap_vtk.draw.plots import motion_plot
 
     with progress(chosen, "Plotting", 1, quiet), whole_file(output) as file:
         motion_plot(chosen, file, place, quantity)
@@ -147,8 +147,8 @@ def plot(
 
 
 def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
-    from spacemap_vtk.scenes.film import write_picture
-    from spacemap_vtk.scenes.mode_sheet import mode_sheet
+    from spacemap_vtk.draw.film import write_picture
+    from spacemap_vtk.draw.mode_sheet import mode_sheet
 
     with progress(scene, "Drawing shapes", count, quiet) as tell:
         image = mode_sheet(scene, tell)

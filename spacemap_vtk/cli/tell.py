@@ -10,8 +10,9 @@ from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes import library, thumbnails
+from spacemap_vtk.scenes import library
 from spacemap_vtk.units import format_quantity
 
 #: In place of a figure that cannot be had; a warning says why.

@@ -19,15 +19,7 @@ _FAR = 1e9  # more cells than any grid has along a side
 
 
 class Grid:
-    """Equal cells over all tetrahedra, each with the tetrahedra that reach into it, in CSR form.
-
-    Parameters
-    ----------
-    frames : Frames
-        The tetrahedra.
-    threads : int, optional
-        Threads to work in; all processors if not given.
-    """
+    """Equal cells over all tetrahedra, each with the tetrahedra that reach into it, in CSR form."""
 
     def __init__(self, frames: Frames, threads: int | None = None) -> None:
         self._frames = frames
@@ -44,18 +36,7 @@ class Grid:
         self._start, self._candidates = self._fill(usable, first, last - first + 1)
 
     def find(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Return the lowest numbered tetrahedron that holds each point.
-
-        Parameters
-        ----------
-        points : (n, 3) float64
-            Finite.
-
-        Returns
-        -------
-        (n,) int32
-            -1 for points outside every tetrahedron.
-        """
+        """Return the lowest numbered tetrahedron that holds each point."""
         found = np.full(len(points), -1, dtype=np.int32)
         near = ((points >= self._low) & (points <= self._high)).all(axis=1)
         open_ = np.flatnonzero(near)
@@ -139,11 +120,9 @@ class Grid:
     def _reach(
         planes: NDArray[np.float64], which: NDArray[np.integer[Any]], row: list[NDArray[np.int64]]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the cells from begin to before end of rows that no face of a tetrahedron cuts off.
-
-        Each face leaves half of a row, so that one division says what else a test for each cell
-        would.
-        """
+        """Return the cells from begin to end of rows that no face of a tetrahedron cuts off."""
+        # Each face leaves half of a row, so that one division says what else a test for each cell
+        # would.
         low = np.full(len(which), -_FAR)
         high = np.full(len(which), _FAR)
         for plane in planes:

@@ -23,33 +23,7 @@ _ROUNDINGS = 4.0
 
 
 class Frames:
-    """The affine frames of tetrahedra, prepared once.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        Finite.
-    tetrahedra : (T, 4) int
-        In any orientation.
-    rounding : float
-        Relative precision of the points that will be asked for.
-
-    Attributes
-    ----------
-    usable : (T,) bool
-        False where a tetrahedron is flat.
-    positive : (T,) bool
-        Orientation.
-    low, high : (T, 3) float64
-        Bounding boxes.
-    distance : float
-        Rounding of a coordinate, in the unit of the vertices.
-
-    Raises
-    ------
-    GeometryError
-        Every tetrahedron is flat.
-    """
+    """The affine frames of tetrahedra, prepared once."""
 
     def __init__(
         self, vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]], rounding: float
@@ -86,20 +60,7 @@ class Frames:
     def weights(
         self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
     ) -> NDArray[np.float64]:
-        """Return barycentric coordinates that reproduce the points.
-
-        Parameters
-        ----------
-        points : (n, 3) float64
-            The points.
-        which : (n,) int
-            The tetrahedron of each.
-
-        Returns
-        -------
-        (n, 4) float64
-            They sum to 1 within rounding.
-        """
+        """Return barycentric coordinates that reproduce the points."""
         rows = self._table[which]
         away = (points - rows[:, :3]).T
         weights = _transform(rows[:, 3:12].T, away)
@@ -122,20 +83,7 @@ class Frames:
     def inside(
         self, points: NDArray[np.float64], which: NDArray[np.integer[Any]]
     ) -> NDArray[np.bool_]:
-        """Return whether points lie in tetrahedra, boundary and tolerance included.
-
-        Parameters
-        ----------
-        points : (n, 3) float64
-            The points.
-        which : (n,) int
-            The tetrahedron that each is tried with.
-
-        Returns
-        -------
-        (n,) bool
-            True inside.
-        """
+        """Return whether points lie in tetrahedra, boundary and tolerance included."""
         rows = np.take(self._table, which, axis=0)
         away = [points[:, i] - rows[:, i] for i in range(3)]
         x, y, z = _transform(rows[:, 3:12].T, away)
@@ -147,21 +95,7 @@ class Frames:
         return result
 
     def planes(self, low: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return when no face of a tetrahedron separates it from a box of a grid.
-
-        Parameters
-        ----------
-        low : (3,) float64
-            Lowest corner of the grid.
-        size : (3,) float64
-            Edges of its boxes.
-
-        Returns
-        -------
-        (4, 4, T) float64
-            For each face the factors a, b, c, d of a x + b y + c z + d, which is below 0 if it
-            separates the box number x, y, z.
-        """
+        """Return when no face of a tetrahedron separates it from a box of a grid."""
         gradients = self._table[:, 3:12].T.reshape(3, 3, -1)
         slopes = np.concatenate((-gradients.sum(axis=0, keepdims=True), gradients))
         away = (low + 0.5 * size)[:, None] - self._table[:, :3].T

@@ -163,25 +163,7 @@ class Interpolation:
 
 
 def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float64]:
-    """Return displacements of vertices as a table.
-
-    Parameters
-    ----------
-    values : (V, 3) array_like
-        In m.
-    vertex_count : int
-        V.
-
-    Returns
-    -------
-    (V, 3) float64
-        C-contiguous.
-
-    Raises
-    ------
-    InputError
-        They are of another shape.
-    """
+    """Return displacements of vertices as a table."""
     table = np.ascontiguousarray(values, dtype=np.float64)
     if table.shape != (vertex_count, 3):
         raise InputError(

@@ -28,30 +28,20 @@ _SPARSEST, _SMALL = 64, 2**20
 
 @dataclass(frozen=True)
 class LatticePattern:
-    """A mesh known to be a lattice, or the part of one that a carved cage keeps.
+    """A mesh known to be a lattice, or the part of one that a carved cage keeps."""
 
-    Parameters
-    ----------
-    origin : (3,) float64
-        Lowest corner of the box in m.
-    spacing : (3,) float64
-        Edges of a hexahedron in m.
-    divisions : (3,) int64
-        Hexahedra along x, y and z of the box.
-    parity : int
-        1 where the hexahedron at the origin is an odd one.
-    slots : (cells,) int32 or None
-        For each hexahedron of the box, x fastest, its number in the mesh, -1 where it is carved
-        away; None where all are there.
-    rounding : float
-        Size of the largest coordinate in m.
-    """
-
+    #: (3,) Lowest corner of the box in m.
     origin: NDArray[np.float64]
+    #: (3,) Edges of a hexahedron in m.
     spacing: NDArray[np.float64]
+    #: (3,) Hexahedra along x, y and z of the box.
     divisions: NDArray[np.int64]
+    #: 1 where the hexahedron at the origin is an odd one.
     parity: int
+    #: (cells,) For each hexahedron of the box, x fastest, its number in the mesh, -1 where it is
+    #: carved away; None where all are there.
     slots: NDArray[np.int32] | None
+    #: Size of the largest coordinate in m.
     rounding: float
 
     def find(
@@ -61,20 +51,7 @@ class LatticePattern:
         tetrahedron: NDArray[np.int32],
         weights: NDArray[np.float64],
     ) -> None:
-        """Fill in the tetrahedron of each point, and the weights of its corners.
-
-        Parameters
-        ----------
-        points : (n, 3) float64
-            Finite.
-        epsilon : float
-            Relative precision of the points.
-        tetrahedron : (n,) int32
-            Filled: the lowest numbered one that holds the point; -1 where the point is outside, or
-            on the border of a part that is carved away, where only a search can tell.
-        weights : (n, 4) float64
-            Filled where a tetrahedron is found.
-        """
+        """Fill in the tetrahedron of each point, and the weights of its corners."""
         distance = _ROUNDINGS * epsilon * self.rounding
         number: Any = 0
         odd: Any = self.parity
@@ -138,29 +115,9 @@ class LatticePattern:
 def recognise(
     vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
 ) -> LatticePattern | None:
-    """Return the lattice that a mesh is, if it is one.
-
-    Nothing but the mesh itself is believed: every vertex of every tetrahedron must be in its place
-    to within rounding, so that a lattice that was moved, refined or renumbered is none.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        Finite.
-    tetrahedra : (T, 4) int
-        Vertex numbers.
-
-    Returns
-    -------
-    LatticePattern or None
-        None where the mesh is not made of complete, equal hexahedra in ascending order.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.cage.lattice import lattice
-    >>> recognise(*lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))).divisions.tolist()
-    [5, 5, 1]
-    """
+    """Return the lattice that a mesh is, if it is one."""
+    # Nothing but the mesh itself is believed: every vertex of every tetrahedron must be in its
+    # place to within rounding, so that a lattice that was moved, refined or renumbered is none.
     if len(tetrahedra) == 0 or len(tetrahedra) % TETRAHEDRA_PER_CELL:
         return None
     groups = np.asarray(tetrahedra).reshape(-1, TETRAHEDRA_PER_CELL, 4)

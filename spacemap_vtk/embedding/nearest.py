@@ -19,22 +19,12 @@ Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]  # lower and upper corne
 
 
 class NearestTetrahedron:
-    """Exact distances to the boundary of a mesh.
+    """Exact distances to the boundary of a mesh."""
 
-    The nearest tetrahedron has the nearest face, and that is not the one with the nearest middle:
-    the tree of middles only gives a first bound. With it a binary tree of boxes round the faces is
-    descended, all points at once, level by level; faces whose box is further away than the bound
-    drop out, and what is left is measured.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        Vertices of the mesh.
-    tetrahedra : (T, 4) int
-        Its tetrahedra.
-    frames : Frames
-        Their frames.
-    """
+    # The nearest tetrahedron has the nearest face, and that is not the one with the nearest middle:
+    # the tree of middles only gives a first bound. With it a binary tree of boxes round the faces
+    # is descended, all points at once, level by level; faces whose box is further away than the
+    # bound drop out, and what is left is measured.
 
     def __init__(
         self,
@@ -58,23 +48,7 @@ class NearestTetrahedron:
     def find(
         self, points: NDArray[np.float64]
     ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the nearest tetrahedron, the nearest point on it, and how far that is.
-
-        Parameters
-        ----------
-        points : (n, 3) float64
-            Finite, and outside every tetrahedron.
-
-        Returns
-        -------
-        tetrahedron : (n,) int32
-            Of those with equally near faces on the boundary, the one with the lowest number. One
-            that touches the boundary with an edge alone does not count: it lies behind.
-        weights : (n, 4) float64
-            Barycentric weights of the nearest point: at least 0, and of sum 1.
-        distance : (n,) float64
-            In the unit of the points.
-        """
+        """Return the nearest tetrahedron, the nearest point on it, and how far that is."""
         triangle = np.empty(len(points), dtype=np.intp)
         for begin in range(0, len(points), _BLOCK):
             block = slice(begin, begin + _BLOCK)
@@ -134,11 +108,9 @@ def _morton_order(middles: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _levels(corners: NDArray[np.float64]) -> list[Boxes]:
-    """Return the boxes of a binary tree over triangles, below its root, leaves last.
-
-    Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
-    each triangle, and empty boxes, infinitely far from everything, up to a power of two.
-    """
+    """Return the boxes of a binary tree over triangles, below its root, leaves last."""
+    # Node i of a level has the nodes 2 i and 2 i + 1 of the next. The last level has one leaf for
+    # each triangle, and empty boxes, infinitely far from everything, up to a power of two.
     count = corners.shape[2]
     depth = max(1, (count - 1).bit_length())
     low, high = np.full((3, 2**depth), np.inf), np.full((3, 2**depth), -np.inf)

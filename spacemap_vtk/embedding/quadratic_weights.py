@@ -9,22 +9,10 @@ from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
 
 
 def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weights of all ten nodes from those of the corners.
-
-    Inside they are the shape functions. Outside, a quadratic would turn back on itself before
-    long: there the field goes on from the border as its tangent does, so that an affine motion is
-    reproduced at any distance.
-
-    Parameters
-    ----------
-    weights : (N, 4) float64
-        Barycentric coordinates in the straight-sided tetrahedra, of sum 1.
-
-    Returns
-    -------
-    (N, 10) float64
-        Of sum 1; corners, then midpoints.
-    """
+    """Return the weights of all ten nodes from those of the corners."""
+    # Inside they are the shape functions. Outside, a quadratic would turn back on itself before
+    # long: there the field goes on from the border as its tangent does, so that an affine motion is
+    # reproduced at any distance.
     outside = np.flatnonzero((weights < 0).any(axis=1))
     if not len(outside):
         return shape_functions(weights)

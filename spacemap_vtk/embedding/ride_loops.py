@@ -21,21 +21,7 @@ def apply(
     values: NDArray[np.float64],
     out: NDArray[Any],
 ) -> None:
-    """Write values at points.
-
-    Parameters
-    ----------
-    weights : (N, n) float64
-        Weights of each point for the nodes of its tetrahedron.
-    tetrahedron : (N,) int32
-        Tetrahedron of each point.
-    corners : (T, n) int32
-        Nodes of each tetrahedron.
-    values : (V, k) float64
-        Values at the nodes.
-    out : (N, k) float
-        Where to write.
-    """
+    """Write values at points."""
     for point in range(len(tetrahedron)):
         cell = np.intp(tetrahedron[point])
         for column in range(values.shape[1]):
@@ -55,23 +41,7 @@ def displace(
     moved: NDArray[Any],
     shift: NDArray[Any],
 ) -> None:
-    """Write displacement and new position of points.
-
-    Parameters
-    ----------
-    weights : (N, n) float64
-        Weights of each point for the nodes of its tetrahedron.
-    tetrahedron : (N,) int32
-        Tetrahedron of each point.
-    corners : (T, n) int32
-        Nodes of each tetrahedron.
-    displacement : (V, 3) float64
-        Displacement of the nodes in m.
-    points : (N, 3) float
-        Points in m.
-    moved, shift : (N, 3) float
-        Where to write position and displacement, in the points' type.
-    """
+    """Write displacement and new position of points."""
     for point in range(len(tetrahedron)):
         cell = np.intp(tetrahedron[point])
         x, y, z = 0.0, 0.0, 0.0

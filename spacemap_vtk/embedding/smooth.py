@@ -91,12 +91,10 @@ class SmoothInterpolation:
     def _prepare(
         self, ways: Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64] | None]
     ) -> NDArray[np.float64]:
-        """Return the factors of the corners' values and gradients, (1 + m, N, 16).
-
-        Those at the points, or where they are outside at the nearest point of the mesh, come
-        first, then those of the derivatives along m ways, which are asked for the numbers of some
-        points and the corners (n, 4, 3) of their tetrahedra.
-        """
+        """Return the factors of the corners' values and gradients, (1 + m, N, 16)."""
+        # Those at the points, or where they are outside at the nearest point of the mesh, come
+        # first, then those of the derivatives along m ways, which are asked for the numbers of some
+        # points and the corners (n, 4, 3) of their tetrahedra.
         vertices, cells, tetrahedron = self._vertices, self._cells, self._location.tetrahedron
         good = np.flatnonzero(has_volume(vertices, cells))
         centres, faces = split_points(vertices, cells[good])
@@ -200,20 +198,7 @@ def _axes(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 def has_volume(
     vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
 ) -> NDArray[np.bool_]:
-    """Return which tetrahedra are not flat.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        In m.
-    tetrahedra : (T, 4) int
-        Vertex numbers.
-
-    Returns
-    -------
-    (T,) bool
-        True where there is a volume.
-    """
+    """Return which tetrahedra are not flat."""
     corners = vertices[tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
     result: NDArray[np.bool_] = (
@@ -225,24 +210,9 @@ def has_volume(
 def vertex_gradients(
     vertices: NDArray[np.float64], tetrahedra: NDArray[np.integer[Any]]
 ) -> csr_matrix:
-    """Return the operator that gives the gradient at each vertex.
-
-    A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
-    tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        In m.
-    tetrahedra : (T, 4) int
-        Vertex numbers; flat ones connect nothing.
-
-    Returns
-    -------
-    (3 V, V) sparse matrix
-        Row 3 v + i: the derivative along axis i at vertex v. Exact for affine functions, and nearly
-        so for quadratic ones where there are enough vertices to tell.
-    """
+    """Return the operator that gives the gradient at each vertex."""
+    # A quadratic is fitted to the vertices around, neighbours of neighbours too: a mean over the
+    # tetrahedra would be one-sided at the border, where a coarse cage has most of its vertices.
     from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
 
     count = len(vertices)

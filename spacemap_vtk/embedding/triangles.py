@@ -19,25 +19,9 @@ FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 def boundary(
     tetrahedra: NDArray[np.integer[Any]], positive: NDArray[np.bool_]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the faces on which the nearest point of a mesh to a point outside can lie.
-
-    A face is left out only if exactly two tetrahedra share it from opposite sides. A mesh that does
-    not conform, or overlaps itself, thus yields more faces than it needs, and never too few.
-
-    Parameters
-    ----------
-    tetrahedra : (T, 4) int
-        None of them flat.
-    positive : (T,) bool
-        Orientation of each.
-
-    Returns
-    -------
-    owner : (B,) int
-        Tetrahedron of each face, ascending.
-    face : (B,) int
-        Corner that it lies opposite of.
-    """
+    """Return the faces on which the nearest point of a mesh to a point outside can lie."""
+    # A face is left out only if exactly two tetrahedra share it from opposite sides. A mesh that
+    # does not conform, or overlaps itself, thus yields more faces than it needs, and never too few.
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     a, b, c = faces.T
     # parity of the order of the three numbers: which side the face looks to
@@ -58,20 +42,7 @@ def boundary(
 def nearest_on_triangles(
     points: Vector, a: Vector, b: Vector, c: Vector
 ) -> tuple[NDArray[np.float64], Vector]:
-    """Return the squared distance to triangles, and where it is attained.
-
-    Parameters
-    ----------
-    points, a, b, c : (3, n) float64
-        Points, and the corners of the triangle that each is measured to.
-
-    Returns
-    -------
-    squared : (n,) float64
-        Squared distances.
-    weights : (3, n) float64
-        Barycentric weights of a, b and c: at least 0, and of sum 1.
-    """
+    """Return the squared distance to triangles, and where it is attained."""
     ab, ac, bc = b - a, c - a, c - b
     ap, bp = points - a, points - b
     along_ab, to_ab = _on_edge(ap, ab)

@@ -32,24 +32,7 @@ _PAIRS = [(j, k) for j in range(4) for k in range(4) if j < k]
 
 
 def split_points(vertices: Floats, tetrahedra: NDArray[np.integer[Any]]) -> tuple[Floats, Floats]:
-    """Return where tetrahedra and their faces are split.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        In m.
-    tetrahedra : (T, 4) int
-        None of them flat.
-
-    Returns
-    -------
-    centres : (T, 4) float64
-        Barycentric coordinates of the incentres.
-    faces : (T, 4, 4) float64
-        Those of the point that splits the face opposite of each corner. Both neighbours of a face
-        name the same point, on the line between their incentres; on the border it is the foot of
-        the incentre.
-    """
+    """Return where tetrahedra and their faces are split."""
     corners = vertices[tetrahedra]
     sides = corners[:, FACES]  # tetrahedron, face, corner, axis
     normals = np.cross(sides[:, :, 1] - sides[:, :, 0], sides[:, :, 2] - sides[:, :, 0])
@@ -121,20 +104,7 @@ _NAMES, _TABLE = _pieces()
 
 
 def coefficients(corners: Floats, centres: Floats, faces: Floats) -> Floats:
-    """Return the control points of all pieces, as factors of the twenty numbers.
-
-    Parameters
-    ----------
-    corners : (T, 4, 3) float64
-        In m.
-    centres, faces : (T, 4) and (T, 4, 4) float64
-        Of `split_points`.
-
-    Returns
-    -------
-    (T, 91, 20) float64
-        In the order that `evaluated` knows.
-    """
+    """Return the control points of all pieces, as factors of the twenty numbers."""
     count = len(corners)
     result = np.zeros((count, len(_NAMES.place), NUMBERS))
 
@@ -238,27 +208,7 @@ def evaluated(
     faces: Floats,
     ways: Floats | None = None,
 ) -> Floats:
-    """Return the factors of the twenty numbers at points, and for derivatives there.
-
-    Parameters
-    ----------
-    weights : (n, 4) float64
-        Barycentric coordinates of points inside tetrahedra.
-    which : (n,) int
-        The tetrahedron of each.
-    table : (T, 91, 20) float64
-        Of `coefficients`.
-    centres, faces : (T, 4) and (T, 4, 4) float64
-        Of `split_points`.
-    ways : (m, n, 4) float64, optional
-        Directions in barycentric coordinates, of sum 0.
-
-    Returns
-    -------
-    (1 + m, n, 20) float64
-        Their products with values and slopes are the values at the points, and the derivatives
-        along each of the ways.
-    """
+    """Return the factors of the twenty numbers at points, and for derivatives there."""
     everyone = np.arange(len(weights))
     centre = centres[which]
     ratio = weights / centre

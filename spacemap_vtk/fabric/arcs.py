@@ -43,26 +43,7 @@ def arc_axes(
     overhang: float,
     exact: bool,
 ) -> Axes:
-    """Lay axes that run arc - straight - arc between crossings.
-
-    Parameters
-    ----------
-    upper : (yarns, crossings) bool
-        Whether the yarn lies above the one that it crosses.
-    own, crossed : Yarns
-        The family, and the one that it crosses.
-    share : float
-        Share of the distance at crossings that the family takes.
-    overhang : float
-        Length past the last crossing, in m.
-    exact : bool
-        Whether arcs become rational cubics, which need not be split.
-
-    Returns
-    -------
-    Axes
-        The axes of all yarns.
-    """
+    """Lay axes that run arc - straight - arc between crossings."""
     arc, height = crossing_heights(upper, own, crossed, share)
     position, room = crossed.position, crossed.spacing
     half = 0.5 * crossed.flat
@@ -99,29 +80,9 @@ def lay(
     arc: NDArray[np.float64],
     exact: bool = False,
 ) -> Axes:
-    """Cut axes into parts, from what is known at the bounds of their gaps.
-
-    A gap is what lies between neighbouring crossings, or past the last one, or on a flat. Peirce's
-    formulas hold in each with the sum of the radii of its two arcs for D.
-
-    Parameters
-    ----------
-    radius, lateral : (yarns,) float64
-        As in `Axes`.
-    bounds : (n,) float64
-        Where gaps begin and end along the yarns, in m.
-    spacing : (n - 1,) float64
-        The differences of `bounds`, given so that they keep all their digits.
-    height, arc : (yarns, n) float64
-        Height of the axes there, and radius of the arcs, in m.
-    exact : bool
-        Whether arcs become rational cubics, which need not be split.
-
-    Returns
-    -------
-    Axes
-        Parts of no length are left out.
-    """
+    """Cut axes into parts, from what is known at the bounds of their gaps."""
+    # A gap is what lies between neighbouring crossings, or past the last one, or on a flat.
+    # Peirce's formulas hold in each with the sum of the radii of its two arcs for D.
     rise = np.diff(height, axis=1)
     crimp = solve(spacing, np.abs(rise), arc[:, :-1] + arc[:, 1:])
     flat = crimp.theta < FLAT

@@ -28,25 +28,7 @@ ALL = Share(slice(None), slice(None))
 
 
 def checked(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.bool_]:
-    """Return a drawdown as a matrix, and refuse one that is none.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
-    cloth : Cloth
-        What will be woven.
-
-    Returns
-    -------
-    (picks, ends) bool
-        The same.
-
-    Raises
-    ------
-    InputError
-        The drawdown is no matrix, or a yarn has no length (one crossing and no overhang).
-    """
+    """Return a drawdown as a matrix, and refuse one that is none."""
     over = np.asarray(drawdown, dtype=bool)
     if over.ndim != 2 or over.size == 0:
         raise InputError(
@@ -65,27 +47,7 @@ def checked(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.bool_]:
 
 
 def axes(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
-    """Return the axes of warp and weft.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
-    cloth : Cloth
-        Its measures.
-    share : Share
-        The yarns whose axes are wanted; those of the others are not computed.
-
-    Returns
-    -------
-    warp, weft : Axes
-        Ends and picks, first first.
-
-    Raises
-    ------
-    InputError
-        See `checked`; or the cloth has measures for another number of yarns.
-    """
+    """Return the axes of warp and weft."""
     over = checked(drawdown, cloth)
     warp, weft = cloth.yarns("warp", over.shape[1]), cloth.yarns("weft", over.shape[0])
     past = [family.overhang for family in cloth.families]
@@ -106,32 +68,7 @@ def axes(drawdown: ArrayLike, cloth: Cloth, share: Share = ALL) -> tuple[Axes, A
 def axis_points(
     drawdown: ArrayLike, cloth: Cloth, samples: int = 8
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return points on the exact axes of the yarns, which the patches approximate.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like of bool
-        As for `axes`.
-    cloth : Cloth
-        As for `axes`.
-    samples : int
-        Points on each part of an axis (arc or straight), its end not counted; at least 1, even for
-        flattened yarns. Crossings are always among them.
-
-    Returns
-    -------
-    points : (n, 3) float64
-        In metres, in order along each yarn.
-    yarn : (n,) int32
-        Yarn of each point, the ends first, then the picks.
-
-    Examples
-    --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> points, yarn = axis_points([[1]], cloth, samples=1)
-    >>> points[yarn == 0].round(9).tolist()
-    [[0.0, -0.1, 0.05], [0.0, 0.0, 0.05], [0.0, 0.1, 0.05]]
-    """
+    """Return points on the exact axes of the yarns, which the patches approximate."""
     result, owners, first_yarn = [], [], 0
     for number, family in enumerate(axes(drawdown, cloth)):
         part, station, fraction = sampled(family, samples)

@@ -55,20 +55,7 @@ class Axes(NamedTuple):
     def at(
         self, part: NDArray[np.int64], station: NDArray[np.int64], fraction: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return places on the axes.
-
-        Parameters
-        ----------
-        part, station : (n,) int64
-            Part of each place, and the station at which that starts.
-        fraction : (n,) float64
-            How far along the part, from 0 to 1.
-
-        Returns
-        -------
-        along, height, angle : (n,) float64
-            In m, m and radians.
-        """
+        """Return places on the axes."""
         place, slope = (self.along, self.height), self.angle
         if self.cubic:
             weights = bernstein(3, fraction).T
@@ -101,22 +88,7 @@ class Axes(NamedTuple):
 def crossing_heights(
     upper: NDArray[np.bool_], own: Yarns, crossed: Yarns, share: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how far apart axes are at each crossing, and where the family's own are.
-
-    Parameters
-    ----------
-    upper : (yarns, crossings) bool
-        Whether the yarn lies above the one that it crosses.
-    own, crossed : Yarns
-        The family, and the one that it crosses.
-    share : float
-        Share of the distance that the family takes.
-
-    Returns
-    -------
-    arc, height : (yarns, crossings) float64
-        Distance of the axes, and height of the family's own, in m.
-    """
+    """Return how far apart axes are at each crossing, and where the family's own are."""
     arc = 0.5 * (own.diameter[:, None] + crossed.diameter)
     return arc, np.where(upper, share, -share) * arc
 
@@ -124,22 +96,7 @@ def crossing_heights(
 def sampled(
     family: Axes, samples: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return places all along the axes of a family, yarn by yarn.
-
-    Parameters
-    ----------
-    family : Axes
-        Warp or weft.
-    samples : int
-        Places on each part, its end not counted.
-
-    Returns
-    -------
-    part, station : (n,) int64
-        Part of each place, and the station at which that starts; their difference is the yarn.
-    fraction : (n,) float64
-        How far along the part; 1 at the end of a yarn, else less.
-    """
+    """Return places all along the axes of a family, yarn by yarn."""
     count = np.full(len(family.length), samples)
     count[np.cumsum(family.parts) - 1] += 1
     part = np.repeat(np.arange(len(count)), count)

@@ -16,15 +16,7 @@ from spacemap_vtk.fabric.patch_chunks import SUSPECT, Chunk, Floats
 
 
 class Bicubic:
-    """Compiled evaluation of bicubic patches that are not rational.
-
-    Parameters
-    ----------
-    loops : module
-        `spacemap_vtk.fabric.patch_loops`.
-    subdivisions : int
-        Quadrilaterals along each side of a patch.
-    """
+    """Compiled evaluation of bicubic patches that are not rational."""
 
     def __init__(self, loops: ModuleType, subdivisions: int) -> None:
         self._loops = loops
@@ -34,24 +26,7 @@ class Bicubic:
     def evaluate(
         self, chunk: Chunk, points: Floats, scale: float, positions: Floats, normals: Floats
     ) -> NDArray[np.int64]:
-        """Write the points of a chunk and their unit normals.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            The patches.
-        points : (N, 3) float32 or float64
-            All control points, in m.
-        scale : float
-            About the size of a patch, in m: what slopes are measured in.
-        positions, normals : (samples, count, 3) float
-            Where to write; C-contiguous, of one type, which is that of the work.
-
-        Returns
-        -------
-        (n,) int64
-            Normals that are not to be trusted: sample * count + patch.
-        """
+        """Write the points of a chunk and their unit normals."""
         kind = positions.dtype
         curve = self._curve.copy()
         curve[1] /= scale
@@ -71,19 +46,7 @@ class Bicubic:
     def interpolate(
         self, chunk: Chunk, columns: NDArray[Any], origin: Floats, values: Floats
     ) -> None:
-        """Write an array of the control points, carried over to the points of a chunk.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            The patches.
-        columns : (N, k) ndarray
-            A row for each control point.
-        origin : (k,) float
-            What all rows have in common.
-        values : (samples, count, k) float
-            Where to write; C-contiguous, of the type of `origin`, which is that of the work.
-        """
+        """Write an array of the control points, carried over to the points of a chunk."""
         rows = columns[chunk.rows]
         if rows.dtype.kind != "f":  # each type more is compiled anew
             rows = rows.astype(values.dtype)

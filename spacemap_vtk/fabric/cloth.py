@@ -78,18 +78,7 @@ class Yarns(NamedTuple):
     """(n,) Places across the whole family, the middle of its first and its last yarn at 0."""
 
     def chosen(self, which: slice | NDArray[np.int64]) -> Yarns:
-        """Return some of the yarns, in their places.
-
-        Parameters
-        ----------
-        which : slice or ndarray of int64
-            Their numbers, ascending.
-
-        Returns
-        -------
-        Yarns
-            Those alone.
-        """
+        """Return some of the yarns, in their places."""
         position = self.position[which]
         return self._replace(
             diameter=self.diameter[which], spacing=np.diff(position), position=position
@@ -103,63 +92,37 @@ class Yarns(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloth:
-    """The measures of a cloth, checked.
+    """The measures of a cloth, checked."""
 
-    Parameters
-    ----------
-    warp_diameter, weft_diameter : float or (ends,), (picks,) array_like
-        Diameters d1 and d2 of the yarns, in metres: of all, or one by one. Of a flattened section
-        the height.
-    warp_spacing, weft_spacing : float or (ends - 1,), (picks - 1,) array_like
-        Distances p1 between neighbouring ends and p2 between neighbouring picks, in metres.
-    warp_crimp_height : float, optional
-        Crimp height h1 of the warp, in metres, for yarns of mean diameters; those of the single
-        crossings follow in proportion to theirs. By default the middle of the feasible interval.
-    overhang : float, optional
-        How far each yarn reaches past its last crossing, in metres; by default half the mean
-        spacing that it crosses.
-    warp_section, weft_section : {"circular", "racetrack", "elliptic"}
-        Section of the yarns. A racetrack is a rectangle between two half circles. Axes are exact
-        for circles and racetracks: yarns touch along their arcs and flats and never overlap. An
-        ellipse is laid along the axis of the racetrack of its size, which holds it: ellipses touch
-        in the middle of each crossing and never overlap, but leave a gap on both sides of it that
-        real yarns would close.
-    warp_aspect, weft_aspect : float
-        Width of the section over its height, at least 1; 1 for circles.
-    caps : bool
-        Whether cut ends are closed.
-    exact : bool
-        Whether surfaces are rational, so that round yarns and arcs are exact to rounding.
-    axis : {"arcs", "spline"}
-        Shape of a yarn's axis: Peirce's arc - straight - arc, or the cubic spline through the
-        crossings, which bends without jumps in curvature but holds no distance between yarns.
-
-    Raises
-    ------
-    GeometryError
-        A cloth that cannot exist (see `spacemap_vtk.fabric.peirce.check`), or an overhang below 0.
-    InputError
-        Arrays that do not fit each other, or an unknown section or axis.
-
-    Examples
-    --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> cloth.height
-    0.1
-    """
-
+    #: Diameters d1 and d2 of the yarns, in metres: of all, or one by one. Of a flattened section
+    #: the height.
     warp_diameter: float | NDArray[np.float64]
     weft_diameter: float | NDArray[np.float64]
+    #: Distances p1 between neighbouring ends and p2 between neighbouring picks, in metres.
     warp_spacing: float | NDArray[np.float64]
     weft_spacing: float | NDArray[np.float64]
+    #: Crimp height h1 of the warp, in metres, for yarns of mean diameters; those of the single
+    #: crossings follow in proportion to theirs. By default the middle of the feasible interval.
     warp_crimp_height: float | None = None
+    #: How far each yarn reaches past its last crossing, in metres; by default half the mean
+    #: spacing that it crosses.
     overhang: float | None = None
+    #: Section of the yarns. A racetrack is a rectangle between two half circles. Axes are exact
+    #: for circles and racetracks: yarns touch along their arcs and flats and never overlap. An
+    #: ellipse is laid along the axis of the racetrack of its size, which holds it: ellipses touch
+    #: in the middle of each crossing and never overlap, but leave a gap on both sides of it that
+    #: real yarns would close.
     warp_section: str = "circular"
     weft_section: str = "circular"
+    #: Width of the section over its height, at least 1; 1 for circles.
     warp_aspect: float = 1.0
     weft_aspect: float = 1.0
+    #: Whether cut ends are closed.
     caps: bool = True
+    #: Whether surfaces are rational, so that round yarns and arcs are exact to rounding.
     exact: bool = False
+    #: Shape of a yarn's axis: Peirce's arc - straight - arc, or the cubic spline through the
+    #: crossings, which bends without jumps in curvature but holds no distance between yarns.
     axis: str = "arcs"
 
     def __post_init__(self) -> None:
@@ -220,25 +183,7 @@ class Cloth:
         return self._family("warp", share), self._family("weft", 1.0 - share)
 
     def yarns(self, family: str, count: int) -> Yarns:
-        """Return the yarns of a family one by one.
-
-        Parameters
-        ----------
-        family : {"warp", "weft"}
-            Which.
-        count : int
-            Number of yarns, at least 1.
-
-        Returns
-        -------
-        Yarns
-            Diameters and spacings.
-
-        Raises
-        ------
-        InputError
-            The cloth has measures for another number of yarns.
-        """
+        """Return the yarns of a family one by one."""
         diameter, spacing, aspect, section = self._of(family)
         for key, values, wanted in (("diameter", diameter, count), ("spacing", spacing, count - 1)):
             if np.ndim(values) and np.size(values) != wanted:
@@ -268,10 +213,8 @@ class Cloth:
 
     @cached_property
     def _tightest(self) -> tuple[float, float]:
-        """The spacings p1 and p2 at which yarns of mean diameters would be as tight as the worst.
-
-        Feasible heights over D depend on p'/D alone.
-        """
+        """Spacings p1 and p2 at which yarns of mean diameters would be as tight as the worst."""
+        # Feasible heights over D depend on p'/D alone.
         result = []
         for family, other in (("warp", "weft"), ("weft", "warp")):
             room, diameters = self._gaps(family)

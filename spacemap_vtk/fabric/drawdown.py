@@ -16,29 +16,7 @@ from spacemap_vtk.errors import InputError
 
 
 def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> NDArray[np.bool_]:
-    """Return the drawdown that a user wrote as rows of 0 and 1.
-
-    Parameters
-    ----------
-    matrix : sequence of str, or of sequences of int
-        A row for each pick, the first pick first: ``"0101"`` or ``[0, 1, 0, 1]``.
-
-    Returns
-    -------
-    (picks, ends) bool
-        True where a 1 stands: the end lies over the pick.
-
-    Raises
-    ------
-    InputError
-        No row, an empty row, rows of different lengths, or something that is neither 0 nor 1; the
-        row is named, counted from 1.
-
-    Examples
-    --------
-    >>> from_matrix(["10", [0, 1]]).tolist()
-    [[True, False], [False, True]]
-    """
+    """Return the drawdown that a user wrote as rows of 0 and 1."""
     # one string is a sequence of strings: it would be read as a cloth of one end
     if isinstance(matrix, str) or not isinstance(matrix, (Sequence, np.ndarray)) or not len(matrix):
         raise InputError(
@@ -89,48 +67,13 @@ def tile(matrix: ArrayLike, ends: int, picks: int) -> NDArray[np.bool_]:
 
 
 def repeat(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the size of the smallest repeat of a drawdown.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like
-        The cloth, which may end in the middle of a repeat.
-
-    Returns
-    -------
-    ends, picks : int
-        The smallest size for which ``tile(drawdown[:picks, :ends], ...)`` is the drawdown again.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.patterns import plain
-    >>> repeat(plain(7, 7))
-    (2, 2)
-    """
+    """Return the size of the smallest repeat of a drawdown."""
     matrix = as_drawdown(drawdown)
     return _period(matrix.T), _period(matrix)
 
 
 def floats(drawdown: ArrayLike) -> tuple[int, int]:
-    """Return the longest floats of a cloth, on either side of it.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like
-        The cloth.
-
-    Returns
-    -------
-    warp, weft : int
-        The largest number of neighbouring picks that an end crosses on one side of the cloth, and
-        of ends that a pick crosses. 1 is plain weave.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.patterns import twill
-    >>> floats(twill(3, 1, 8, 8))
-    (3, 3)
-    """
+    """Return the longest floats of a cloth, on either side of it."""
     matrix = as_drawdown(drawdown)
     return _longest_run(matrix.T), _longest_run(matrix)
 
@@ -158,23 +101,7 @@ def rows(drawdown: ArrayLike) -> list[str]:
 
 
 def as_drawdown(drawdown: ArrayLike) -> NDArray[np.bool_]:
-    """Return a drawdown as an array, checked.
-
-    Parameters
-    ----------
-    drawdown : (picks, ends) array_like
-        True or 1: the end lies over the pick.
-
-    Returns
-    -------
-    (picks, ends) bool
-        C-contiguous; the same array where it is one already.
-
-    Raises
-    ------
-    InputError
-        If it is no matrix with at least one pick and one end.
-    """
+    """Return a drawdown as an array, checked."""
     matrix = np.ascontiguousarray(drawdown, dtype=bool)
     # ascontiguousarray makes (1,) of a bare number
     if matrix.ndim != 2 or matrix.size == 0:
@@ -187,18 +114,7 @@ def as_drawdown(drawdown: ArrayLike) -> NDArray[np.bool_]:
 
 
 def at_least_one(**counts: int) -> None:
-    """Refuse numbers of yarns below 1, and what is no whole number.
-
-    Parameters
-    ----------
-    **counts : int
-        By the name that the message gives.
-
-    Raises
-    ------
-    InputError
-        Names the first.
-    """
+    """Refuse numbers of yarns below 1, and what is no whole number."""
     for key, count in counts.items():
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
             raise InputError(

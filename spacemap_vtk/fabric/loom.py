@@ -118,18 +118,7 @@ class Loom:
 
 
 def highest(*rows: Iterable[tuple[int, ...]]) -> int:
-    """Return the highest number in any row.
-
-    Parameters
-    ----------
-    *rows : iterable of tuple of int
-        For example threading and tie-up.
-
-    Returns
-    -------
-    int
-        0 if there is none.
-    """
+    """Return the highest number in any row."""
     return max(chain.from_iterable(chain.from_iterable(rows)), default=0)
 
 

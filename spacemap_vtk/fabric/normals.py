@@ -24,26 +24,7 @@ def robust_normals(
     v: NDArray[np.float64],
     weights: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return unit normals, never NaN for finite control points.
-
-    Parameters
-    ----------
-    nets : (n, (p + 1)(q + 1), 3) float
-        Control points of the patch that each place is on, u fastest.
-    degree : (int, int)
-        Degrees p and q.
-    u, v : (n,) float64
-        Parameters of each place.
-    weights : (n, (p + 1)(q + 1)) float64, optional
-        Those of rational patches; all 1 by default.
-
-    Returns
-    -------
-    (n, 3) float64
-        ``du x dv`` normalised. Where that vanishes, next to what it is slightly inside the patch,
-        the normal there; failing that the one in the middle of the patch; for a patch without
-        area a vector across it, or z.
-    """
+    """Return unit normals, never NaN for finite control points."""
     # Places last, so that every operation runs over contiguous memory.
     local = np.ascontiguousarray(np.moveaxis(nets, 0, 2), dtype=np.float64)
     local = local - local[:1]

@@ -52,37 +52,13 @@ class Chunk(NamedTuple):
         return rows.stop - rows.start if isinstance(rows, slice) else len(rows)
 
     def net(self, patch: Any) -> NDArray[np.int64]:
-        """Return the numbers of the control points of some patches.
-
-        Parameters
-        ----------
-        patch : int or (n,) int
-            Which of them, from 0.
-
-        Returns
-        -------
-        (size,) or (n, size) int64
-            Rows of the table of control points.
-        """
+        """Return the numbers of the control points of some patches."""
         places = self.gather[:, patch].T.astype(np.int64)
         return places + self.rows.start if isinstance(self.rows, slice) else self.rows[places]
 
 
 def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
-    """Cut patches into chunks; only the last ones are smaller.
-
-    Parameters
-    ----------
-    patches : (P, size) int64
-        Control points of each patch, u fastest.
-    rows : int
-        Rows of all matrices that a chunk is multiplied by.
-
-    Returns
-    -------
-    list of Chunk
-        In the order of the patches.
-    """
+    """Cut patches into chunks; only the last ones are smaller."""
     count, size = patches.shape
     floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)
     width = max(8, _CHUNK_BYTES // (4 * floats))
@@ -105,22 +81,7 @@ def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
 
 
 def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:
-    """Multiply in this thread alone.
-
-    Parameters
-    ----------
-    matrix : (rows, size) float
-        The left factor.
-    columns : (..., size, n) float
-        The right factor.
-    out : (..., rows, n) float
-        Where to write; C-contiguous.
-
-    Returns
-    -------
-    (..., rows, n) float
-        The same.
-    """
+    """Multiply in this thread alone."""
     width = max(8, BLAS_SERIAL // matrix.size // 16 * 16)
     whole = columns.shape[-1] // width * width
     if whole:
@@ -135,15 +96,7 @@ def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:
 
 
 class Scratch:
-    """One thread's working memory, and the steps that use it.
-
-    Parameters
-    ----------
-    chunks : list of Chunk
-        All that will be worked on.
-    rows, size : int
-        Shape of the largest matrix that their nets are multiplied by.
-    """
+    """One thread's working memory, and the steps that use it."""
 
     def __init__(self, chunks: list[Chunk], rows: int, size: int) -> None:
         most = max(chunk.patch_count for chunk in chunks)
@@ -158,23 +111,7 @@ class Scratch:
         self._length, self._product = np.empty((2, rows // 3 * most))
 
     def net(self, chunk: Chunk, points: Floats, kind: DTypeLike) -> Floats:
-        """Gather the control points of a chunk, relative to the first of each patch.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            The patches.
-        points : (N, 3) float
-            The control points. Gathered in their own precision: it must not be cut to ours before
-            the difference is taken.
-        kind : dtype_like
-            Type to return, float32 or float64.
-
-        Returns
-        -------
-        (size + 1, count, 3) float
-            Differences, and last the first point of each patch; valid until the next call.
-        """
+        """Gather the control points of a chunk, relative to the first of each patch."""
         places = _part(self._places, chunk.gather.shape, np.intp)
         places[:] = chunk.gather
         gathered = _part(self._gathered, (*places.shape, 3), points.dtype)
@@ -186,24 +123,7 @@ class Scratch:
         return net
 
     def values(self, chunk: Chunk, table: NDArray[Any], origins: Floats, kind: DTypeLike) -> Floats:
-        """Gather control values of a chunk, relative to one origin for all of them.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            The patches.
-        table : (N, k) ndarray
-            A row for each control point; k is at most 3.
-        origins : (N + 1, k) ndarray
-            What is subtracted, the same in each row.
-        kind : dtype_like
-            Type to return, float32 or float64.
-
-        Returns
-        -------
-        (size + 1, count, k) float
-            Differences, and last the origin; valid until the next call.
-        """
+        """Gather control values of a chunk, relative to one origin for all of them."""
         columns, last = table.shape[1], chunk.row_count
         used = _part(self._used, (last + 1, columns), kind)
         used[:-1] = table[chunk.rows]
@@ -217,18 +137,7 @@ class Scratch:
         return np.take(used, places, axis=0, out=net, mode="clip")
 
     def apart(self, net: Floats) -> Floats:
-        """Part the components of a net.
-
-        Parameters
-        ----------
-        net : (size + 1, count, k) float
-            From `net` or `values`.
-
-        Returns
-        -------
-        (k, size, count) float
-            Without the origin; valid until the next call of these three.
-        """
+        """Part the components of a net."""
         size, count, columns = net.shape
         result = _part(self._gathered, (columns, size - 1, count), net.dtype)
         for column, component in enumerate(result):
@@ -236,20 +145,7 @@ class Scratch:
         return result
 
     def multiply(self, matrix: Floats, apart: Floats) -> Floats:
-        """Multiply the control nets of a chunk by a matrix.
-
-        Parameters
-        ----------
-        matrix : (rows, size) float
-            With no more rows than the constructor was told.
-        apart : (k, size, count) float
-            From `apart`.
-
-        Returns
-        -------
-        (k, rows, count) float
-            Valid until the next call.
-        """
+        """Multiply the control nets of a chunk by a matrix."""
         shape = len(apart), len(matrix), apart.shape[-1]
         return multiply(matrix, apart, _part(self._values, shape, apart.dtype))
 
@@ -261,27 +157,7 @@ class Scratch:
         weights: NDArray[Any],
         samples: int,
     ) -> Floats:
-        """Multiply the control nets of rational patches by Bernstein matrices, and divide.
-
-        Parameters
-        ----------
-        chunk : Chunk
-            The patches.
-        matrix : (rows, size) float
-            The Bernstein matrix, or that of position and both derivatives.
-        apart : (k, size, count) float
-            From `apart`; on return times the weights.
-        weights : (N,) float
-            Weight of each control point.
-        samples : int
-            Rows of the Bernstein matrix alone.
-
-        Returns
-        -------
-        (k, rows, count) float
-            Valid until the next call. The derivatives follow from those of numerator and
-            denominator, ``(N' - (N / W) W') / W``.
-        """
+        """Multiply the control nets of rational patches by Bernstein matrices, and divide."""
         local = weights[chunk.rows][chunk.gather].astype(apart.dtype, copy=False)
         np.multiply(apart, local, out=apart)
         values = self.multiply(matrix, apart)
@@ -302,26 +178,7 @@ class Scratch:
         corners: list[int],
         scale: float,
     ) -> NDArray[np.intp]:
-        """Write the unit normals.
-
-        Parameters
-        ----------
-        apart : (3, size, count) float
-            From `apart`.
-        slopes : (3, 2 * samples, count) float
-            Products with the matrices of both derivatives.
-        out : (samples, count, 3) float
-            Where to write.
-        corners : list of int
-            Places in the net of all corners but the first.
-        scale : float
-            Length by which the matrices of the derivatives were divided.
-
-        Returns
-        -------
-        (n,) int
-            Those not to be trusted, NaN among them: sample * count + patch.
-        """
+        """Write the unit normals."""
         samples = slopes.shape[1] // 2
         shape = samples, slopes.shape[2]
         du, dv = slopes[:, :samples], slopes[:, samples:]

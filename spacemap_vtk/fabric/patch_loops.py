@@ -34,30 +34,7 @@ def evaluate(
     normals: NDArray[Any],
     suspects: NDArray[np.int64],
 ) -> int:
-    """Write the points of some patches and their unit normals.
-
-    Parameters
-    ----------
-    points : (N, 3) float
-        Control points in m.
-    gather : (16, count) int
-        Rows of the control points of each patch, u fastest.
-    curve : (2, n + 1, 4) float
-        Cubic Bernstein polynomials at the parameters, and their derivatives times `per_size`.
-    per_size : float
-        One over about the size of a patch, in 1/m.
-    suspect : float
-        ``|du x dv|`` that is not trusted, over the square of a patch's size.
-    positions, normals : (3 * (n + 1)**2 * count,) float
-        Where to write, in the type of `curve`: x, y, z, then patch, u, v.
-    suspects : ((n + 1)**2 * count,) int64
-        Where to write which normals are not to be trusted: sample * count + patch.
-
-    Returns
-    -------
-    int
-        How many.
-    """
+    """Write the points of some patches and their unit normals."""
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
     count, steps, found = gather.shape[1], curve.shape[1], 0
     # In the points' own precision, as long as the numbers are large: all first control points,
@@ -156,21 +133,7 @@ def interpolate(
     curve: NDArray[Any],
     out: NDArray[Any],
 ) -> None:
-    """Write an array of the control points, carried over to the points of some patches.
-
-    Parameters
-    ----------
-    values : (N, k) ndarray
-        A row for each control point.
-    origin : (k,) float
-        What all values have in common; it comes out to the last bit.
-    gather : (16, count) int
-        Rows of the control points of each patch, u fastest.
-    curve : (2, n + 1, 4) float
-        Cubic Bernstein polynomials at the parameters; the derivatives are not used.
-    out : (k * (n + 1)**2 * count,) float
-        Where to write, in the type of `curve`: column, then patch, u, v.
-    """
+    """Write an array of the control points, carried over to the points of some patches."""
     kind = curve.dtype
     count, steps, columns = gather.shape[1], curve.shape[1], values.shape[1]
     net = np.zeros((4, 4, _GROUP), kind)  # along u, along v, patch

@@ -24,23 +24,15 @@ MOST_YARNS = 1000
 
 @dataclass(frozen=True)
 class _Weave:
-    """How a weave is named.
+    """How a weave is named."""
 
-    Parameters
-    ----------
-    counts : tuple of int
-        How many numbers it takes.
-    words : tuple of str
-        The sides that it can have, the usual one first.
-    make : callable
-        From the numbers and the side to one repeat.
-    example : str
-        As a user might write it.
-    """
-
+    #: How many numbers it takes.
     counts: tuple[int, ...]
+    #: The sides that it can have, the usual one first.
     words: tuple[str, ...]
+    #: From the numbers and the side to one repeat.
     make: Callable[[_Counts, str], NDArray[np.bool_]]
+    #: As a user might write it.
     example: str
 
 

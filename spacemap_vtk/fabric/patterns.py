@@ -13,24 +13,7 @@ from spacemap_vtk.fabric.drawdown import at_least_one, tile
 
 
 def plain(ends: int = 2, picks: int = 2) -> NDArray[np.bool_]:
-    """Return plain weave: every end goes over one pick and under the next.
-
-    Parameters
-    ----------
-    ends, picks : int
-        Size of the cloth; by default one repeat.
-
-    Returns
-    -------
-    (picks, ends) bool
-        End 0 lies over pick 0.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(plain(3, 2))
-    ['101', '010']
-    """
+    """Return plain weave: every end goes over one pick and under the next."""
     return twill(1, 1, ends, picks)
 
 
@@ -41,34 +24,7 @@ def twill(
     picks: int | None = None,
     direction: str = "right",
 ) -> NDArray[np.bool_]:
-    """Return a twill: each end does what its neighbour does, one pick later.
-
-    Parameters
-    ----------
-    over, under : int
-        How many picks an end goes over, and then under: 2 and 1 for a 2/1 twill.
-    ends, picks : int, optional
-        Size of the cloth; by default one repeat.
-    direction : str
-        Where the diagonal rises to, seen from above with the first pick at the bottom: ``"right"``
-        (Z twill) or ``"left"`` (S twill).
-
-    Returns
-    -------
-    (picks, ends) bool
-        End 0 lies over pick 0.
-
-    Raises
-    ------
-    InputError
-        A count below 1, or another direction.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(twill(2, 1))
-    ['110', '011', '101']
-    """
+    """Return a twill: each end does what its neighbour does, one pick later."""
     return compound_twill((over, under), ends, picks, direction)
 
 
@@ -78,33 +34,7 @@ def compound_twill(
     picks: int | None = None,
     direction: str = "right",
 ) -> NDArray[np.bool_]:
-    """Return a twill with any number of floats: 3/1/1/2 goes over 3, under 1, over 1, under 2.
-
-    Parameters
-    ----------
-    counts : sequence of int
-        Picks that an end goes over and under, in turn; an even number of them.
-    ends, picks : int, optional
-        Size of the cloth; by default one repeat.
-    direction : str
-        As for `twill`.
-
-    Returns
-    -------
-    (picks, ends) bool
-        End 0 lies over pick 0.
-
-    Raises
-    ------
-    InputError
-        An odd number of counts, one below 1, or another direction.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(compound_twill((2, 1, 1, 1)))[0]
-    '11010'
-    """
+    """Return a twill with any number of floats: 3/1/1/2 goes over 3, under 1, over 1, under 2."""
     names = ("over", "under") * ((len(counts) + 1) // 2)
     for name, count in zip(names, counts, strict=False):
         at_least_one(**{name: count})
@@ -136,38 +66,7 @@ def satin(
     picks: int | None = None,
     face: str = "warp",
 ) -> NDArray[np.bool_]:
-    """Return a satin: one binding point in each end and pick of the repeat, none next to another.
-
-    Parameters
-    ----------
-    shafts : int
-        Ends and picks of the repeat, 5 or more.
-    step : int
-        How many ends further the next pick has its binding point.
-    ends, picks : int, optional
-        Size of the cloth; by default one repeat.
-    face : str
-        The family that covers the upper side: ``"warp"`` (satin: an end goes under one pick and
-        over all others) or ``"weft"`` (sateen: over one and under all others).
-
-    Returns
-    -------
-    (picks, ends) bool
-        Pick 0 has its binding point at end 0.
-
-    Raises
-    ------
-    InputError
-        A step that is no satin's: step and shafts must have no common divisor (or some ends would
-        never be bound) and ``1 < step < shafts - 1`` (or it would be a twill). For 6 shafts there
-        is none.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(satin(5, 2))
-    ['01111', '11011', '11110', '10111', '11101']
-    """
+    """Return a satin: one binding point in each end and pick of the repeat, none adjacent."""
     at_least_one(shafts=shafts)
     n, m = _size(ends, picks, shafts, shafts)
     if isinstance(step, bool) or step not in range(2, shafts - 1) or gcd(step, shafts) != 1:
@@ -186,26 +85,7 @@ def satin(
 
 
 def basket(n: int = 2, ends: int | None = None, picks: int | None = None) -> NDArray[np.bool_]:
-    """Return basket (hopsack) weave: plain weave of groups of n ends and n picks.
-
-    Parameters
-    ----------
-    n : int
-        Yarns in a group.
-    ends, picks : int, optional
-        Size of the cloth; by default one repeat, 2 n.
-
-    Returns
-    -------
-    (picks, ends) bool
-        End 0 lies over pick 0.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(basket(2))
-    ['1100', '1100', '0011', '0011']
-    """
+    """Return basket (hopsack) weave: plain weave of groups of n ends and n picks."""
     at_least_one(n=n)
     width, height = _size(ends, picks, 2 * n, 2 * n)
     return tile(np.kron(plain(), np.ones((n, n), dtype=bool)), width, height)
@@ -218,34 +98,7 @@ def rib(
     picks: int | None = None,
     family: str = "warp",
 ) -> NDArray[np.bool_]:
-    """Return a rib: plain weave drawn out along one family, whose floats lie side by side.
-
-    Parameters
-    ----------
-    over, under : int
-        How many yarns one of the family goes over, and then under; by default as many.
-    ends, picks : int, optional
-        Size of the cloth; by default one repeat.
-    family : str
-        The family that floats: ``"warp"`` (ribs across the cloth: neighbouring picks lie in one
-        shed) or ``"weft"`` (ribs along it: neighbouring ends work alike).
-
-    Returns
-    -------
-    (picks, ends) bool
-        End 0 lies over pick 0.
-
-    Raises
-    ------
-    InputError
-        A count below 1, or another family.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.drawdown import rows
-    >>> rows(rib(2, 1)), rows(rib(2, 1, family="weft"))
-    (['10', '10', '01'], ['110', '001'])
-    """
+    """Return a rib: plain weave drawn out along one family, whose floats lie side by side."""
     under = over if under is None else under
     at_least_one(over=over, under=under)
     if family not in ("warp", "weft"):
@@ -256,28 +109,7 @@ def rib(
 
 
 def satin_step(shafts: int) -> int:
-    """Return the smallest step of a satin.
-
-    Parameters
-    ----------
-    shafts : int
-        Ends and picks of its repeat.
-
-    Returns
-    -------
-    int
-        2 for 5 shafts, 3 for 8.
-
-    Raises
-    ------
-    InputError
-        If there is no satin of that size.
-
-    Examples
-    --------
-    >>> satin_step(8)
-    3
-    """
+    """Return the smallest step of a satin."""
     step = next((k for k in range(2, shafts - 1) if gcd(k, shafts) == 1), None)
     if step is None:
         satin(shafts, 2)  # refuses it, with the reason

@@ -35,10 +35,9 @@ _SERIES_BELOW = 0.1
 
 
 class Crimp(NamedTuple):
-    """How a yarn bends between two neighbouring crossings where it changes side.
+    """How a yarn bends between two neighbouring crossings where it changes side."""
 
-    Each field is a float64 array of the arguments' common shape, a scalar for scalars.
-    """
+    # Each field is a float64 array of the arguments' common shape, a scalar for scalars.
 
     theta: NDArray[np.float64]
     """Angle of each arc, and slope of the straight length between them, in radians."""
@@ -51,35 +50,7 @@ class Crimp(NamedTuple):
 
 
 def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Crimp:
-    """Return angle, straight length, axis length and crimp of a yarn between two crossings.
-
-    Parameters
-    ----------
-    spacing : array_like
-        Distance p of the crossings along the cloth, in metres.
-    height : array_like
-        Height h by which the axis changes from one to the other, in metres, at least 0.
-    diameter_sum : array_like
-        Sum D of the diameters of the yarn and the one that it bends over, in metres (for unequal
-        arcs: sum of their radii).
-
-    Returns
-    -------
-    Crimp
-        ``s = sqrt(p**2 - h (2 D - h))``, ``theta = 2 atan2(h, p + s)``, ``l = D theta + s``,
-        ``c = l / p - 1``, the last to full precision however small it is.
-
-    Raises
-    ------
-    GeometryError
-        A height below 0, a value that is not finite, or no room for the arcs (a jammed cloth).
-
-    Examples
-    --------
-    >>> theta, straight, length, crimp = solve(0.2, 0.1, 0.2)
-    >>> round(float(np.degrees(theta)), 6), round(float(crimp), 6)
-    (36.869898, 0.143501)
-    """
+    """Return angle, straight length, axis length and crimp of a yarn between two crossings."""
     p, h, d = np.broadcast_arrays(
         np.asarray(spacing, np.float64),
         np.asarray(height, np.float64),
@@ -104,26 +75,7 @@ def solve(spacing: ArrayLike, height: ArrayLike, diameter_sum: ArrayLike) -> Cri
 def feasible_height(
     warp_spacing: float, weft_spacing: float, diameter_sum: float
 ) -> tuple[float, float]:
-    """Return the interval of warp crimp heights h1 that leave room for both families.
-
-    Parameters
-    ----------
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-    diameter_sum : float
-        Sum D of warp and weft diameter, in metres.
-
-    Returns
-    -------
-    low, high : float
-        ``sqrt(max(0, D**2 - p1**2))`` and ``D - sqrt(max(0, D**2 - p2**2))``, in metres; where low
-        is above high (by more than rounding) the cloth is jammed at any height.
-
-    Examples
-    --------
-    >>> feasible_height(0.5, 0.4, 0.5)
-    (0.0, 0.2)
-    """
+    """Return the interval of warp crimp heights h1 that leave room for both families."""
     return (
         _least_height(warp_spacing, diameter_sum),
         diameter_sum - _least_height(weft_spacing, diameter_sum),
@@ -131,62 +83,13 @@ def feasible_height(
 
 
 def balanced_height(warp_spacing: float, weft_spacing: float, diameter_sum: float) -> float:
-    """Return the middle of the feasible interval of the warp crimp height h1.
-
-    Parameters
-    ----------
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-    diameter_sum : float
-        Sum D of warp and weft diameter, in metres.
-
-    Returns
-    -------
-    float
-        Height in metres: D/2 where both families have the same spacing. It is a height of no
-        feasible cloth where the interval is empty; `check` says so.
-
-    Examples
-    --------
-    >>> balanced_height(0.4, 0.4, 0.5)
-    0.25
-    """
+    """Return the middle of the feasible interval of the warp crimp height h1."""
     low, high = feasible_height(warp_spacing, weft_spacing, diameter_sum)
     return 0.5 * (low + high)
 
 
 def height_from_crimp(spacing: float, crimp: float, diameter_sum: float) -> float:
-    """Return the crimp height of a yarn whose crimp was measured.
-
-    Parameters
-    ----------
-    spacing : float
-        Spacing p of the crossings, in metres: p2 for the warp's height, p1 for the weft's.
-    crimp : float
-        Crimp c = l / p - 1.
-    diameter_sum : float
-        Sum D of warp and weft diameter, in metres.
-
-    Returns
-    -------
-    float
-        Height h in metres, from 0 to D.
-
-    Raises
-    ------
-    GeometryError
-        The crimp is below 0, or more than the yarn has before it jams.
-
-    Notes
-    -----
-    Solves ``(l - D theta) cos(theta) + D sin(theta) = p`` for theta. The left side falls from l to
-    below p, but it is flat at 0: Newton's method from there fails, Brent's does not.
-
-    Examples
-    --------
-    >>> round(height_from_crimp(0.4, 0.09, 0.5), 5)
-    0.15556
-    """
+    """Return the crimp height of a yarn whose crimp was measured."""
     p, d = spacing, diameter_sum
     highest = d - _least_height(p, d)
     most = float(solve(p, highest, d).crimp)
@@ -219,25 +122,7 @@ def height_from_crimp(spacing: float, crimp: float, diameter_sum: float) -> floa
 
 
 def largest_diameter_sum(warp_spacing: float, weft_spacing: float) -> float:
-    """Return the largest sum of diameters that can be woven at given spacings: a jammed cloth.
-
-    Parameters
-    ----------
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-
-    Returns
-    -------
-    float
-        D in metres. Both families jam at once there, ``sqrt(D**2 - p1**2) + sqrt(D**2 - p2**2) =
-        D``; squared twice, with a = p1**2 and b = p2**2,
-        ``D**2 = (a + b + 2 sqrt(a**2 - a b + b**2)) / 3``.
-
-    Examples
-    --------
-    >>> round(largest_diameter_sum(3**0.5, 3**0.5), 12)
-    2.0
-    """
+    """Return the largest sum of diameters that can be woven at given spacings: a jammed cloth."""
     # over the larger spacing, so that the squares of tiny lengths stay normal numbers
     scale = max(warp_spacing, weft_spacing)
     a, b = (warp_spacing / scale) ** 2, (weft_spacing / scale) ** 2
@@ -251,28 +136,7 @@ def check(
     weft_spacing: float,
     height: float,
 ) -> None:
-    """Refuse a cloth that cannot exist.
-
-    Parameters
-    ----------
-    warp_diameter, weft_diameter : float
-        Diameters d1 and d2, in metres.
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-    height : float
-        Crimp height h1 of the warp, in metres.
-
-    Raises
-    ------
-    GeometryError
-        A length that is not positive; yarns of one family that overlap, d1 > p1 or d2 > p2 (where
-        neighbours change side in opposite ways they pass at the same height, side by side); a
-        cloth jammed at every height; a height outside the feasible interval, which is named.
-
-    Examples
-    --------
-    >>> check(0.1e-3, 0.1e-3, 0.2e-3, 0.2e-3, 0.1e-3)
-    """
+    """Refuse a cloth that cannot exist."""
     d, p1, p2 = warp_diameter + weft_diameter, warp_spacing, weft_spacing
     for key, value in (
         ("warp_diameter", warp_diameter),
@@ -304,26 +168,7 @@ def check(
 def check_height(
     warp_spacing: float, weft_spacing: float, diameter_sum: float, height: float
 ) -> None:
-    """Refuse a crimp height that leaves no room for the warp or the weft.
-
-    Parameters
-    ----------
-    warp_spacing, weft_spacing : float
-        Distance p1 between ends and p2 between picks, in metres.
-    diameter_sum : float
-        Sum D of warp and weft diameter, in metres.
-    height : float
-        Crimp height h1 of the warp, in metres.
-
-    Raises
-    ------
-    GeometryError
-        A cloth jammed at every height, or a height outside the feasible interval, which is named.
-
-    Examples
-    --------
-    >>> check_height(0.2e-3, 0.2e-3, 0.2e-3, 0.1e-3)
-    """
+    """Refuse a crimp height that leaves no room for the warp or the weft."""
     d, p1, p2 = diameter_sum, warp_spacing, weft_spacing
     low, high = feasible_height(p1, p2, d)
     middle = balanced_height(p1, p2, d)

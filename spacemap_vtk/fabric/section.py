@@ -35,28 +35,7 @@ class Section(NamedTuple):
 
 
 def section(kind: str, aspect: float, exact: bool) -> Section:
-    """Return a section.
-
-    Parameters
-    ----------
-    kind : {"circular", "racetrack", "elliptic"}
-        A circle or an ellipse of four quarters; a racetrack of four quarters and two flats.
-    aspect : float
-        Width over height, at least 1. A racetrack of aspect 1 would have flats of no length: ask
-        for a circle.
-    exact : bool
-        Rational quarters in place of polynomial ones.
-
-    Returns
-    -------
-    Section
-        Control points.
-
-    Examples
-    --------
-    >>> section("circular", 1.0, False).size, section("racetrack", 2.0, False).size
-    (12, 18)
-    """
+    """Return a section."""
     if exact:
         handle, weight = rational_arc(0.5 * pi)
     else:
@@ -81,51 +60,22 @@ def section(kind: str, aspect: float, exact: bool) -> Section:
 
 
 def cubic_error(angle: float) -> float:
-    """Return the largest radial error of one cubic for an arc, over its radius.
-
-    Parameters
-    ----------
-    angle : float
-        Angle of the arc in radians.
-
-    Returns
-    -------
-    float
-        From the square of the radius, which is off by ``4/27 sin(angle/4)**6 / cos(angle/4)**2``.
-
-    Examples
-    --------
-    >>> round(cubic_error(pi / 2), 6)
-    0.000273
-    """
+    """Return the largest radial error of one cubic for an arc, over its radius."""
     s, c = np.sin(0.25 * angle), cos(0.25 * angle)
     return float(np.sqrt(1.0 + 4.0 / 27.0 * s**6 / c**2) - 1.0)
 
 
 def tube_table(size: int) -> NDArray[np.int64]:
-    """Return the control points of the patches round a part of a tube.
-
-    Parameters
-    ----------
-    size : int
-        Control points in a ring.
-
-    Returns
-    -------
-    (size / 3, 16) int64
-        In VTK's order, for the part whose first ring starts at point 0: u along the yarn, v round
-        it.
-    """
+    """Return the control points of the patches round a part of a tube."""
     segment, j, i = np.ogrid[: size // 3, :4, :4]
     return _in_vtk_order(size * i + (3 * segment + j) % size)
 
 
 class Cap(NamedTuple):
-    """How a cut end is closed: cubics across it, between points of its ring that face each other.
+    """How a cut end is closed: cubics across it, between facing points of its ring."""
 
-    Both poles of the section are edges of no length; the surface is smooth there all the same,
-    and so it is exact for rational sections.
-    """
+    # Both poles of the section are edges of no length; the surface is smooth there all the same,
+    # and so it is exact for rational sections.
 
     lower: NDArray[np.int64]
     """(c,) Ring points below, from pole to pole, without the poles."""
@@ -142,23 +92,7 @@ class Cap(NamedTuple):
 
 
 def cap(size: int) -> Cap:
-    """Return how a ring is closed.
-
-    Parameters
-    ----------
-    size : int
-        Control points in a ring: 12 or 18.
-
-    Returns
-    -------
-    Cap
-        New points first a third, then two thirds of the way up, from pole to pole.
-
-    Examples
-    --------
-    >>> cap(12).table.shape, cap(12).new_points
-    ((2, 16), 10)
-    """
+    """Return how a ring is closed."""
     step = np.arange(size // 2 + 1)
     # the section is symmetric: quarters start at the top, so a pole is at point 3, and opposite it
     lower, upper = (size // 2 + 3 - step) % size, (size // 2 + 3 + step) % size

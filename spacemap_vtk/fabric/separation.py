@@ -14,31 +14,11 @@ def section_gap(
     start: Floats | None = None,
     turns: int = 0,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the clearance of sections in the direction in which it is largest.
-
-    Two convex sections are as far apart as planes between them can be, so what is looked for is
-    the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
-    Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
-    it, by steps along the gradient, which is the vector between the points that face each other.
-
-    Parameters
-    ----------
-    first, second : (point, normal, lateral) of (n, 3) float64
-        Centre of each section and its two half diameters.
-    start : (n, 3) float64, optional
-        Where to begin; by default from axis to axis.
-    turns : int
-        Number of steps.
-
-    Returns
-    -------
-    gap : (n,) float64
-        Below 0 where they overlap.
-    middle : (n, 3) float64
-        Between them.
-    direction : (n, 3) float64
-        From the first to the second.
-    """
+    """Return the clearance of sections in the direction in which it is largest."""
+    # Two convex sections are as far apart as planes between them can be, so what is looked for is
+    # the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
+    # Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
+    # it, by steps along the gradient, which is the vector between the points that face each other.
     (a, *radii_a), (b, *radii_b) = first, second
     across = b - a
     distance = np.maximum(_norm(across), 1e-300)

@@ -17,9 +17,9 @@ from spacemap_vtk.fabric.crimp_height import height_for_crimp
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.thick_yarns import flattened, scaled
-from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
 from spacemap_vtk.fabric.yarn import section_area, yarn_height
+from spacemap_vtk.io.wif import WifDraft
 
 #: Distance between yarns where neither the user nor the draft gives one, in m.
 SPACING = 0.5e-3

@@ -26,24 +26,7 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 def spline_axes(
     upper: NDArray[np.bool_], own: Yarns, crossed: Yarns, share: float, overhang: float
 ) -> Axes:
-    """Lay axes as splines z(y), horizontal at both ends.
-
-    Parameters
-    ----------
-    upper : (yarns, crossings) bool
-        Whether the yarn lies above the one that it crosses.
-    own, crossed : Yarns
-        The family, and the one that it crosses.
-    share : float
-        Share of the distance at crossings that the family takes.
-    overhang : float
-        Length past the last crossing, in m.
-
-    Returns
-    -------
-    Axes
-        Cubic ones, `PARTS` from crossing to crossing.
-    """
+    """Lay axes as splines z(y), horizontal at both ends."""
     _, height = crossing_heights(upper, own, crossed, share)
     knots = crossed.position
     if overhang > 0.0:
@@ -81,19 +64,7 @@ def spline_axes(
 
 
 def offset_error(family: Axes) -> float:
-    """Return how far the cubics along a tube, on its top and bottom, are from its radius.
-
-    Parameters
-    ----------
-    family : Axes
-        Cubic ones.
-
-    Returns
-    -------
-    float
-        The largest deviation found at three places of each part, over the radius; infinite where
-        the axis bends so sharply that the tube folds over itself.
-    """
+    """Return how far the cubics along a tube, on its top and bottom, are from its radius."""
     part = np.arange(len(family.length))
     station = part + family.owner
     radius = family.radius[family.owner]

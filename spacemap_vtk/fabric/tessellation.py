@@ -387,10 +387,8 @@ def _add_origin(values: Floats, net: Floats, out: Floats) -> None:
 
 
 def _magnitude(points: NDArray[Any], chunks: list[Chunk]) -> float:
-    """Return about the size of the patches, from a few of them; 1 if they have none.
-
-    A power of two, so that to divide by it costs no digit.
-    """
+    """Return about the size of the patches, from a few of them; 1 if they have none."""
+    # A power of two, so that to divide by it costs no digit.
     sizes = []
     for chunk in chunks[:: max(1, len(chunks) // 16)]:
         nets = points[chunk.net(np.array([0, -1]))].astype(np.float64)

@@ -24,22 +24,7 @@ _LEAST = 1e-3
 
 
 def scaled(measures: dict[str, Any], families: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """Make a draft's yarns thinner until they can interlace.
-
-    Parameters
-    ----------
-    measures : dict
-        Arguments of `Cloth`, without a crimp height.
-    families : sequence of str
-        Those of ``"warp"`` and ``"weft"`` whose diameters are the draft's; the others stay.
-
-    Returns
-    -------
-    changes : dict
-        The arguments to be changed; none where the yarns can interlace as they are.
-    note : str
-        What was done, or nothing.
-    """
+    """Make a draft's yarns thinner until they can interlace."""
 
     def at(factor: float) -> dict[str, Any]:
         return {f"{f}_diameter": factor * measures[f"{f}_diameter"] for f in families}
@@ -55,22 +40,7 @@ def scaled(measures: dict[str, Any], families: Sequence[str]) -> tuple[dict[str,
 
 
 def flattened(measures: dict[str, Any], families: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """Flatten a draft's yarns until they can interlace: the thickness becomes their width.
-
-    Parameters
-    ----------
-    measures : dict
-        As for `scaled`.
-    families : sequence of str
-        As for `scaled`.
-
-    Returns
-    -------
-    changes : dict
-        The arguments to be changed; none where the yarns can interlace as they are.
-    note : str
-        What was done, or nothing.
-    """
+    """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
     if _feasible(measures):
         return {}, ""
     widths = {}

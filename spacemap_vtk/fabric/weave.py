@@ -78,46 +78,32 @@ class Tubes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Weave:
-    """A cloth as bicubic Bézier patches.
+    """A cloth as bicubic Bézier patches."""
 
-    Attributes
-    ----------
-    points : (N, 3) float64
-        Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not between
-        yarns.
-    patches : (P, 16) int64
-        Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3 x 3.
-        On tubes u runs along the yarn and v round it, du x dv points outwards, everywhere. Tubes
-        yarn by yarn, part by part, round the yarn; then caps, yarn by yarn. int64 is vtkIdType,
-        which VTK takes over without a copy.
-    weights : (N,) float64 or None
-        Rational weights of the control points (VTK's RationalWeights); None where all are 1.
-    yarn : (P,) int32
-        Yarn of each patch: the ends first, then the picks.
-    family : (P,) uint8
-        0 warp, 1 weft.
-    tube_patches : int
-        Number of patches that are no caps.
-    tubes : (Tubes, Tubes)
-        Where the rings of warp and weft stand in `points`.
-    warp, weft : Crimp
-        Peirce's figures of each family, where a yarn changes side, for mean measures.
-    radial_error : float
-        Bound of the surface's distance from the true tube, over the yarn's half height: the
-        cubics' error round the yarn and along its arcs together; 0 for exact cloth. For splines
-        the largest deviation found along the yarn takes the place of the bound. Of the yarns that
-        were built.
-    """
-
+    #: (N, 3) Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not
+    #: between yarns.
     points: NDArray[np.float64]
+    #: (P, 16) Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3
+    #: x 3. On tubes u runs along the yarn and v round it, du x dv points outwards, everywhere.
+    #: Tubes yarn by yarn, part by part, round the yarn; then caps, yarn by yarn. int64 is
+    #: vtkIdType, which VTK takes over without a copy.
     patches: NDArray[np.int64]
+    #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
     weights: NDArray[np.float64] | None
+    #: (P,) Yarn of each patch: the ends first, then the picks.
     yarn: NDArray[np.int32]
+    #: (P,) 0 warp, 1 weft.
     family: NDArray[np.uint8]
+    #: Number of patches that are no caps.
     tube_patches: int
+    #: (Tubes, Tubes) Where the rings of warp and weft stand in `points`.
     tubes: tuple[Tubes, Tubes]
+    #: Peirce's figures of each family, where a yarn changes side, for mean measures.
     warp: Crimp
     weft: Crimp
+    #: Bound of the surface's distance from the true tube, over the yarn's half height: the cubics'
+    #: error round the yarn and along its arcs together; 0 for exact cloth. For splines the largest
+    #: deviation found along the yarn takes the place of the bound. Of the yarns that were built.
     radial_error: float
 
 
@@ -429,11 +415,9 @@ class _Plan(NamedTuple):
 
 
 def _fill_points(plan: _Plan, number: int, flat_points: NDArray[np.float64]) -> None:
-    """Write the control points of a family's tubes.
-
-    Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
-    curvature n)`` for points n above the axis: so a point of an arc turns about the arc's axis.
-    """
+    """Write the control points of a family's tubes."""
+    # Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
+    # curvature n)`` for points n above the axis: so a point of an arc turns about the arc's axis.
     path, shape = plan.path, plan.shape
     points = flat_points.reshape(-1, shape.size, 3)
     owner, last = path.owner, path.last

@@ -72,52 +72,12 @@ def linear_density(text: str) -> float:
 
 
 def section_area(count: Numbers, density: float = COTTON, packing: float = PACKING) -> Numbers:
-    """Return the area of a yarn's section, the air between its fibres included.
-
-    Parameters
-    ----------
-    count : float or ndarray
-        Linear density, in kg/m.
-    density : float
-        Of the fibres, in kg/m3.
-    packing : float
-        Share of fibre in the section.
-
-    Returns
-    -------
-    float or ndarray
-        In m2.
-
-    Examples
-    --------
-    >>> section_area(30e-6, density=1500.0, packing=0.5)
-    4e-08
-    """
+    """Return the area of a yarn's section, the air between its fibres included."""
     return count / (packing * density)
 
 
 def yarn_height(area: Numbers, aspect: float = 1.0, section: str = "circular") -> Numbers:
-    """Return how high a yarn is whose section has a given area: the diameter of a round one.
-
-    Parameters
-    ----------
-    area : float or ndarray
-        In m2.
-    aspect : float
-        Width over height of the section, at least 1.
-    section : {"circular", "racetrack", "elliptic"}
-        A racetrack is a rectangle between two half circles.
-
-    Returns
-    -------
-    float or ndarray
-        In m; ``sqrt(4 area / pi)`` for a round yarn.
-
-    Examples
-    --------
-    >>> round(yarn_height(3.141592653589793), 12)
-    2.0
-    """
+    """Return how high a yarn is whose section has a given area: the diameter of a round one."""
     return (area / section_factor(aspect, section)) ** 0.5
 
 

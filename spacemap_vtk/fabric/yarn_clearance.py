@@ -311,10 +311,8 @@ def _sides(
 def _nearest(
     points: Floats, radius: Floats, yarn: NDArray[np.int64]
 ) -> Iterator[NDArray[np.int64]]:
-    """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them.
-
-    Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
-    """
+    """Yield pairs of samples of different yarns, (2, n), the nearest pair of all among them."""
+    # Nearest by surface, not by axis: in a fourth dimension thin yarns are further away.
     from scipy.spatial import cKDTree  # with all it brings: a tenth of a second
 
     # with |p - q|**2 - (r + r_q)**2, r the mean radius, a thick yarn is nearer by what it is thick

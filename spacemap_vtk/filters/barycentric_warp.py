@@ -14,6 +14,15 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
 from spacemap_vtk.cage.split import mended
 from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
+from spacemap_vtk.datasets.arrays import (
+    add_array,
+    array_of,
+    elements_of,
+    points_of,
+    to_array,
+    to_points,
+)
+from spacemap_vtk.datasets.geometry_cache import Geometry
 from spacemap_vtk.embedding.averaging import vertex_averages
 from spacemap_vtk.embedding.gradients import (
     QuadraticGradients,
@@ -25,16 +34,7 @@ from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import (
-    add_array,
-    array_of,
-    elements_of,
-    points_of,
-    to_array,
-    to_points,
-)
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
-from spacemap_vtk.filters.geometry_cache import Geometry
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity

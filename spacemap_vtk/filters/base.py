@@ -36,9 +36,9 @@ from vtkmodules.vtkCommonExecutionModel import (
     vtkStreamingDemandDrivenPipeline,
 )
 
+from spacemap_vtk.datasets.extent import mark_owner
+from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world
 from spacemap_vtk.errors import InputError, SpacemapError, warn_user
-from spacemap_vtk.filters.extent import mark_owner
-from spacemap_vtk.filters.processes import WHOLE, PeerError, Piece, Processes, is_first, world
 from spacemap_vtk.parameters import Parameterised
 
 if TYPE_CHECKING:
@@ -204,26 +204,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
         return self
 
     def __call__(self, *data: Any) -> Any:
-        """Update, and return the output's data, which a later update leaves as they are.
-
-        Parameters
-        ----------
-        *data : vtkDataObject
-            Inputs in place of what is connected, for this run alone: one for each port, from the
-            first on.
-
-        Returns
-        -------
-        vtkDataObject
-            A shallow copy of the output.
-
-        Raises
-        ------
-        Exception
-            As from `update`.
-        InputError
-            If there are more inputs than ports.
-        """
+        """Update, and return the output's data, which a later update leaves as they are."""
         self._require_ports(len(data))
         former = []
         for port, item in enumerate(data):

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.datasets.arrays import array_of, vectors_of
+from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import array_of, vectors_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of, static_displacements
 from spacemap_vtk.filters.modal_solver import MODE_NAME
-from spacemap_vtk.filters.processes import Processes
 from spacemap_vtk.mechanics import loads as forces
 from spacemap_vtk.mechanics.elements import shape_functions
 from spacemap_vtk.mechanics.kinematics import MeanGradient
@@ -55,23 +55,10 @@ FAR = 0.05
 
 
 class CageModes:
-    """The modes of a cage, and whatever follows from them without a load's time function.
+    """The modes of a cage, and whatever follows from them without a load's time function."""
 
-    Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
-    solutions are kept by name, so that another size of a load solves nothing.
-
-    Parameters
-    ----------
-    grid : vtkUnstructuredGrid
-        ModalSolver's output.
-    former : CageModes, optional
-        Of another output: while the modes are the same VTK objects, their table is its.
-
-    Raises
-    ------
-    InputError
-        If an array is missing.
-    """
+    # Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
+    # solutions are kept by name, so that another size of a load solves nothing.
 
     def __init__(self, grid: vtkUnstructuredGrid, former: CageModes | None = None) -> None:
         data = grid.GetPointData()
@@ -101,18 +88,7 @@ class CageModes:
         )
 
     def away(self, place: ArrayLike) -> float:
-        """Return how far a place is from the cage's bounding box.
-
-        Parameters
-        ----------
-        place : array_like of float, shape (3,)
-            Where [m].
-
-        Returns
-        -------
-        float
-            In m; 0 inside, and where it is no more than `FAR`.
-        """
+        """Return how far a place is from the cage's bounding box."""
         low, high = self.model.points.min(axis=0), self.model.points.max(axis=0)
         where = np.asarray(place, dtype=np.float64)
         distance = float(np.linalg.norm(where - where.clip(low, high)))
@@ -139,23 +115,7 @@ class CageModes:
         return self.model.movable_mass
 
     def vector(self, load: Load) -> LoadVector:
-        """Return the vector of a load.
-
-        Parameters
-        ----------
-        load : Load
-            A checked load.
-
-        Returns
-        -------
-        LoadVector
-            Its elementary vectors are known to `force` from now on.
-
-        Raises
-        ------
-        InputError
-            If its side has no face, its array does not exist, or nothing holds the base it moves.
-        """
+        """Return the vector of a load."""
         action, value = load.action, getattr(load, load.action)
         if action.startswith("base") and self.model.free.all():
             raise InputError(
@@ -191,35 +151,11 @@ class CageModes:
         return LoadVector(((f"array {load.array}", 1.0),), load.function)
 
     def gravity(self, acceleration: Sequence[float], function: TimeFunction) -> LoadVector:
-        """Return the vector of gravity.
-
-        Parameters
-        ----------
-        acceleration : sequence of float, shape (3,)
-            In m/s².
-        function : TimeFunction
-            Its factor.
-
-        Returns
-        -------
-        LoadVector
-            Without parts along axes where it is zero.
-        """
+        """Return the vector of gravity."""
         return LoadVector(_axes("mass", acceleration), function)
 
     def force(self, vector: LoadVector) -> FloatArray:
-        """Return a vector's forces.
-
-        Parameters
-        ----------
-        vector : LoadVector
-            From `vector` or `gravity`.
-
-        Returns
-        -------
-        ndarray of float64, shape (3V,)
-            In N; those on held components go into the supports.
-        """
+        """Return a vector's forces."""
         total = np.zeros(self.shapes.shape[1])
         for name, size in vector.parts:
             total += size * self._elementary(name)
@@ -228,22 +164,7 @@ class CageModes:
     def basis(
         self, vectors: Sequence[LoadVector], residual: bool, processes: Processes | None = None
     ) -> Basis:
-        """Return the shapes that a cage under some loads moves in.
-
-        Parameters
-        ----------
-        vectors : sequence of LoadVector
-            The loads.
-        residual : bool
-            Whether to add a residual vector for each elementary vector.
-        processes : Processes, optional
-            Of which one solves for all.
-
-        Returns
-        -------
-        Basis
-            The modes first.
-        """
+        """Return the shapes that a cage under some loads moves in."""
         names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
         if not residual or self.complete or not names:
             return Basis(self.eigenvalues, self.shapes)
@@ -278,39 +199,12 @@ class CageModes:
         return self._bases[names]
 
     def rounding(self, vectors: Sequence[LoadVector]) -> float:
-        """Return how far rounding disturbs the static response to some loads.
-
-        Parameters
-        ----------
-        vectors : sequence of LoadVector
-            The loads, after `basis` was asked for theirs.
-
-        Returns
-        -------
-        float
-            The largest share of a static solution that is rounding; 0 if none was needed.
-        """
+        """Return how far rounding disturbs the static response to some loads."""
         names = {name for vector in vectors for name, _ in vector.parts}
         return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
     def weights(self, place: FloatArray) -> FloatArray:
-        """Return how much each vertex counts in the motion of a point.
-
-        Parameters
-        ----------
-        place : ndarray of float64, shape (3,)
-            Position at rest [m].
-
-        Returns
-        -------
-        ndarray of float64, shape (V,)
-            Values of the shape functions there; they sum to 1.
-
-        Raises
-        ------
-        InputError
-            If the point lies outside the cage.
-        """
+        """Return how much each vertex counts in the motion of a point."""
         cells, points = self.model.cells, self.model.points
         where = locate([place], points, cells[:, :4], threads=1)
         if where.outside:
@@ -332,18 +226,7 @@ class CageModes:
         return result
 
     def loaded_axes(self, vectors: Sequence[LoadVector]) -> NDArray[np.bool_]:
-        """Return along which axes the loads have a resultant.
-
-        Parameters
-        ----------
-        vectors : sequence of LoadVector
-            The loads.
-
-        Returns
-        -------
-        ndarray of bool, shape (3,)
-            True where the resultant of one of them is over a hundredth of its forces' sizes.
-        """
+        """Return along which axes the loads have a resultant."""
         loaded = np.zeros(3, dtype=bool)
         for vector in vectors:
             force = (self.force(vector) * self.model.free).reshape(-1, 3)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.table_file import read_table
+from spacemap_vtk.io.table_file import read_table
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.supports import SIDES
 from spacemap_vtk.mechanics.timefunctions import TimeFunction

@@ -7,23 +7,12 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.model import Model, digest_of
 
 
 def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
-    """Write what a model is made of beside mesh: supports and material.
-
-    Parameters
-    ----------
-    grid : vtkUnstructuredGrid
-        The mesh. It gets the point arrays ``fixed`` (uint8, 1 where a vertex is held in some
-        direction), ``fixed_components`` (uint8, three components, 1 where held) and
-        ``nodal_mass`` (kg), and the field arrays ``elasticity`` (Pa, six rows of six),
-        ``density`` (kg/m³) and ``lumped`` (uint8).
-    model : Model
-        What to write.
-    """
+    """Write what a model is made of beside mesh: supports and material."""
     held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
     add_array(data, "fixed", held.max(axis=1))
@@ -36,26 +25,9 @@ def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
 
 
 def model_of(grid: vtkUnstructuredGrid) -> Model:
-    """Return the mechanical model that a cage's modes were computed with.
-
-    While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
-    otherwise they are made when they are first asked for.
-
-    Parameters
-    ----------
-    grid : vtkUnstructuredGrid
-        ModalSolver's output, or a file made from it.
-
-    Returns
-    -------
-    Model
-        Matrices, supports and static solutions.
-
-    Raises
-    ------
-    InputError
-        If an array is missing.
-    """
+    """Return the mechanical model that a cage's modes were computed with."""
+    # While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
+    # otherwise they are made when they are first asked for.
     owner = "ModalResponse (put a ModalSolver before it)"
     field = grid.GetFieldData()
     return Model(
@@ -69,18 +41,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
 
 
 def rounding_of(grid: vtkUnstructuredGrid) -> NDArray[np.float64]:
-    """Return the share of each eigenvalue that is rounding.
-
-    Parameters
-    ----------
-    grid : vtkUnstructuredGrid
-        ModalSolver's output, or a file made from it.
-
-    Returns
-    -------
-    ndarray of float64
-        One for each mode; a file that does not tell has only zeros, as many as it has eigenvalues.
-    """
+    """Return the share of each eigenvalue that is rounding."""
     field = grid.GetFieldData()
     if field.GetArray("eigenvalue_rounding") is None:
         return np.zeros(len(array_of(field, "eigenvalues", "the modes")))
@@ -90,22 +51,7 @@ def rounding_of(grid: vtkUnstructuredGrid) -> NDArray[np.float64]:
 def static_displacements(
     model: Model, forces: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return static displacements, from the user's cache folder where they were solved before.
-
-    Parameters
-    ----------
-    model : Model
-        The cage.
-    forces : ndarray of float64, shape (3V, m)
-        Forces on the vertices [N], a column for each load.
-
-    Returns
-    -------
-    displacements : ndarray of float64, shape (3V, m)
-        As from `Model.statics`.
-    rounding : ndarray of float64, shape (m,)
-        As from `Model.statics`.
-    """
+    """Return static displacements, from the user's cache folder where they were solved before."""
     # For the unit modulus: another one changes neither the entry nor, but for its size, the answer.
     keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]
     result, rounding = np.empty(forces.shape), np.empty(len(keys))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.datasets.arrays import add_array, vectors_of
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.arrays import add_array, vectors_of
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_modes import Basis, CageModes, LoadVector
 from spacemap_vtk.filters.load import Loads

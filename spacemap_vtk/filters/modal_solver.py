@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
 
-from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.filters.arrays import (
+from spacemap_vtk.datasets.arrays import (
     add_array,
     array_of,
     points_of,
@@ -19,10 +18,11 @@ from spacemap_vtk.filters.arrays import (
     to_cells,
     to_points,
 )
+from spacemap_vtk.datasets.geometry_cache import Connectivity
+from spacemap_vtk.datasets.volume import Volume, tetrahedral
+from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.geometry_cache import Connectivity
-from spacemap_vtk.filters.series import KINDS, MeshSeries, open_series
-from spacemap_vtk.filters.volume import Volume, tetrahedral
+from spacemap_vtk.io.series import KINDS, MeshSeries, open_series
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
 #: Steps whose displacement is held: two are needed between them, more for going back.

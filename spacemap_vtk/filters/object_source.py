@@ -14,11 +14,11 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk.datasets.extent import tell_bounds
+from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.extent import tell_bounds
-from spacemap_vtk.filters.processes import Piece
-from spacemap_vtk.filters.reading import ReadObject, read_blocks, read_object
+from spacemap_vtk.io.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import FilePath, Real, Vector
 
 #: The files read, with time of change and size.

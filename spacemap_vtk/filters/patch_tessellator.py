@@ -17,9 +17,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.filters.arrays import (
+from spacemap_vtk.datasets.arrays import (
     cell_types,
     cells_of,
     points_of,
@@ -27,9 +25,11 @@ from spacemap_vtk.filters.arrays import (
     to_cells,
     to_points,
 )
+from spacemap_vtk.datasets.geometry_cache import Connectivity
+from spacemap_vtk.datasets.surface_extract import Skin
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.geometry_cache import Connectivity
-from spacemap_vtk.filters.surface_extract import Skin
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
 

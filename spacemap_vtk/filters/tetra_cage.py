@@ -16,14 +16,14 @@ from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
 from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.cage.split import mended, parts
+from spacemap_vtk.cage.tetwild import filled
+from spacemap_vtk.datasets.arrays import to_cells, to_points
+from spacemap_vtk.datasets.extent import bounds_of_whole
+from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
+from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.filters.arrays import to_cells, to_points
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.extent import bounds_of_whole
-from spacemap_vtk.filters.outline import Outline, edge_faults, envelope, outline
-from spacemap_vtk.filters.reading import merged, read_blocks
-from spacemap_vtk.filters.tetwild import filled
-from spacemap_vtk.filters.volume import tetrahedral
+from spacemap_vtk.io.reading import merged, read_blocks
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity

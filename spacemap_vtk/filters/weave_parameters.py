@@ -54,17 +54,9 @@ class YarnCount(Real):
 
 
 class PerYarn(Parameter[Any]):
-    """One value for all yarns of a family, or a list of values that is repeated over them.
+    """One value for all yarns of a family, or a list of values that is repeated over them."""
 
-    Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
-
-    Parameters
-    ----------
-    component : Parameter
-        What each value must be; its default and help are those of the whole.
-    automatic : str
-        What ``None``, the default, stands for.
-    """
+    # Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
 
     kind = "series"
 
@@ -109,18 +101,7 @@ class PerYarn(Parameter[Any]):
         return ", ".join(self.component.show(item) for item in several or (value,))
 
     def several(self, value: Any) -> tuple[Any, ...] | None:
-        """Tell a list from a single value.
-
-        Parameters
-        ----------
-        value : object
-            A checked value.
-
-        Returns
-        -------
-        tuple or None
-            The items of a list; None for a single value.
-        """
+        """Tell a list from a single value."""
         # a colour is a tuple itself
         is_list = isinstance(value, tuple) and not (
             isinstance(self.component, Color) and isinstance(value[0], int)
@@ -129,16 +110,5 @@ class PerYarn(Parameter[Any]):
 
 
 def repeat_of(pattern: Any) -> NDArray[np.bool_]:
-    """Return one repeat of a pattern.
-
-    Parameters
-    ----------
-    pattern : str or tuple of str
-        A value that `Pattern` has checked.
-
-    Returns
-    -------
-    (picks, ends) bool
-        Its drawdown.
-    """
+    """Return one repeat of a pattern."""
     return pattern_names.named(pattern) if isinstance(pattern, str) else draft.from_matrix(pattern)

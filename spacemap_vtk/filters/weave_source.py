@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
+from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
+from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
-from spacemap_vtk.fabric.as_wif import as_wif
 from spacemap_vtk.fabric.axes import ALL
 from spacemap_vtk.fabric.cloth import AXES, SECTIONS
 from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.draft_file import read_draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.settle import (
@@ -25,12 +25,12 @@ from spacemap_vtk.fabric.settle import (
     settle,
     settled_measures,
 )
-from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.fabric.wishes import Wishes
-from spacemap_vtk.filters.arrays import add_array, to_array, to_cells, to_points
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.extent import tell_bounds
 from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
+from spacemap_vtk.io.as_wif import as_wif
+from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 

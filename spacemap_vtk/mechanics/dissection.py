@@ -14,19 +14,7 @@ _SMALL = 60
 
 
 def dissection(graph: sp.csr_matrix) -> IntArray:
-    """Return vertices in an order in which elimination fills little.
-
-    Parameters
-    ----------
-    graph : scipy.sparse.csr_matrix, shape (n, n)
-        Symmetric pattern without diagonal.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Vertices, the first to be eliminated first: by METIS where pymetis is installed, otherwise
-        by level sets, which takes about twice the memory.
-    """
+    """Return vertices in an order in which elimination fills little."""
     try:
         import pymetis
     except ImportError:  # no wheel on Windows, and none in ParaView's own Python
@@ -42,25 +30,9 @@ def dissection(graph: sp.csr_matrix) -> IntArray:
 
 
 def by_levels(graph: sp.csr_matrix) -> IntArray:
-    """Return such an order without METIS.
-
-    A part is cut at the middle one of the levels that breadth-first search finds from a vertex at
-    its far end; what lies to either side is cut likewise.
-
-    Parameters
-    ----------
-    graph : scipy.sparse.csr_matrix, shape (n, n)
-        Symmetric pattern without diagonal.
-
-    Returns
-    -------
-    ndarray of int64, shape (n,)
-        Vertices, the first to be eliminated first.
-
-    Notes
-    -----
-    George, SIAM J. Numer. Anal. 10 (1973) 345; George and Liu, SIAM J. Numer. Anal. 15 (1978) 1053.
-    """
+    """Return such an order without METIS."""
+    # A part is cut at the middle one of the levels that breadth-first search finds from a vertex at
+    # its far end; what lies to either side is cut likewise.
     backwards: list[IntArray] = []
     waiting = [np.arange(graph.shape[0])]
     while waiting:

@@ -76,39 +76,7 @@ def solve_modes(
     count: int,
     progress: Progress | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest vibration modes of K s = λ M s.
-
-    Parameters
-    ----------
-    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        K [N/m], positive semidefinite, and M [kg], positive definite on what is free; component
-        c of vertex v is row 3 v + c.
-    free : array_like of bool, shape (3V,)
-        Which components can move.
-    count : int
-        Number of modes n; all there are, if more are asked for.
-    progress : callable, optional
-        Called now and then with a fraction from 0 to 1; an exception it raises ends the solution.
-
-    Returns
-    -------
-    eigenvalues : ndarray of float64, shape (n,)
-        λ = ω² [1/s²], ascending; exactly 0.0 for a rigid mode.
-    shapes : ndarray of float64, shape (n, V, 3)
-        Mode shapes [1/√kg], mass-normalised (SᵀMS = I), zero where fixed; the first of the
-        components of largest size is positive. The modes of a multiple eigenvalue are one basis
-        of their space, as good as any other.
-
-    Raises
-    ------
-    InputError
-        If nothing is free, `count` is not positive, or a free component has no mass.
-    SizeError
-        If a factorisation does not fit into memory.
-    SolverError
-        If a mode leaves a residual ‖Kφ - λMφ‖ above 1e-6 ‖Kφ‖ (and above rounding in Kφ), a
-        mode is missing, or K is not positive semidefinite.
-    """
+    """Return the lowest vibration modes of K s = λ M s."""
     _check_count(count)
     return lowest(Pencil(stiffness, mass, free), count, progress)[:2]
 
@@ -255,11 +223,9 @@ def _of_component(component: Component, count: int, report: Progress) -> FloatAr
 def _evaluated(
     pencil: Pencil, component: Component, modes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return λ of the modes of a component, ascending, these modes, and their rounding.
-
-    The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
-    of both solvers equal down to rounding in K itself.
-    """
+    """Return λ of the modes of a component, ascending, these modes, and their rounding."""
+    # The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
+    # of both solvers equal down to rounding in K itself.
     energy, noise = _energies(component, modes)
     rigid = energy <= RIGID * noise
     rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
@@ -305,11 +271,9 @@ def _told_by_strains(
     lowest: NDArray[np.bool_],
     motions: FloatArray,
 ) -> FloatArray:
-    """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others.
-
-    Each is freed of those before it alone, which have less energy: what is left of them in it does
-    no harm, where a trace of a high mode in a low one would.
-    """
+    """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others."""
+    # Each is freed of those before it alone, which have less energy: what is left of them in it
+    # does no harm, where a trace of a high mode in a low one would.
     assert pencil.strain_products is not None
     mass, low = component.mass, modes[:, lowest]
     if motions.shape[1]:
@@ -335,12 +299,10 @@ def _told_by_strains(
 
 
 def _counted(component: Component, count: int, report: Progress) -> FloatArray:
-    """Return a few more than the lowest modes, none of them missed.
-
-    A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
-    negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
-    that is wanted, and so a few more are solved for.
-    """
+    """Return a few more than the lowest modes, none of them missed."""
+    # A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
+    # negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
+    # that is wanted, and so a few more are solved for.
     for attempt, share in enumerate(_SHARES):
 
         def solve(seed: int = attempt) -> tuple[FloatArray, FloatArray]:
@@ -402,11 +364,9 @@ def _verify(
 
 
 def _signs(modes: FloatArray) -> FloatArray:
-    """Return the signs that make the first of the largest components of each mode positive.
-
-    Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
-    ones often are, and rounding would choose between them.
-    """
+    """Return the signs that make the first of the largest components of each mode positive."""
+    # Components within 1e-6 of the largest count as equal to it: on a symmetric cage two opposite
+    # ones often are, and rounding would choose between them.
     size = abs(modes)
     first = (size >= (1 - 1e-6) * size.max(axis=0)).argmax(axis=0)
     return np.sign(modes[first, np.arange(modes.shape[1])])

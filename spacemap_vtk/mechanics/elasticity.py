@@ -49,51 +49,23 @@ VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """What a mesh of tetrahedra contributes to K and M, whatever its material.
+    """What a mesh of tetrahedra contributes to K and M, whatever its material."""
 
-    Parameters
-    ----------
-    indptr, indices : ndarray of int64, shapes (V + 1,) and (P,)
-        The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
-    gradients : ndarray of float64, shape (P, 9)
-        ∫ N_a,k N_b,l of each pair, column 3 k + l [m].
-    products : ndarray of float64, shape (P,)
-        ∫ N_a N_b of each pair [m³].
-    lumps : ndarray of float64, shape (V,)
-        Each vertex's share of the volume, for a lumped mass [m³].
-    """
-
+    #: The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
     indptr: IntArray
     indices: IntArray
+    #: (P, 9) ∫ N_a,k N_b,l of each pair, column 3 k + l [m].
     gradients: FloatArray
+    #: (P,) ∫ N_a N_b of each pair [m³].
     products: FloatArray
+    #: (V,) Each vertex's share of the volume, for a lumped mass [m³].
     lumps: FloatArray
 
 
 def barycentric_gradients(
     points: FloatArray, tetrahedra: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the gradients of the barycentric coordinates, and the volumes.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron.
-
-    Returns
-    -------
-    gradients : ndarray of float64, shape (T, 4, 3)
-        ∇L_i [1/m]; they sum to zero.
-    volumes : ndarray of float64, shape (T,)
-        Volumes [m³], positive for either orientation.
-
-    Raises
-    ------
-    GeometryError
-        If a tetrahedron is flat.
-    """
+    """Return the gradients of the barycentric coordinates, and the volumes."""
     edges, volume = edges_and_volumes(points, tetrahedra)
     # ∇L_1..3 are the rows of the inverse of [x1-x0, x2-x0, x3-x0]: cross products over the signed
     # determinant, so orientation cancels. The coordinates sum to 1, hence the fourth gradient.
@@ -106,33 +78,7 @@ def barycentric_gradients(
 def nodal_mass(
     points: ArrayLike, tetrahedra: ArrayLike, density: float, lumped: bool = False
 ) -> FloatArray:
-    """Return the share of the mass that belongs to each vertex.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron.
-    density : float
-        ρ > 0 [kg/m³].
-    lumped : bool
-        Of the lumped in place of the consistent mass matrix; for linear tetrahedra both agree.
-
-    Returns
-    -------
-    ndarray of float64, shape (V,)
-        Row sums of the mass matrix [kg]; they sum to ρV. Gravity's load is their product with g.
-        Linear tetrahedra give each vertex a quarter; the consistent mass of quadratic ones gives
-        a midpoint a fifth and a corner minus a twentieth.
-
-    Raises
-    ------
-    GeometryError
-        As `volumes` does.
-    InputError
-        If the density is not positive.
-    """
+    """Return the share of the mass that belongs to each vertex."""
     _check_density(density)
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
     shape = element(nodes.shape[1])
@@ -141,25 +87,7 @@ def nodal_mass(
 
 
 def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
-    """Sum the geometric part of K and M over the tetrahedra.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron.
-
-    Returns
-    -------
-    Assembly
-        What `stiffness` and `mass` need of the mesh.
-
-    Raises
-    ------
-    GeometryError
-        As `volumes` does.
-    """
+    """Sum the geometric part of K and M over the tetrahedra."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     gradient, volume = barycentric_gradients(points, tetrahedra)
     nodes, count = tetrahedra.shape[1], len(points)
@@ -186,25 +114,7 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
 
 
 def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
-    """Return the stiffness matrix of one material.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The mesh, from `assemble`.
-    elasticity : array_like of float, shape (6, 6)
-        Elasticity matrix [Pa] in the order of `isotropic`, of any symmetric material.
-
-    Returns
-    -------
-    scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        K = Σ ∫ Bᵀ D B [N/m]; component c of vertex v is row 3 v + c.
-
-    Raises
-    ------
-    InputError
-        If `elasticity` is not a symmetric matrix of six rows.
-    """
+    """Return the stiffness matrix of one material."""
     from scipy.sparse import bsr_matrix  # with all it brings: a tenth of a second
 
     matrix = np.asarray(elasticity, dtype=np.float64)
@@ -225,28 +135,7 @@ def stiffness(assembly: Assembly, elasticity: ArrayLike) -> csr_matrix:
 
 
 def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix:
-    """Return the mass matrix.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The mesh, from `assemble`.
-    density : float
-        ρ > 0 [kg/m³].
-    lumped : bool
-        All mass on the diagonal. Frequencies then come from below where the consistent mass
-        brings them from above.
-
-    Returns
-    -------
-    scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        M = Σ ∫ ρ Nᵀ N [kg], rows as in `stiffness`.
-
-    Raises
-    ------
-    InputError
-        If the density is not positive.
-    """
+    """Return the mass matrix."""
     import scipy.sparse as sp  # with all it brings: a tenth of a second
 
     _check_density(density)
@@ -260,31 +149,7 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
 def stiffness_and_mass(
     points: ArrayLike, tetrahedra: ArrayLike, elasticity: ArrayLike, density: float
 ) -> tuple[csr_matrix, csr_matrix]:
-    """Return K and consistent M of a mesh of tetrahedra.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron, of either orientation.
-    elasticity : array_like of float, shape (6, 6)
-        Elasticity matrix [Pa], see `isotropic`.
-    density : float
-        ρ > 0 [kg/m³].
-
-    Returns
-    -------
-    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        K [N/m] and consistent M [kg]; component c of vertex v is row 3 v + c.
-
-    Raises
-    ------
-    GeometryError
-        As `volumes` does.
-    InputError
-        If the elasticity matrix or the density is refused.
-    """
+    """Return K and consistent M of a mesh of tetrahedra."""
     assembly = assemble(points, tetrahedra)
     return stiffness(assembly, elasticity), mass(assembly, density)
 

@@ -26,37 +26,19 @@ EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
 
 
 class Element(NamedTuple):
-    """A tetrahedron of n nodes, of unit volume.
+    """A tetrahedron of n nodes, of unit volume."""
 
-    Parameters
-    ----------
-    products : ndarray of float64, shape (n, n)
-        ∫ N_a N_b / V.
-    slopes : ndarray of float64, shape (4, 4, n, n)
-        ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
-    lumps : ndarray of float64, shape (n,)
-        Each node's share of a lumped mass: the diagonal of the consistent one, scaled to the
-        mass. Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976) 245.
-    """
-
+    #: (n, n) ∫ N_a N_b / V.
     products: FloatArray
+    #: (4, 4, n, n) ∫ ∂N_a/∂L_i ∂N_b/∂L_j / V, axes i, j, a, b.
     slopes: FloatArray
+    #: (n,) Each node's share of a lumped mass: the diagonal of the consistent one, scaled to the
+    #: mass. Source: Hinton, Rock and Zienkiewicz, Earthquake Eng. Struct. Dyn. 4 (1976) 245.
     lumps: FloatArray
 
 
 def element(nodes: int) -> Element:
-    """Return the reference tetrahedron with a number of nodes.
-
-    Parameters
-    ----------
-    nodes : int
-        4 or 10, corners first, then the midpoints of `EDGES`.
-
-    Returns
-    -------
-    Element
-        Its integrals.
-    """
+    """Return the reference tetrahedron with a number of nodes."""
     return _ELEMENTS[nodes]
 
 

@@ -136,10 +136,8 @@ class Account:
     def _work(
         self, begins: FloatArray, ends: FloatArray, firsts: FloatArray, lasts: FloatArray
     ) -> FloatArray:
-        """Return the work of the loads over spans in which no piece starts, (p,).
-
-        The states at their ends, (p, 2, n), are those before a jump that happens there.
-        """
+        """Return the work of the loads over spans in which no piece starts, (p,)."""
+        # The states at their ends, (p, 2, n), are those before a jump that happens there.
         motion = self._motion
         shape = len(begins), len(motion.stiffness)
         load, slope = np.zeros(shape), np.zeros(shape)

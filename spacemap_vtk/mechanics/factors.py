@@ -27,46 +27,18 @@ _TOO_LARGE = ("CholmodOutOfMemoryError", "CholmodTooLargeError", "CholmodOverflo
 
 
 class Factors(NamedTuple):
-    """A factorised matrix.
+    """A factorised matrix."""
 
-    Parameters
-    ----------
-    solve : callable
-        Maps right-hand sides (N, m) to solutions (N, m).
-    library : str
-        Who made the factors.
-    """
-
+    #: Maps right-hand sides (N, m) to solutions (N, m).
     solve: Solve
+    #: Who made the factors.
     library: str
 
 
 def factorise(
     matrix: sp.csr_matrix, analysis: Callable[[], Analysis], progress: Progress | None = None
 ) -> Factors:
-    """Factorise a matrix.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse.csr_matrix of float64, shape (N, N)
-        Symmetric and positive definite.
-    analysis : callable
-        Returns the analysis of its pattern, where that is needed.
-    progress : callable, optional
-        Called with a fraction from 0 to 1; may raise.
-
-    Returns
-    -------
-    Factors
-        What solves with it.
-
-    Raises
-    ------
-    SizeError
-        If the factors do not fit into memory.
-    SolverError
-        If the matrix is not positive definite.
-    """
+    """Factorise a matrix."""
     for library in (_cholmod, _pardiso):
         try:
             return Factors(library(matrix), library.__name__.strip("_"))

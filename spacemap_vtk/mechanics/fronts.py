@@ -28,41 +28,19 @@ _ZEROS = ((4, 0.8), (16, 0.25), (48, 0.1), (1 << 60, 0.05))
 
 @dataclass
 class Front:
-    """A run of vertices that are eliminated together.
+    """A run of vertices that are eliminated together."""
 
-    Parameters
-    ----------
-    first, last : int
-        The run: first <= vertex < last.
-    border : ndarray of int64, shape (b,)
-        The later vertices that the run is coupled with, ascending.
-    children : list of int
-        Fronts whose parent this is.
-    """
-
+    #: The run: first <= vertex < last.
     first: int
     last: int
+    #: (b,) The later vertices that the run is coupled with, ascending.
     border: IntArray
+    #: Fronts whose parent this is.
     children: list[int] = field(default_factory=list)
 
 
 def fronts(graph: sp.csr_matrix, order: IntArray) -> tuple[list[Front], IntArray]:
-    """Return the fronts of an elimination.
-
-    Parameters
-    ----------
-    graph : scipy.sparse.csr_matrix, shape (n, n)
-        Symmetric pattern without diagonal.
-    order : ndarray of int64, shape (n,)
-        Vertices, the first to be eliminated first.
-
-    Returns
-    -------
-    fronts : list of Front
-        Children before parents; vertices are counted in the order below.
-    order : ndarray of int64, shape (n,)
-        The given order, changed so that each subtree is a run, which fills no more.
-    """
+    """Return the fronts of an elimination."""
     parent = _tree(graph[order][:, order])
     post = _postorder(parent)
     place = np.empty_like(post)

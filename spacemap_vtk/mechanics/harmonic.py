@@ -34,22 +34,7 @@ class Forced(NamedTuple):
 def from_rest(
     stiffness: FloatArray, half: FloatArray, omega: float, time: FloatArray | float
 ) -> Forced:
-    """Return the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest.
-
-    Parameters
-    ----------
-    stiffness, half : ndarray of float64
-        λ ≥ 0 [1/s²] and h ≥ 0 [1/s].
-    omega : float
-        Ω > 0 [rad/s].
-    time : ndarray of float64 or float
-        t ≥ 0 [s]; broadcasts against the others.
-
-    Returns
-    -------
-    Forced
-        Response and rate at t.
-    """
+    """Return the response of q̈ + 2h q̇ + λ q = e^{iΩt} from rest."""
     spring, h, t = np.broadcast_arrays(stiffness, half, time)
     p = 1j * omega
     root = np.sqrt(spring)

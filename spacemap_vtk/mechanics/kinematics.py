@@ -114,28 +114,10 @@ _CHUNK = 4096
 def strain_products(
     points: FloatArray, cells: NDArray[np.int64], elasticity: FloatArray, fields: FloatArray
 ) -> FloatArray:
-    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε.
-
-    That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is the
-    small difference of large forces; here, where only displacements within a tetrahedron are
-    subtracted, it is a sum of positive terms, with twice as many digits.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    cells : ndarray of int64, shape (T, 4) or (T, 10)
-        Linear or quadratic tetrahedra with straight edges.
-    elasticity : ndarray of float64, shape (6, 6)
-        Elasticity matrix C [Pa].
-    fields : ndarray of float64, shape (n, V, 3)
-        Displacements [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, n)
-        In J; the diagonal is twice the strain energies.
-    """
+    """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε."""
+    # That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is
+    # the small difference of large forces; here, where only displacements within a tetrahedron are
+    # subtracted, it is a sum of positive terms, with twice as many digits.
     gradients, volume = barycentric_gradients(points, cells)
     linear = cells.shape[1] == 4
     slopes = np.eye(4)[None] if linear else shape_slopes(_SAMPLES)

@@ -106,42 +106,12 @@ def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
 
 
 def pressure(count: int, where: Wall, value: float) -> FloatArray:
-    """Return the forces of a pressure on a wall.
-
-    Parameters
-    ----------
-    count : int
-        Number of vertices V.
-    where : Wall
-        Where it acts.
-    value : float
-        Pressure [Pa]; a positive one pushes into the body.
-
-    Returns
-    -------
-    ndarray of float64, shape (V, 3)
-        Forces [N].
-    """
+    """Return the forces of a pressure on a wall."""
     return traction(count, where, -value * where.normal)
 
 
 def at_vertex(points: FloatArray, place: ArrayLike, force: ArrayLike) -> FloatArray:
-    """Return a force on the vertex nearest to a place.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    place : array_like of float, shape (3,)
-        Where [m].
-    force : array_like of float, shape (3,)
-        In N.
-
-    Returns
-    -------
-    ndarray of float64, shape (V, 3)
-        Zero on all vertices but one.
-    """
+    """Return a force on the vertex nearest to a place."""
     result = np.zeros_like(points)
     result[nearest(points, place)] = force
     return result

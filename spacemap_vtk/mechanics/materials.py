@@ -185,22 +185,7 @@ def volume_ratio(matrix: FloatArray) -> float:
 
 
 def check_sizes(key: str, values: float | list[float], unit: str) -> None:
-    """Refuse constants so large or small that float64 cannot hold what follows from them.
-
-    Parameters
-    ----------
-    key : str
-        Name of the parameter.
-    values : float or list of float
-        Positive.
-    unit : str
-        Of the values.
-
-    Raises
-    ------
-    InputError
-        If one of them lies outside `SIZES`.
-    """
+    """Refuse constants so large or small that float64 cannot hold what follows from them."""
     if not (np.min(values) >= SIZES[0] and np.max(values) <= SIZES[1]):
         raise InputError(
             "too large or too small to calculate with",

@@ -46,78 +46,43 @@ THINNEST, THICKEST = 1e-9, 1e9
 
 
 class Solid(NamedTuple):
-    """Constants of an orthotropic solid along the axes of a fabric.
+    """Constants of an orthotropic solid along the axes of a fabric."""
 
-    Parameters
-    ----------
-    youngs_moduli : tuple of 3 float
-        E1 (warp), E2 (weft), E3 (normal) [Pa].
-    shear_moduli : tuple of 3 float
-        G12, G13, G23 [Pa].
-    poissons_ratios : tuple of 3 float
-        ν12, ν13, ν23.
-    density : float
-        In kg/m³.
-    """
-
+    #: E1 (warp), E2 (weft), E3 (normal) [Pa].
     youngs_moduli: tuple[float, float, float]
+    #: G12, G13, G23 [Pa].
     shear_moduli: tuple[float, float, float]
+    #: ν12, ν13, ν23.
     poissons_ratios: tuple[float, float, float]
+    #: In kg/m³.
     density: float
 
 
 class MeasuredFabric(NamedTuple):
-    """What was measured of a fabric.
+    """What was measured of a fabric."""
 
-    Parameters
-    ----------
-    sample : str
-        Its name in the source.
-    use : str
-        What it is sold for, and its fibres.
-    areal_mass : float
-        In kg/m².
-    stiffness : tuple of 4 float
-        C11, C12, C22, C33 [N/m].
-    bending : tuple of 3 float
-        Bending stiffness along direction 1, the bias and direction 2 at small curvature [N m].
-    """
-
+    #: Its name in the source.
     sample: str
+    #: What it is sold for, and its fibres.
     use: str
+    #: In kg/m².
     areal_mass: float
+    #: C11, C12, C22, C33 [N/m].
     stiffness: tuple[float, float, float, float]
+    #: Bending stiffness along direction 1, the bias and direction 2 at small curvature [N m].
     bending: tuple[float, float, float]
 
     @property
     def plate(self) -> float:
-        """The thickness [m] at which a plate that stretches as the fabric bends as it, too.
-
-        A plate of stiffness A per width has the bending stiffness A h²/12. Of warp and weft the
-        geometric means are taken.
-        """
+        """The thickness [m] at which a plate that stretches as the fabric bends as it, too."""
+        # A plate of stiffness A per width has the bending stiffness A h²/12. Of warp and weft the
+        # geometric means are taken.
         c11, _, c22, _ = self.stiffness
         along, _, across = self.bending
         return math.sqrt(12 * math.sqrt(along * across / (c11 * c22)))
 
     def solid(self, thickness: float) -> Solid:
-        """Return the solid that is the fabric when it is as thick as given.
-
-        Parameters
-        ----------
-        thickness : float
-            In m.
-
-        Returns
-        -------
-        Solid
-            Whose plane stress is that of the measured sheet.
-
-        Raises
-        ------
-        InputError
-            If there is no thickness, or none that a cage could have.
-        """
+        """Return the solid that is the fabric when it is as thick as given."""
         if not THINNEST <= thickness <= THICKEST:
             raise InputError(
                 "a fabric's constants are spread over a thickness",

@@ -271,10 +271,8 @@ class Motion:
 
 
 def _jump_of(function: TimeFunction, time: float, held: bool) -> tuple[float, float]:
-    """Return by how much a function and its slope jump at a time.
-
-    A base that is held where its function starts does not jump there, it only sets off.
-    """
+    """Return by how much a function and its slope jump at a time."""
+    # A base that is held where its function starts does not jump there, it only sets off.
     if isinstance(function, Sine):
         if time > 0.0 or function.steady:
             return 0.0, 0.0

@@ -34,15 +34,7 @@ PANEL = 384
 
 
 class Analysis:
-    """The fronts of a sparse symmetric pattern.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse.csr_matrix, shape (N, N)
-        Of symmetric pattern.
-    vertices : ndarray of int64, shape (N,)
-        The vertex of each row: the graph of these is nine times smaller than that of the rows.
-    """
+    """The fronts of a sparse symmetric pattern."""
 
     def __init__(self, matrix: sp.csr_matrix, vertices: IntArray) -> None:
         node = np.unique(vertices, return_inverse=True)[1].ravel()
@@ -82,22 +74,7 @@ class Analysis:
     def assembled(
         self, matrix: sp.csr_matrix, left: list[FloatArray | None]
     ) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray]]:
-        """Yield each front, with what its children have left added in.
-
-        Parameters
-        ----------
-        matrix : scipy.sparse.csr_matrix of float64, shape (N, N)
-            The matrix, of the pattern given.
-        left : list
-            What each front leaves on its border: to be set by the caller, taken from here.
-
-        Yields
-        ------
-        number : int
-            Of the front.
-        pivot, side, rest : ndarray of float64, shapes (w, w), (b, w) and (b, b)
-            Its blocks, of which the upper triangles hold nothing.
-        """
+        """Yield each front, with what its children have left added in."""
         lower = sp.tril(matrix[self.order][:, self.order], format="csc")
         starts, rows, values = lower.indptr, lower.indices, lower.data
         place = np.empty(matrix.shape[0], np.int64)
@@ -127,24 +104,7 @@ class Analysis:
 
 
 class Cholesky:
-    """The factors of a sparse, symmetric, positive definite matrix.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse.csr_matrix of float64, shape (N, N)
-        The matrix.
-    analysis : Analysis
-        Of its pattern.
-    progress : callable, optional
-        Called with a fraction from 0 to 1; may raise.
-
-    Raises
-    ------
-    SizeError
-        If the factors do not fit into memory.
-    SolverError
-        If the matrix is not positive definite.
-    """
+    """The factors of a sparse, symmetric, positive definite matrix."""
 
     def __init__(
         self, matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
@@ -174,18 +134,7 @@ class Cholesky:
                 progress(float(share[number]))
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Solve for many right-hand sides at once.
-
-        Parameters
-        ----------
-        right : ndarray of float64, shape (N, m)
-            Right-hand sides.
-
-        Returns
-        -------
-        ndarray of float64, shape (N, m)
-            Solutions.
-        """
+        """Solve for many right-hand sides at once."""
         analysis = self._analysis
         x = np.ascontiguousarray(right[analysis.order])
         for (first, last), border, (triangle, side) in zip(
@@ -210,30 +159,9 @@ class Cholesky:
 def negative_eigenvalues(
     matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
 ) -> int:
-    """Count the negative eigenvalues of a sparse symmetric matrix.
-
-    By Sylvester's law of inertia they are those of the pivots, whatever congruence leads there.
-    Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse.csr_matrix of float64, shape (N, N)
-        Of any definiteness.
-    analysis : Analysis
-        Of its pattern.
-    progress : callable, optional
-        Called with a fraction from 0 to 1; may raise.
-
-    Returns
-    -------
-    int
-        The count.
-
-    Raises
-    ------
-    SolverError
-        If a front is singular.
-    """
+    """Count the negative eigenvalues of a sparse symmetric matrix."""
+    # By Sylvester's law of inertia they are those of the pivots, whatever congruence leads there.
+    # Bunch and Kaufman's pivoting is confined to a panel of a front; no factors are kept.
     left: list[FloatArray | None] = [None] * len(analysis.runs)
     count, share = 0, np.append(0.0, analysis.work)
     for number, pivot, side, rest in analysis.assembled(matrix, left):

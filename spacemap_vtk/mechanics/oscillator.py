@@ -65,38 +65,7 @@ class Kernels(NamedTuple):
 def oscillate(
     eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, time: ArrayLike
 ) -> Oscillation:
-    """Return the responses of q̈ + (α + βλ) q̇ + λ q = w.
-
-    Parameters
-    ----------
-    eigenvalues : array_like of float, shape (n,)
-        λ ≥ 0 [1/s²].
-    alpha : array_like of float
-        Mass-proportional damping α ≥ 0 [1/s]; one for all, or one for each mode (with β = 0, a
-        damping ratio ζ of its own is α = 2ζ√λ).
-    beta : array_like of float
-        Stiffness-proportional damping β ≥ 0 [s].
-    time : array_like of float
-        t ≥ 0 [s]. All four broadcast against each other.
-
-    Returns
-    -------
-    Oscillation
-        Free, impulse and step responses and rates. Rounding is of the order of 1e-16 (1 + √λ t)
-        of the largest value each could take: the phase of an undamped oscillation is no better
-        known.
-
-    Raises
-    ------
-    InputError
-        If a value is negative or not finite.
-
-    Examples
-    --------
-    >>> response = oscillate([4.0], 0.0, 0.0, np.pi / 2)  # half a period of ω = 2
-    >>> response.free.round(12), response.step.round(12)
-    (array([-1.]), array([0.5]))
-    """
+    """Return the responses of q̈ + (α + βλ) q̇ + λ q = w."""
     stiffness, a, b, t = _checked_all(
         (eigenvalues, alpha, beta, time), ("eigenvalues", "alpha", "beta", "time")
     )
@@ -104,22 +73,7 @@ def oscillate(
 
 
 def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -> Kernels:
-    """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked.
-
-    Parameters
-    ----------
-    stiffness : ndarray of float64
-        λ ≥ 0 [1/s²].
-    half : ndarray of float64
-        h ≥ 0 [1/s].
-    time : ndarray of float64 or float
-        t ≥ 0 [s]; the three broadcast against each other.
-
-    Returns
-    -------
-    Kernels
-        Responses at t.
-    """
+    """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
     spring, h, t = np.broadcast_arrays(stiffness, half, time)
     over = h > np.sqrt(spring)
     if over.all():
@@ -249,11 +203,9 @@ def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels
 def _early(
     phase: FloatArray, h: FloatArray, stiffness: FloatArray, t: FloatArray, late: list[FloatArray]
 ) -> FloatArray:
-    """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small.
-
-    Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on
-    T[k+1] (k + 1) k = -2h t k T[k] - λ t² T[k-1].
-    """
+    """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small."""
+    # Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on T[k+1] (k + 1) k = -2h t
+    # k T[k] - λ t² T[k-1].
     result = np.stack(late)
     early = phase <= SHORT
     if early.any():

@@ -40,17 +40,7 @@ _ROUNDING = 2.0**-53
 
 
 class Component:
-    """A connected part of a mesh.
-
-    Parameters
-    ----------
-    rows : ndarray of int64, shape (n,)
-        Its displacements among the free ones.
-    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (n, n)
-        Its K and M.
-    vertices : ndarray of int64, shape (n,)
-        The vertex of each displacement.
-    """
+    """A connected part of a mesh."""
 
     def __init__(
         self,
@@ -76,15 +66,8 @@ class Component:
         return lanczos.shift(self.stiffness, self.mass)
 
     def lower_shift(self) -> bool:
-        """Bring σ nearer to zero, for modes that do not converge.
-
-        A free, very thin sheet bends so far below σ that its modes look alike from there.
-
-        Returns
-        -------
-        bool
-            Whether there was anything left to lower.
-        """
+        """Bring σ nearer to zero, for modes that do not converge."""
+        # A free, very thin sheet bends so far below σ that its modes look alike from there.
         least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).max())
         lower = max(1e-6 * self.shift, least)
         if lower >= 0.5 * self.shift:
@@ -103,25 +86,7 @@ class Component:
         return self.factorised(None)
 
     def factorised(self, progress: Callable[[float], object] | None) -> Factors:
-        """Return the factors, and report while they are made.
-
-        Parameters
-        ----------
-        progress : callable or None
-            Called with a fraction from 0 to 1; may raise.
-
-        Returns
-        -------
-        Factors
-            Of K + σM.
-
-        Raises
-        ------
-        SizeError
-            If they do not fit into memory.
-        SolverError
-            If K has no positive diagonal, or K + σM is not positive definite.
-        """
+        """Return the factors, and report while they are made."""
         if self._factors is None:
             matrix = self.stiffness + self.shift * self.mass
             if progress is not None:
@@ -131,25 +96,7 @@ class Component:
 
 
 class Pencil:
-    """K and M on what is free.
-
-    Parameters
-    ----------
-    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (3V, 3V)
-        K and M; component c of vertex v is row 3 v + c.
-    free : array_like of bool, shape (3V,)
-        Which components can move.
-    points : ndarray of float64, shape (V, 3), optional
-        Vertices [m], for rigid motions.
-    strain_products : callable, optional
-        Maps n displacement fields, shape (n, V, 3), to the products with K of each two of them,
-        with more digits than K itself has.
-
-    Raises
-    ------
-    InputError
-        If the shapes do not fit, nothing is free, or a free component has no mass.
-    """
+    """K and M on what is free."""
 
     def __init__(
         self,
@@ -201,25 +148,7 @@ class Pencil:
         return np.concatenate(blocks, axis=1)
 
     def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does.
-
-        Parameters
-        ----------
-        forces : ndarray of float64, shape (N, m)
-            Right-hand sides.
-
-        Returns
-        -------
-        displacements : ndarray of float64, shape (N, m)
-            Solutions of K u = f.
-        rounding : ndarray of float64, shape (m,)
-            The share of each that is rounding, in energy's norm.
-
-        Raises
-        ------
-        SolverError
-            If one of them is nothing but rounding.
-        """
+        """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does."""
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
         with threads.one():
             rigid = self.rigid
@@ -231,26 +160,9 @@ class Pencil:
         return result, rounding
 
     def motions(self, component: Component) -> FloatArray:
-        """Return what of the six rigid motions moves nothing that is held.
-
-        That is seen from the vertices alone. The energy of such a motion would not tell: that of a
-        thin clamped sheet that turns about its edge is rounding in K.
-
-        Parameters
-        ----------
-        component : Component
-            One of `components`.
-
-        Returns
-        -------
-        ndarray of float64, shape (n, r)
-            Motions of the component, mass-normalised.
-
-        Raises
-        ------
-        InputError
-            If the vertices are unknown.
-        """
+        """Return what of the six rigid motions moves nothing that is held."""
+        # That is seen from the vertices alone. The energy of such a motion would not tell: that of
+        # a thin clamped sheet that turns about its edge is rounding in K.
         if self.points is None:
             raise InputError("rigid motions need the vertices", key="points")
         free = self.where[component.rows]
@@ -285,11 +197,9 @@ class Pencil:
 def _solved(
     component: Component, forces: FloatArray, rigid: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return static displacements, (n, m), and the share of each that is rounding, (m,).
-
-    The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with the
-    bending of a thin sheet, for which K is factorised again, closer to zero.
-    """
+    """Return static displacements, (n, m), and the share of each that is rounding, (m,)."""
+    # The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with
+    # the bending of a thin sheet, for which K is factorised again, closer to zero.
     solve = component.factors.solve
     u, settled = _conjugate_gradients(component, solve, forces, rigid)
     if not settled:
@@ -335,11 +245,9 @@ def _near_zero(component: Component) -> Factors:
 def _conjugate_gradients(
     component: Component, solve: Solve, forces: FloatArray, rigid: FloatArray
 ) -> tuple[FloatArray, bool]:
-    """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled.
-
-    With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful of
-    steps do. Columns are worked on side by side.
-    """
+    """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled."""
+    # With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful
+    # of steps do. Columns are worked on side by side.
     stiffness = component.stiffness
     pushed = component.mass @ rigid
     residual = forces - pushed @ (rigid.T @ forces)

@@ -21,24 +21,7 @@ CHUNK = 2_000_000
 def propagate(
     kernel: Kernels, stiffness: FloatArray, state: FloatArray, load: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Return the state of oscillators after a while under a load that is linear in time.
-
-    Parameters
-    ----------
-    kernel : Kernels
-        For the while, of shape (n,).
-    stiffness : ndarray of float64, shape (n,)
-        λ [1/s²].
-    state : ndarray of float64, shape (2, n)
-        q and q̇ at the start.
-    load, slope : ndarray of float64, shape (n,)
-        The load at the start, and its change with time.
-
-    Returns
-    -------
-    ndarray of float64, shape (2, n)
-        q and q̇ at the end.
-    """
+    """Return the state of oscillators after a while under a load that is linear in time."""
     q, rate = state
     return np.stack(
         [
@@ -53,23 +36,7 @@ def propagate(
 
 
 class Linear:
-    """Motion of oscillators under piecewise linear loads that act together.
-
-    Parameters
-    ----------
-    stiffness, half : ndarray of float64, shape (n,)
-        λ [1/s²] and h [1/s].
-    times : ndarray of float64, shape (k,)
-        Start of each piece [s]; the first is 0.
-    values, slopes : ndarray of float64, shape (k, m)
-        Of m factors, at the start of and along each piece.
-    gains : ndarray of float64, shape (m, n)
-        Load on each mode for a factor of one.
-    jumps : ndarray of float64, shape (k, 2, n)
-        By what the state jumps as each piece starts.
-    start : ndarray of float64, shape (2, n)
-        State at t = 0, before the first jump.
-    """
+    """Motion of oscillators under piecewise linear loads that act together."""
 
     def __init__(
         self,
@@ -99,18 +66,7 @@ class Linear:
         return self._values[k] @ self._gains, self._slopes[k] @ self._gains
 
     def at(self, time: float) -> FloatArray:
-        """Return the state at a time, after a jump that happens just then.
-
-        Parameters
-        ----------
-        time : float
-            In s, at least 0.
-
-        Returns
-        -------
-        ndarray of float64, shape (2, n)
-            q and q̇.
-        """
+        """Return the state at a time, after a jump that happens just then."""
         k = int(np.searchsorted(self._times, time, side="right")) - 1
         if time == self._times[k]:
             return self._starts[k]
@@ -119,25 +75,7 @@ class Linear:
 
 
 class Repeated:
-    """Motion of oscillators, from rest, under one periodic load.
-
-    Parameters
-    ----------
-    stiffness, half : ndarray of float64, shape (n,)
-        λ [1/s²] and h [1/s].
-    function : Pieces
-        With a period.
-    gain : ndarray of float64, shape (n,)
-        Load on each mode for a factor of one; zeros where only the state jumps.
-    jumps : ndarray of float64, shape (k + 1, 2, n)
-        By what the state jumps at the very start, as each further piece starts, and as the period
-        starts anew.
-
-    Raises
-    ------
-    InputError
-        If it shall be steady, and a mode without damping is driven at its own frequency.
-    """
+    """Motion of oscillators, from rest, under one periodic load."""
 
     def __init__(
         self,
@@ -161,18 +99,7 @@ class Repeated:
         self._first = self._steady_state() if function.steady else jumps[0]
 
     def at(self, time: float) -> FloatArray:
-        """Return the state at a time, after a jump that happens just then.
-
-        Parameters
-        ----------
-        time : float
-            In s, at least 0.
-
-        Returns
-        -------
-        ndarray of float64, shape (2, n)
-            q and q̇.
-        """
+        """Return the state at a time, after a jump that happens just then."""
         count, rest = self._function.phase(time)
         state = self._first
         level = 0

@@ -90,28 +90,10 @@ def residual_modes(
 def movable_mass(
     assembly: Assembly, density: float, lumped: bool, free: NDArray[np.bool_]
 ) -> FloatArray:
-    """Return the mass that a uniform acceleration along each axis can set in motion.
-
-    It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M r
-    being the inertia forces. With a consistent mass matrix it is less than the whole by what the
-    supports carry.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The mesh, from `spacemap_vtk.mechanics.elasticity.assemble`.
-    density : float
-        ρ [kg/m³].
-    lumped : bool
-        Lumped in place of consistent mass.
-    free : ndarray of bool, shape (3V,)
-        Which components can move.
-
-    Returns
-    -------
-    ndarray of float64, shape (3,)
-        Along x, y and z [kg].
-    """
+    """Return the mass that a uniform acceleration along each axis can set in motion."""
+    # It is what the effective masses of all modes sum to: bᵀ M⁻¹ b over the free components, b = M
+    # r being the inertia forces. With a consistent mass matrix it is less than the whole by what
+    # the supports carry.
     # The matrix is the same along each axis, and joins none of them: one row a vertex is enough,
     # and its products need no scipy.
     count = len(assembly.lumps)

@@ -40,23 +40,15 @@ Masks = Callable[[str], NDArray[np.generic]]
 
 
 class Support(NamedTuple):
-    """A place, and the components held there.
+    """A place, and the components held there."""
 
-    Parameters
-    ----------
-    place : str
-        A side, ``"box"``, ``"sphere"`` or ``"mask"``.
-    numbers : tuple of float
-        Of a box (6) or sphere (4), in m.
-    name : str
-        Of a mask.
-    components : str
-        In the order "xyz".
-    """
-
+    #: A side, ``"box"``, ``"sphere"`` or ``"mask"``.
     place: str
+    #: Of a box (6) or sphere (4), in m.
     numbers: tuple[float, ...]
+    #: Of a mask.
     name: str
+    #: In the order "xyz".
     components: str
 
     def __str__(self) -> str:

@@ -20,54 +20,13 @@ STRAIGHT = 1e-6
 
 
 def volumes(points: ArrayLike, tetrahedra: ArrayLike) -> FloatArray:
-    """Return the volume of each tetrahedron, of either orientation.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron; of a quadratic one its corners, then the midpoints of
-        `spacemap_vtk.mechanics.elements.EDGES`.
-
-    Returns
-    -------
-    ndarray of float64, shape (T,)
-        Volumes [m³]: |det| / 6, equation (9) of Furukawa et al. with the absolute value it lacks.
-
-    Raises
-    ------
-    GeometryError
-        If a coordinate is not finite, a vertex does not exist, or a tetrahedron is flat.
-    """
+    """Return the volume of each tetrahedron, of either orientation."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     return edges_and_volumes(points, tetrahedra)[1]
 
 
 def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[FloatArray, IntArray]:
-    """Return the mesh as float64 and int64 arrays, or say what is wrong with it.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    tetrahedra : array_like of int, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron; of a quadratic one its corners, then the midpoints of
-        `spacemap_vtk.mechanics.elements.EDGES`.
-
-    Returns
-    -------
-    points : ndarray of float64, shape (V, 3)
-        The vertices.
-    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
-        The tetrahedra, at least one.
-
-    Raises
-    ------
-    GeometryError
-        If a shape or type is wrong, a coordinate is not finite, a vertex does not exist, or a
-        quadratic tetrahedron is curved.
-    """
+    """Return the mesh as float64 and int64 arrays, or say what is wrong with it."""
     vertices = np.asarray(points, dtype=np.float64)
     cells = np.asarray(tetrahedra)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -98,27 +57,7 @@ def checked_mesh(points: ArrayLike, tetrahedra: ArrayLike) -> tuple[FloatArray, 
 
 
 def edges_and_volumes(points: FloatArray, tetrahedra: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return what the shape functions of each tetrahedron are made of.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
-        Vertices of each tetrahedron.
-
-    Returns
-    -------
-    edges : ndarray of float64, shape (T, 3, 3)
-        The three edges that leave the first vertex [m].
-    volumes : ndarray of float64, shape (T,)
-        Volumes [m³], positive for either orientation.
-
-    Raises
-    ------
-    GeometryError
-        If a tetrahedron is flat.
-    """
+    """Return what the shape functions of each tetrahedron are made of."""
     corners = points[tetrahedra[:, :4]]
     edges = corners[:, 1:] - corners[:, :1]
     six_volumes = np.abs(np.einsum("tk,tk->t", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))

@@ -18,30 +18,13 @@ _MANY = 1e9
 
 
 def one() -> AbstractContextManager[Any]:
-    """Return a context in which dense algebra is done by the calling thread.
-
-    Returns
-    -------
-    context manager
-        Does nothing where threadpoolctl is not installed.
-    """
+    """Return a context in which dense algebra is done by the calling thread."""
     pools = _pools()
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
 def several(work: float) -> AbstractContextManager[Any]:
-    """Return a context, within that of `one`, in which a large block is shared among threads.
-
-    Parameters
-    ----------
-    work : float
-        Multiplications that `scipy.linalg` does in it: NumPy's own products stay with one thread.
-
-    Returns
-    -------
-    context manager
-        Does nothing for small blocks.
-    """
+    """Return a context, within that of `one`, in which a large block is shared among threads."""
     pools = _pools() if work > _MANY else None
     return nullcontext() if pools is None else _lifted(pools[1])
 

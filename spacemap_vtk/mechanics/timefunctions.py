@@ -19,11 +19,10 @@ FloatArray = NDArray[np.float64]
 
 
 class Pieces(NamedTuple):
-    """A piecewise linear function, with jumps or without.
+    """A piecewise linear function, with jumps or without."""
 
-    Before the first time it is zero; after the last its last piece goes on, or, with a period, it
-    repeats from the first time, which is then 0.
-    """
+    # Before the first time it is zero; after the last its last piece goes on, or, with a period, it
+    # repeats from the first time, which is then 0.
 
     times: FloatArray
     """(k,), ascending, the start of each piece [s]; the first is 0."""
@@ -37,21 +36,7 @@ class Pieces(NamedTuple):
     """Of a periodic function: it has been going on for ever."""
 
     def phase(self, time: float) -> tuple[int, float]:
-        """Return how many periods lie before a time, and the time since the last of them.
-
-        Parameters
-        ----------
-        time : float
-            In s, at least 0.
-
-        Returns
-        -------
-        count : int
-            0 without a period.
-        rest : float
-            In s. A time that rounding alone keeps from the start of a piece counts as its start:
-            3 periods of 0.1 s are 0.30000000000000004 s to some and 0.3 s to others.
-        """
+        """Return how many periods lie before a time, and the time since the last of them."""
         count, rest, slack = 0, time, 4e-16 * time
         if self.period is not None:
             rest = math.fmod(time, self.period)
@@ -65,18 +50,7 @@ class Pieces(NamedTuple):
         return count, rest
 
     def value(self, time: float) -> float:
-        """Return the factor at a time, after the jump if there is one.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-
-        Returns
-        -------
-        float
-            The factor.
-        """
+        """Return the factor at a time, after the jump if there is one."""
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
@@ -84,18 +58,7 @@ class Pieces(NamedTuple):
         return float(self.values[k] + self.slopes[k] * (time - self.times[k]))
 
     def slope(self, time: float) -> float:
-        """Return the rate of change at a time, after the jump if there is one.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-
-        Returns
-        -------
-        float
-            In 1/s.
-        """
+        """Return the rate of change at a time, after the jump if there is one."""
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
@@ -113,33 +76,11 @@ class Sine(NamedTuple):
     """It has been going on for ever, so that its response is steady from the first."""
 
     def value(self, time: float) -> float:
-        """Return the factor at a time.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-
-        Returns
-        -------
-        float
-            The factor; zero before t = 0 unless it is steady.
-        """
+        """Return the factor at a time."""
         return math.sin(self.omega * time + self.phase) if time >= 0.0 or self.steady else 0.0
 
     def slope(self, time: float) -> float:
-        """Return the rate of change at a time.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-
-        Returns
-        -------
-        float
-            In 1/s.
-        """
+        """Return the rate of change at a time."""
         rate = self.omega * math.cos(self.omega * time + self.phase)
         return rate if time >= 0.0 or self.steady else 0.0
 

@@ -14,14 +14,7 @@ PLUGIN = _HERE / "plugin.py"
 
 
 def variables() -> dict[str, str]:
-    """Return the environment that makes ParaView load the plugin at its start.
-
-    Returns
-    -------
-    dict of str to str
-        PYTHONPATH leads to the folder with the shim that ParaView 5.11 needs and to nothing else:
-        a virtual environment's packages would take the place of ParaView's own.
-    """
+    """Return the environment that makes ParaView load the plugin at its start."""
     return {
         "PYTHONPATH": str(_HERE / "startup"),
         "PV_PLUGIN_CONFIG_FILE": str(_HERE / "plugins.xml"),
@@ -29,31 +22,12 @@ def variables() -> dict[str, str]:
 
 
 def process_environment() -> dict[str, str]:
-    """Return this process's environment, changed so that ParaView loads the plugin.
-
-    Returns
-    -------
-    dict of str to str
-        For `subprocess.run`.
-    """
+    """Return this process's environment, changed so that ParaView loads the plugin."""
     return {**os.environ, **variables()}
 
 
 def check() -> str:
-    """Load the plugin in the installed ParaView and run its pipeline there.
-
-    Returns
-    -------
-    str
-        One line with versions and what the plugin offers.
-
-    Raises
-    ------
-    MissingLibraryError
-        If there is no ``pvpython``.
-    SpacemapError
-        If the plugin does not work there; the message has what ParaView printed.
-    """
+    """Load the plugin in the installed ParaView and run its pipeline there."""
     pvpython = shutil.which("pvpython")
     if pvpython is None:
         raise MissingLibraryError(

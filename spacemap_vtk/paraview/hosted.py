@@ -16,9 +16,9 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
+from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.base import Cancelled, Stage
-from spacemap_vtk.filters.processes import is_first
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.patches import arrays_to_points
@@ -46,22 +46,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
         in_info: tuple[vtkInformationVector, ...],
         out_info: vtkInformationVector,
     ) -> int:
-        """Answer a request; what goes wrong is said, and the last good output stays.
-
-        Parameters
-        ----------
-        request : vtkInformation
-            What is asked for.
-        in_info : tuple of vtkInformationVector
-            Of each input port.
-        out_info : vtkInformationVector
-            Of the output.
-
-        Returns
-        -------
-        int
-            1, or 0 where there is nothing good to hand on.
-        """
+        """Answer a request; what goes wrong is said, and the last good output stays."""
         if not self._observed:
             # ParaView has put an executive of its own in the place of the one that Stage watches.
             self._observed = True
@@ -100,15 +85,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
 
 
 def say(stage: Stage, error: BaseException | None) -> None:
-    """Show an error in the output window, which pvpython prints.
-
-    Parameters
-    ----------
-    stage : Stage
-        Where it happened.
-    error : BaseException
-        What happened.
-    """
+    """Show an error in the output window, which pvpython prints."""
     text = str(error) or type(error).__name__
     if not isinstance(error, SpacemapError):
         text = f"{type(error).__name__}: {text}"
@@ -118,22 +95,7 @@ def say(stage: Stage, error: BaseException | None) -> None:
 def hosted(
     stage: type[Stage], name: str | None = None, file: FileType | None = None
 ) -> type[Hosted]:
-    """Return a stage's class for ParaView.
-
-    Parameters
-    ----------
-    stage : type of Stage
-        With its declared parameters.
-    name : str, optional
-        Name of the new class; by default the stage's.
-    file : FileType, optional
-        Makes a reader of it.
-
-    Returns
-    -------
-    type of Hosted
-        With a setter for each parameter, and the XML under the name that ParaView looks for.
-    """
+    """Return a stage's class for ParaView."""
     name = name or stage.__name__
     setters = {command(p): _setter(p) for p in stage.parameters.values()}
     made = cast(

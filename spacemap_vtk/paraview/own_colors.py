@@ -20,11 +20,10 @@ _followed: set[int] = set()
 
 
 def show_colors() -> None:
-    """From now on set *Map Scalars* of each new representation, whenever its array changes.
-
-    It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
-    them, and ticked for others. What a user ticks by hand stays until the next choice of an array.
-    """
+    """From now on set *Map Scalars* of each new representation, whenever its array changes."""
+    # It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
+    # them, and ticked for others. What a user ticks by hand stays until the next choice of an
+    # array.
     try:
         from paraview.modules.vtkRemotingCore import vtkProcessModule
         from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
@@ -50,20 +49,7 @@ def _follow_new(manager: Any) -> None:
 
 
 def registered(session: Any, group: str) -> Iterator[Any]:
-    """Yield the proxies of a group.
-
-    Parameters
-    ----------
-    session : vtkSMSessionProxyManager
-        Of the connection.
-    group : str
-        Name of the group, as "views".
-
-    Yields
-    ------
-    vtkSMProxy
-        Each one.
-    """
+    """Yield the proxies of a group."""
     from paraview.modules.vtkRemotingServerManager import vtkSMProxyIterator
 
     iterator = vtkSMProxyIterator()

@@ -16,20 +16,13 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkDataSetAttributes
 
-from spacemap_vtk.filters.arrays import add_array, cell_types, cells_of
+from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of
 
 
 def arrays_to_points(data: Any) -> None:
-    """Move the cell arrays of Bézier patches to the points, where patches that share one agree.
-
-    Those of yarns do; `PatchTessellator` hands them to its polygons. An array in which neighbours
-    differ stays where it is.
-
-    Parameters
-    ----------
-    data : vtkDataObject
-        Changed if it is a grid of Bézier quadrilaterals and nothing else.
-    """
+    """Move the cell arrays of Bézier patches to the points, where patches that share one agree."""
+    # Those of yarns do; `PatchTessellator` hands them to its polygons. An array in which neighbours
+    # differ stays where it is.
     if not data.IsA("vtkUnstructuredGrid") or cell_types(data) != [VTK_BEZIER_QUADRILATERAL]:
         return
     cells, points = data.GetCellData(), data.GetPointData()

@@ -35,51 +35,17 @@ class Property(NamedTuple):
 
 
 def command(parameter: Parameter[Any]) -> str:
-    """Return the name of the method that sets a parameter.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        A declared parameter.
-
-    Returns
-    -------
-    str
-        In lower case, as no method of VTK's is.
-    """
+    """Return the name of the method that sets a parameter."""
     return f"set_{parameter.name}"
 
 
 def title(parameter: Parameter[Any]) -> str:
-    """Return a parameter's name in words, from which ParaView makes its name in Python too.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        A declared parameter.
-
-    Returns
-    -------
-    str
-        Each word with a capital, so that "warp diameter" is ``WarpDiameter`` in Python; no unit,
-        which would be a part of that name.
-    """
+    """Return a parameter's name in words, from which ParaView makes its name in Python too."""
     return " ".join(word[:1].upper() + word[1:] for word in parameter.name.split("_"))
 
 
 def property_of(parameter: Parameter[Any]) -> Property:
-    """Return a parameter's property.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        A declared parameter.
-
-    Returns
-    -------
-    Property
-        XML and reader.
-    """
+    """Return a parameter's property."""
     made = _kind_of(parameter)(parameter)
     made.xml.set("name", title(parameter).replace(" ", ""))
     made.xml.set("label", title(parameter))

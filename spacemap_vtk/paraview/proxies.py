@@ -26,24 +26,7 @@ class FileType(NamedTuple):
 
 
 def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None = None) -> str:
-    """Return the XML that makes a stage known to ParaView.
-
-    Parameters
-    ----------
-    stage : type of Stage
-        The class, with its declared parameters.
-    label : str
-        Its name in the menus; without the spaces, its name in Python.
-    path : str
-        Where ParaView's Python finds the class: module and name.
-    file : FileType, optional
-        Makes a reader of it.
-
-    Returns
-    -------
-    str
-        A ``ServerManagerConfiguration``.
-    """
+    """Return the XML that makes a stage known to ParaView."""
     root = Element("ServerManagerConfiguration")
     group = SubElement(root, "ProxyGroup", name="filters" if stage.inputs else "sources")
     proxy = SubElement(
@@ -83,19 +66,7 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
 
 
 def groups(parameters: dict[str, Parameter]) -> dict[str, list[Parameter]]:
-    """Return the parameters that are shown under a heading of their own.
-
-    Parameters
-    ----------
-    parameters : dict of str to Parameter
-        All of a stage.
-
-    Returns
-    -------
-    dict of str to list of Parameter
-        Those declared with a group; of the others, those whose names begin with the same word,
-        as all of the warp do, if they are three or more.
-    """
+    """Return the parameters that are shown under a heading of their own."""
     firsts = Counter(name.split("_")[0] for name, p in parameters.items() if not p.group)
     made: dict[str, list[Parameter]] = {}
     for name, parameter in parameters.items():

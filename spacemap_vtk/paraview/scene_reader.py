@@ -21,10 +21,9 @@ _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 
 
 class SceneReader(Stage):
-    """Read a scene file: its pipeline runs inside, at any time.
+    """Read a scene file: its pipeline runs inside, at any time."""
 
-    The time steps are the frames of the scene's film.
-    """
+    # The time steps are the frames of the scene's film.
 
     section = "scene"
     #: What `_request_data_object` makes is one; VTK would replace what is not.
@@ -42,13 +41,7 @@ class SceneReader(Stage):
 
     @property
     def scene(self) -> Scene:
-        """The scene; read again when the file has changed.
-
-        Raises
-        ------
-        SpacemapError
-            If no file is named, or the scene is refused.
-        """
+        """The scene; read again when the file has changed."""
         # Here and not above: where ParaView brings Python 3.10 there is no tomllib, and all but
         # scenes works.
         from spacemap_vtk.scenes.scene import Scene

@@ -14,10 +14,10 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
+from spacemap_vtk.datasets.outline import edge_faults, outline
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.triangles import FACES
-from spacemap_vtk.filters.arrays import points_of, tetrahedra_of
-from spacemap_vtk.filters.outline import edge_faults, outline
 from spacemap_vtk.scenes.scene import Scene
 
 #: Who knows the names of types of cells: another class since VTK 9.6.
@@ -25,35 +25,7 @@ _NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataM
 
 
 def body(scene: Scene) -> dict[str, Any]:
-    """Return the figures of a scene's object, and of its cage if it has one.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene with a section ``[object]``. No modes are solved.
-
-    Returns
-    -------
-    dict
-        - ``file``, ``type`` (VTK's name of the data set), ``points``, ``cells`` and ``cell_types``
-          (how many of each kind, by VTK's name);
-        - ``bounds``: lowest and highest corner; ``size``: the difference, in m;
-        - ``arrays``: a list of ``name``, ``on`` (``"points"`` or ``"cells"``), ``components``,
-          ``type``, and ``role`` (``"Normals"``, ``"TCoords"`` ... or None);
-        - ``triangles``, ``open_edges``, ``branching_edges``: of the surface, which is closed if
-          there are no such edges;
-        - ``picture``: width and height in pixels of what it is painted with, or None;
-        - ``cage``: None, or ``vertices``, ``tetrahedra``, ``quadratic``, ``volume`` (m³),
-          ``pieces`` (tetrahedra of each part that hangs together by faces, the largest first),
-          ``points_outside`` and ``largest_distance`` (m) of the object's points outside it;
-        - ``steps`` and ``time_range`` (s) of a motion out of a file, or None;
-        - ``warnings``: what was repaired or left out, and what else is to be known.
-
-    Raises
-    ------
-    InputError
-        If the object or the cage cannot be made.
-    """
+    """Return the figures of a scene's object, and of its cage if it has one."""
     scene.update_stage(scene.source)
     data, picture = scene.source.GetOutputDataObject(0), scene.object.picture
     places = points_of(data).astype(np.float64, copy=False)
@@ -107,23 +79,7 @@ def _cage(grid: vtkUnstructuredGrid, points: NDArray[np.float64]) -> dict[str, A
 
 
 def pieces(tetrahedra: NDArray[np.integer[Any]]) -> list[int]:
-    """Return how many tetrahedra each piece of a mesh has.
-
-    Parameters
-    ----------
-    tetrahedra : (T, 4) int
-        Vertex numbers.
-
-    Returns
-    -------
-    list of int
-        Of the parts that hang together by faces, the largest first.
-
-    Examples
-    --------
-    >>> pieces(np.array([[0, 1, 2, 3], [1, 2, 3, 4], [4, 5, 6, 7]]))
-    [2, 1]
-    """
+    """Return how many tetrahedra each piece of a mesh has."""
     from scipy.sparse import coo_matrix, csgraph  # with all it brings: a tenth of a second
 
     faces = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)

@@ -9,23 +9,15 @@ from typing import NamedTuple
 
 
 class Coloring(NamedTuple):
-    """A meaning of colours.
+    """A meaning of colours."""
 
-    Parameters
-    ----------
-    label : str
-        Words for people; the title of the scale.
-    unit : str
-        SI unit of the numbers.
-    carried : str
-        Array of the cage that must ride along for it.
-    weave, moves : bool
-        Whether it takes yarns; whether it takes a cage that moves.
-    """
-
+    #: Words for people; the title of the scale.
     label: str
+    #: SI unit of the numbers.
     unit: str = ""
+    #: Array of the cage that must ride along for it.
     carried: str = ""
+    #: Whether it takes yarns; whether it takes a cage that moves.
     weave: bool = False
     moves: bool = False
 

@@ -37,48 +37,13 @@ _MARGIN = 1.1
 
 
 def drawing_bytes(quads: int, points: int, pixels: int = 0, frames: int = 1) -> int:
-    """Return what drawing a surface takes, beside the surface itself.
-
-    Parameters
-    ----------
-    quads, points : int
-        Of the surface.
-    pixels : int, optional
-        Of the picture.
-    frames : int, optional
-        How many follow each other.
-
-    Returns
-    -------
-    int
-        Bytes.
-    """
+    """Return what drawing a surface takes, beside the surface itself."""
     queue = _QUEUE * (1.0 - exp(-quads / _QUEUE_QUADS)) * (_QUEUE_FILM if frames > 1 else 1.0)
     return round(_QUAD * quads + _POINT * points + _PIXEL * pixels + queue)
 
 
 def picture_bytes(scene: Scene, pixels: int, frames: int = 1) -> int:
-    """Return what it takes to draw the fabric of a scene, from the weave to the picture.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of a weave; it need not have run.
-    pixels : int
-        Of the picture.
-    frames : int, optional
-        More than one: while a frame is made, the last one is still there.
-
-    Returns
-    -------
-    int
-        Bytes.
-
-    Raises
-    ------
-    SpacemapError
-        As for `spacemap_vtk.filters.weave_source.WeaveSource.counts`.
-    """
+    """Return what it takes to draw the fabric of a scene, from the weave to the picture."""
     return _picture_bytes(scene, scene.weave.counts, scene.surface.subdivisions, pixels, frames)
 
 
@@ -107,20 +72,7 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
 
 
 def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
-    """Refuse a picture that would not fit into memory, before any is taken.
-
-    Parameters
-    ----------
-    scene : Scene
-        It need not have run. Of an object the size is known once it is read: it passes.
-    pixels, frames : int
-        As for `picture_bytes`.
-
-    Raises
-    ------
-    SizeError
-        If less is available; tells what would do.
-    """
+    """Refuse a picture that would not fit into memory, before any is taken."""
     if scene.source is not scene.weave:
         return
     now = scene.surface.subdivisions

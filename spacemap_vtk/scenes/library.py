@@ -8,47 +8,19 @@ from spacemap_vtk.errors import InputError
 
 
 def folder() -> Path:
-    """Return the folder of the scenes.
-
-    Returns
-    -------
-    Path
-        ``spacemap_vtk/library`` once installed, ``scenes`` in a checkout.
-    """
+    """Return the folder of the scenes."""
     package = Path(__file__).resolve().parents[1]
     installed = package / "library"
     return installed if installed.is_dir() else package.parent / "scenes"
 
 
 def names() -> list[str]:
-    """Return the names of the scenes.
-
-    Returns
-    -------
-    list of str
-        In alphabetical order, without ``.toml``.
-    """
+    """Return the names of the scenes."""
     return sorted(path.stem for path in folder().glob("*.toml"))
 
 
 def find(scene: str | Path) -> Path:
-    """Return the file that a user's word stands for.
-
-    Parameters
-    ----------
-    scene : str or Path
-        A path, or the name of a scene that comes with the program.
-
-    Returns
-    -------
-    Path
-        An existing file.
-
-    Raises
-    ------
-    InputError
-        If there is neither such a file nor such a scene.
-    """
+    """Return the file that a user's word stands for."""
     path = Path(scene)
     if path.is_file():
         return path

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import draft
-from spacemap_vtk.fabric.as_wif import loom_of
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.settle import dressed, settled_measures
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
-from spacemap_vtk.filters.arrays import array_of, points_of
 from spacemap_vtk.filters.cage_modes import CageModes
 from spacemap_vtk.filters.modal_model import rounding_of
+from spacemap_vtk.io.as_wif import loom_of
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
 
@@ -46,28 +46,7 @@ _NO_CRIMP = dict.fromkeys(
 
 
 def modes(scene: Scene) -> dict[str, Any]:
-    """Return the modes of a scene's cage.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene that moves.
-
-    Returns
-    -------
-    dict
-        ``vertices``, ``tetrahedra``, ``dof`` (int), ``mass`` (kg), ``movable_mass`` (kg along x, y
-        and z, the sum of the effective masses of all modes there are), ``alpha`` (1/s), ``beta``
-        (s); ``modes``: a list of ``eigenvalue`` (1/s²), ``frequency_hz``, ``damping_ratio``
-        (infinite or NaN for a rigid mode), ``regime``, ``digits`` (of the
-        eigenvalue, that rounding leaves), ``effective_mass`` (kg along x, y and z),
-        ``effective_mass_share`` and ``cumulative_mass_share`` (of the movable mass); ``warnings``.
-
-    Raises
-    ------
-    InputError
-        If the scene has no cage.
-    """
+    """Return the modes of a scene's cage."""
     if not scene.moves or scene.mover is not scene.response:
         missing, cure = "a motion out of a file", "Put [modal] in place of [motion]."
         if not scene.moves:
@@ -112,42 +91,7 @@ def modes(scene: Scene) -> dict[str, Any]:
 
 
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
-    """Return a fabric's figures.
-
-    Parameters
-    ----------
-    scene : Scene
-        Any scene.
-    time : float, optional
-        In s; the least clearance is told of the deformed fabric at that time, too.
-
-    Returns
-    -------
-    dict
-        What `spacemap_vtk.fabric.figures.fabric_figures` tells, None where there is no room for the
-        yarns, as a warning then says; and
-
-        - ``fibre_volume_fraction``: of fibres, without the air in the yarns;
-        - ``drawdown``: a string of 0 and 1 for each pick, first pick and first end first;
-        - ``repeat``: ends and picks of the smallest repeat;
-        - ``feasible``: interval (m, or a crimp) of each input, all the others as they are, null
-          where there is no bound; ``feasible_height``: that of h1 alone;
-        - ``radial_error``: bound of the surfaces' distance from true tubes, over their radius;
-        - ``least_clearance``: between two yarns, below 0 where they overlap: ``distance`` (m),
-          ``yarns`` (ends first, from 0) and ``place`` (m); None for more than `MOST_CROSSINGS`,
-          which is a warning;
-          ``deformed_clearance``: the same at `time`;
-        - ``shafts``, ``treadles`` and ``threading``, the shafts of each end, from 1;
-        - ``patches``, ``control_points``, ``memory_bytes``, ``warnings``;
-        - under ``warp`` and ``weft`` also ``yarns``, ``diameter``, ``width``, ``spacing`` (m, means
-          over the yarns), ``section``, ``tex`` (g in 1000 m of yarn), ``longest_float`` and
-          ``colors``, each once.
-
-    Raises
-    ------
-    InputError
-        If the draft cannot be read, or `time` is given for a scene that does not move.
-    """
+    """Return a fabric's figures."""
     if scene.source is not scene.weave:
         raise InputError(
             f"{scene.file}: this scene shows an object, and an object has no yarns",

@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import (
     GeometryError,
     InputError,
@@ -23,7 +24,6 @@ from spacemap_vtk.errors import (
     UnknownNameError,
     naming_section,
 )
-from spacemap_vtk.fabric.wif import WifDraft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
@@ -31,10 +31,10 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.filters.processes import Piece
-from spacemap_vtk.filters.reading import OBJECT_ENDINGS
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.io.reading import OBJECT_ENDINGS
+from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.colorings import COLORINGS

@@ -108,18 +108,7 @@ class View(Parameterised):
 
 
 def is_dark(color: Sequence[int]) -> bool:
-    """Return whether what is drawn over a colour must be light.
-
-    Parameters
-    ----------
-    color : sequence of int
-        Red, green and blue to 255.
-
-    Returns
-    -------
-    bool
-        True for the darker half of colours.
-    """
+    """Return whether what is drawn over a colour must be light."""
     return sum(color) < 384
 
 
@@ -134,18 +123,7 @@ class Animation(Parameterised):
     speed = Real(1.0, "Seconds of motion in a second of film.", above=0.0)
 
     def frame_times(self) -> list[float]:
-        """Return the time of each frame.
-
-        Returns
-        -------
-        list of float
-            In s, from start on, before stop.
-
-        Raises
-        ------
-        InputError
-            If stop does not come after start, or there would be too many frames.
-        """
+        """Return the time of each frame."""
         span = self.stop - self.start
         if span <= 0.0:
             raise InputError(

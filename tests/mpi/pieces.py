@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cases import connected, surface
 
 from spacemap_vtk import ModalSolver, SpacemapWarning
-from spacemap_vtk.filters.processes import Piece
+from spacemap_vtk.datasets.processes import Piece
 
 warnings.simplefilter("ignore", SpacemapWarning)
 

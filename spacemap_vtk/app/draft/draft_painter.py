@@ -51,34 +51,14 @@ class Inks(NamedTuple):
 
 
 class Painting:
-    """Paints one draft in one layout.
-
-    Parameters
-    ----------
-    shown : Shown
-        The draft.
-    layout : Layout
-        Where its grids stand.
-    inks : Inks
-        In which colours.
-    colored : bool
-        Whether the drawdown has the yarns' colours; else it is black and white.
-    """
+    """Paints one draft in one layout."""
 
     def __init__(self, shown: Shown, layout: Layout, inks: Inks, colored: bool) -> None:
         self._shown, self._layout, self._inks = shown, layout, inks
         self._colored = colored
 
     def paint(self, painter: QPainter, ratio: float) -> None:
-        """Paint everything but what follows the mouse.
-
-        Parameters
-        ----------
-        painter : QPainter
-            Of a picture of the window's size.
-        ratio : float
-            Its pixels in a pixel of the layout.
-        """
+        """Paint everything but what follows the mouse."""
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
         loom, panels = self._shown.loom, self._layout.panels
         self._threads(painter, ratio)
@@ -92,15 +72,7 @@ class Painting:
         self._numbers(painter)
 
     def hover(self, painter: QPainter, place: Place) -> None:
-        """Show which end, pick, shaft and treadle belong to a cell.
-
-        Parameters
-        ----------
-        painter : QPainter
-            Of the window.
-        place : Place
-            The cell under the mouse.
-        """
+        """Show which end, pick, shaft and treadle belong to a cell."""
         across, down = self._layout.panels[place.panel]
         color = QColor(self._inks.hover)
         color.setAlpha(46)

@@ -31,11 +31,11 @@ from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.shown import Changes, Shown, as_draft, as_pattern, as_series, shown_of
 from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric.draft_file import PICTURES, TEXTS
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
-from spacemap_vtk.fabric.wif_writer import format_wif
-from spacemap_vtk.scenes.output import check_output, whole_file
+from spacemap_vtk.io.draft_file import PICTURES, TEXTS
+from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.wif_writer import format_wif
 
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
 _SHARE = 0.3
@@ -49,13 +49,7 @@ _OPENED = "Drafts (*.wif {});;All files (*)".format(
 
 
 class DraftTab(QWidget):
-    """Shows the weave of a document, and edits it; every edit can be undone.
-
-    Parameters
-    ----------
-    document : Document
-        What is shown and edited.
-    """
+    """Shows the weave of a document, and edits it; every edit can be undone."""
 
     #: What went wrong with an edit.
     failed = Signal(object)

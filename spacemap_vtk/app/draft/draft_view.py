@@ -59,25 +59,13 @@ class DraftGrid(QAbstractScrollArea):
         return self._stroke is not None
 
     def layout_now(self) -> Layout | None:
-        """Return where everything stands; None without a draft.
-
-        Returns
-        -------
-        Layout or None
-            In pixels of the viewport.
-        """
+        """Return where everything stands; None without a draft."""
         if self.shown is None:
             return None
         return Layout(self.shown, self.cell, self._room(), self._offset(), self.as_cloth)
 
     def show_draft(self, shown: Shown | None) -> None:
-        """Show a draft.
-
-        Parameters
-        ----------
-        shown : Shown or None
-            None: an empty widget.
-        """
+        """Show a draft."""
         before = self.shown
         self.shown = shown
         if shown is None:
@@ -98,15 +86,7 @@ class DraftGrid(QAbstractScrollArea):
             self.repaint_all()
 
     def zoom(self, steps: int, about: QPointF | None = None) -> None:
-        """Make cells larger or smaller.
-
-        Parameters
-        ----------
-        steps : int
-            Above 0: larger.
-        about : QPointF, optional
-            The point that should stay where it is; the middle, if it is not given.
-        """
+        """Make cells larger or smaller."""
         layout = self.layout_now()
         if layout is None:
             return
@@ -128,15 +108,7 @@ class DraftGrid(QAbstractScrollArea):
         self.repaint_all()
 
     def set_view(self, as_cloth: bool | None = None, colored: bool | None = None) -> None:
-        """Choose how the draft is drawn.
-
-        Parameters
-        ----------
-        as_cloth : bool, optional
-            Whether ends are counted from the left and picks from below.
-        colored : bool, optional
-            Whether the drawdown has the yarns' colours.
-        """
+        """Choose how the draft is drawn."""
         self.as_cloth = self.as_cloth if as_cloth is None else as_cloth
         self.colored = self.colored if colored is None else colored
         self.repaint_all()
@@ -147,18 +119,7 @@ class DraftGrid(QAbstractScrollArea):
         self.viewport().update()
 
     def words(self, place: Place) -> str:
-        """Return what stands at a cell.
-
-        Parameters
-        ----------
-        place : Place
-            The cell.
-
-        Returns
-        -------
-        str
-            End, pick, shaft and treadle, as far as it has them.
-        """
+        """Return what stands at a cell."""
         shown = self.shown
         assert shown is not None
         loom, panel = shown.loom, place.panel

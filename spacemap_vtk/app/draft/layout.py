@@ -22,11 +22,10 @@ class Place(NamedTuple):
 
 
 class Axis(NamedTuple):
-    """One direction of the screen: something, then the drawdown, then something.
+    """One direction of the screen: something, then the drawdown, then something."""
 
-    What stands before and after the drawdown stays in sight while the drawdown scrolls, unless
-    that would leave too little room for it: then all of it scrolls.
-    """
+    # What stands before and after the drawdown stays in sight while the drawdown scrolls, unless
+    # that would leave too little room for it: then all of it scrolls.
 
     before: int
     """Pixels before the drawdown."""
@@ -99,18 +98,7 @@ class PanelSpan(NamedTuple):
     """Whether the last number comes first."""
 
     def number(self, pixel: float) -> int | None:
-        """Return the number of the cell at a pixel.
-
-        Parameters
-        ----------
-        pixel : float
-            Of the window.
-
-        Returns
-        -------
-        int or None
-            From 1; 0 for a strip, None outside.
-        """
+        """Return the number of the cell at a pixel."""
         if not self.low <= pixel < self.high:
             return None
         index = int((pixel - self.begin) // self.size)
@@ -121,18 +109,7 @@ class PanelSpan(NamedTuple):
         return self.cells - index if self.reversed else index + 1
 
     def pixel(self, number: int) -> int:
-        """Return where a cell begins.
-
-        Parameters
-        ----------
-        number : int
-            Its number, from 1.
-
-        Returns
-        -------
-        int
-            In pixels of the window.
-        """
+        """Return where a cell begins."""
         return self.begin + self.size * (
             self.cells - number if self.reversed else max(number - 1, 0)
         )
@@ -146,26 +123,12 @@ class PanelSpan(NamedTuple):
 
 
 class Layout:
-    """Places of the grids.
+    """Places of the grids."""
 
-    Threading above, tie-up in the corner, treadling to the right, drawdown below; a strip of
-    colours above the threading and right of the treadling. As on paper everything is counted from
-    the corner where the four grids meet; `as_cloth` counts ends from the left and picks from
-    below, as the cloth is seen from its front.
-
-    Parameters
-    ----------
-    shown : Shown
-        The draft.
-    cell : int
-        Pixels of a cell.
-    room : tuple of int
-        Width and height of the window in pixels.
-    offset : tuple of int, optional
-        Pixels scrolled.
-    as_cloth : bool, optional
-        Where ends and picks are counted from.
-    """
+    # Threading above, tie-up in the corner, treadling to the right, drawdown below; a strip of
+    # colours above the threading and right of the treadling. As on paper everything is counted from
+    # the corner where the four grids meet; `as_cloth` counts ends from the left and picks from
+    # below, as the cloth is seen from its front.
 
     def __init__(
         self,
@@ -209,20 +172,7 @@ class Layout:
             self.panels["tieup"] = treadles, heddles
 
     def at(self, x: float, y: float, panel: str | None = None) -> Place | None:
-        """Return the cell under a point.
-
-        Parameters
-        ----------
-        x, y : float
-            In pixels of the window.
-        panel : str, optional
-            Look into this one only.
-
-        Returns
-        -------
-        Place or None
-            None beside all cells.
-        """
+        """Return the cell under a point."""
         for name, (across, down) in self.panels.items():
             if panel in (None, name):
                 column, row = across.number(x), down.number(y)
@@ -231,18 +181,7 @@ class Layout:
         return None
 
     def center(self, place: Place) -> tuple[int, int]:
-        """Return the middle of a cell, in sight or not.
-
-        Parameters
-        ----------
-        place : Place
-            The cell.
-
-        Returns
-        -------
-        x, y : int
-            In pixels of the window.
-        """
+        """Return the middle of a cell, in sight or not."""
         across, down = self.panels[place.panel]
         return (
             across.pixel(place.x) + across.size // 2,
@@ -251,22 +190,7 @@ class Layout:
 
 
 def fitting(shown: Shown, room: tuple[int, int], smallest: int, largest: int) -> int:
-    """Return the size of a cell with which a whole draft is in sight.
-
-    Parameters
-    ----------
-    shown : Shown
-        The draft.
-    room : tuple of int
-        Width and height of the window in pixels.
-    smallest, largest : int
-        Between which it must be.
-
-    Returns
-    -------
-    int
-        In pixels.
-    """
+    """Return the size of a cell with which a whole draft is in sight."""
     ends, picks = shown.size
     wide = room[0] - 2 * MARGIN - GAP - NEAR - STRIP
     high = room[1] - 2 * MARGIN - GAP - NEAR - STRIP

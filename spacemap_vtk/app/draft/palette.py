@@ -35,13 +35,7 @@ class Palette(QWidget):
         self.setMouseTracking(True)
 
     def show_colors(self, shown: Shown | None) -> None:
-        """Show the colours that a draft has.
-
-        Parameters
-        ----------
-        shown : Shown or None
-            None: those that are offered alone.
-        """
+        """Show the colours that a draft has."""
         self._own = []
         if shown is not None:
             both = np.concatenate([shown.warp, shown.weft])
@@ -50,13 +44,7 @@ class Palette(QWidget):
         self._arrange()
 
     def choose(self, color: QColor) -> None:
-        """Paint with a colour.
-
-        Parameters
-        ----------
-        color : QColor
-            One of the palette's, or another one.
-        """
+        """Paint with a colour."""
         if color not in self.colors:
             self._extra.append(color)
             self._arrange()
@@ -65,18 +53,7 @@ class Palette(QWidget):
         self.chosen.emit(color)
 
     def rect_of(self, index: int) -> QRect:
-        """Return where a colour stands; the one after the last is the +.
-
-        Parameters
-        ----------
-        index : int
-            From 0.
-
-        Returns
-        -------
-        QRect
-            In pixels.
-        """
+        """Return where a colour stands; the one after the last is the +."""
         columns = max(1, (self.width() - _ROOM) // (_SIDE + _ROOM))
         row, column = divmod(index, columns)
         step = _SIDE + _ROOM

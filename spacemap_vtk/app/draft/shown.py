@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.fabric.as_wif import loom_of
 from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.draft_file import PICTURES, TEXTS
 from spacemap_vtk.fabric.drawdown import rows, tile
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.settle import FAMILIES, colors_of
-from spacemap_vtk.fabric.wif import MAX_CROSSINGS, WifDraft
 from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.io.as_wif import loom_of
+from spacemap_vtk.io.draft_file import PICTURES, TEXTS
+from spacemap_vtk.io.wif import MAX_CROSSINGS, WifDraft
 
 Colors = NDArray[np.uint8]
 #: Values of a weave by key, as a scene file has them; None: the key goes.
@@ -27,30 +27,20 @@ _LONGEST = 2000
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A draft on the screen.
+    """A draft on the screen."""
 
-    Parameters
-    ----------
-    loom : Loom
-        The draft's own; for a weave without one the smallest that weaves it.
-    drawdown : ndarray of bool, shape (picks, ends)
-        True where the end lies over the pick.
-    warp : ndarray of uint8, shape (ends, 3)
-        Colour of each end.
-    weft : ndarray of uint8, shape (picks, 3)
-        Colour of each pick.
-    bare : bool
-        Whether the weave is a pattern, rows or a picture, without a loom of its own: its drawdown
-        can be edited.
-    source : Draft or WifDraft
-        What it was made from.
-    """
-
+    #: The draft's own; for a weave without one the smallest that weaves it.
     loom: Loom
+    #: (picks, ends) True where the end lies over the pick.
     drawdown: NDArray[np.bool_]
+    #: (ends, 3) Colour of each end.
     warp: Colors
+    #: (picks, 3) Colour of each pick.
     weft: Colors
+    #: Whether the weave is a pattern, rows or a picture, without a loom of its own: its drawdown
+    #: can be edited.
     bare: bool
+    #: What it was made from.
     source: Draft | WifDraft
 
     @property
@@ -69,39 +59,12 @@ class Shown:
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
     def with_loom(self, loom: Loom) -> Shown:
-        """Return the same on another loom, which weaves its own cloth.
-
-        Parameters
-        ----------
-        loom : Loom
-            Of as many ends and picks.
-
-        Returns
-        -------
-        Shown
-            No longer bare.
-        """
+        """Return the same on another loom, which weaves its own cloth."""
         return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
 
 
 def shown_of(weave: WeaveSource) -> Shown:
-    """Return what there is to see of a weave; builds nothing.
-
-    Parameters
-    ----------
-    weave : WeaveSource
-        Jammed or not.
-
-    Returns
-    -------
-    Shown
-        Of the size of the cloth.
-
-    Raises
-    ------
-    SpacemapError
-        If the draft cannot be read, or is too large to be drawn.
-    """
+    """Return what there is to see of a weave; builds nothing."""
     source, wishes = weave.source, weave.wishes
     own = source.draft if isinstance(source, WifDraft) else source
     picks, ends = wishes.picks or len(own.drawdown), wishes.ends or own.drawdown.shape[1]
@@ -123,18 +86,7 @@ def shown_of(weave: WeaveSource) -> Shown:
 
 
 def as_draft(shown: Shown) -> WifDraft:
-    """Return the draft of an edited loom: what the source says besides, over all of its threads.
-
-    Parameters
-    ----------
-    shown : Shown
-        The loom, and what it was made from.
-
-    Returns
-    -------
-    WifDraft
-        Colours, spacings and thicknesses of the source among it, where it is a draft.
-    """
+    """Return the draft of an edited loom: what the source says besides, over all of its threads."""
     if not isinstance(shown.source, WifDraft):
         return WifDraft(Draft(shown.drawdown), shown.loom)
     own = shown.source.draft
@@ -153,18 +105,7 @@ def as_draft(shown: Shown) -> WifDraft:
 
 
 def as_pattern(shown: Shown) -> Changes:
-    """Return the scene values of an edited drawdown.
-
-    Parameters
-    ----------
-    shown : Shown
-        Without a loom of its own.
-
-    Returns
-    -------
-    dict
-        The whole cloth as rows of 0 and 1.
-    """
+    """Return the scene values of an edited drawdown."""
     ends, picks = shown.size
     return {
         "draft": None,
@@ -175,23 +116,7 @@ def as_pattern(shown: Shown) -> Changes:
 
 
 def as_series(colors: Colors) -> str | list[str]:
-    """Return colours as a scene file has them, repeated over the yarns.
-
-    Parameters
-    ----------
-    colors : ndarray of uint8, shape (n, 3)
-        Of each yarn.
-
-    Returns
-    -------
-    str or list of str
-        One colour, or the shortest list whose repetition they are.
-
-    Examples
-    --------
-    >>> as_series(np.array([[255, 0, 0], [0, 0, 255], [255, 0, 0]], dtype=np.uint8))
-    ['#ff0000', '#0000ff']
-    """
+    """Return colours as a scene file has them, repeated over the yarns."""
     count = len(colors)
     length = 1 if count <= _LONGEST else count
     while length < count and (colors[length:] != colors[:-length]).any():

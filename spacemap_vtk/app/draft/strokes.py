@@ -23,22 +23,10 @@ NAMES = {
 
 
 class Stroke:
-    """A press of the button, and all cells that it is dragged over.
+    """A press of the button, and all cells that it is dragged over."""
 
-    The first cell decides: a mark that is there goes, and so do others under the drag; a cell
-    without gets one. An end is on one shaft and a pick on one treadle, unless `several`.
-
-    Parameters
-    ----------
-    shown : Shown
-        The draft before.
-    place : Place
-        Where the button is pressed.
-    several : bool
-        Whether marks are added to those that are there.
-    color : QColor
-        For the strips.
-    """
+    # The first cell decides: a mark that is there goes, and so do others under the drag; a cell
+    # without gets one. An end is on one shaft and a pick on one treadle, unless `several`.
 
     def __init__(self, shown: Shown, place: Place, several: bool, color: QColor) -> None:
         self.panel = place.panel
@@ -63,20 +51,7 @@ class Stroke:
         return False
 
     def applied(self, shown: Shown, place: Place) -> Shown:
-        """Return the draft after a cell has been passed.
-
-        Parameters
-        ----------
-        shown : Shown
-            The draft until then.
-        place : Place
-            A cell of the panel in which the stroke began.
-
-        Returns
-        -------
-        Shown
-            The same object where nothing changes.
-        """
+        """Return the draft after a cell has been passed."""
         if self.panel in ("warp", "weft"):
             return self._painted(shown, place)
         if self._marked(shown, place) == self._wanted:

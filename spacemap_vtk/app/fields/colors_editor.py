@@ -69,13 +69,7 @@ class Swatches(QWidget):
         self.setToolTip("Click to choose another colour")
 
     def show_colors(self, colors: list[str]) -> None:
-        """Show other colours.
-
-        Parameters
-        ----------
-        colors : list of str
-            As ``#rrggbb``; none: an empty swatch.
-        """
+        """Show other colours."""
         self.colors = colors
         count = max(1, len(colors))
         columns, rows = min(count, _IN_A_ROW), -(-count // _IN_A_ROW)
@@ -83,18 +77,7 @@ class Swatches(QWidget):
         self.update()
 
     def place(self, number: int) -> QRectF:
-        """Return where a swatch lies.
-
-        Parameters
-        ----------
-        number : int
-            Which.
-
-        Returns
-        -------
-        QRectF
-            In pixels.
-        """
+        """Return where a swatch lies."""
         row, column = divmod(number, _IN_A_ROW)
         step = _SIDE + _GAP
         return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)

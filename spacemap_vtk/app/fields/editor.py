@@ -12,13 +12,7 @@ from spacemap_vtk.parameters import Parameter
 
 
 class Editor(QWidget):
-    """Shows and edits one value; base of one class for each kind of parameter.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        The declaration.
-    """
+    """Shows and edits one value; base of one class for each kind of parameter."""
 
     #: A value as a scene file would have it, and a number that is the same during one drag.
     edited = Signal(object, int)
@@ -34,55 +28,21 @@ class Editor(QWidget):
         self.shown = ""
 
     def show_value(self, value: Any) -> None:
-        """Show a checked value; emits nothing.
-
-        Parameters
-        ----------
-        value : object
-            As the stage has it.
-        """
+        """Show a checked value; emits nothing."""
         raise NotImplementedError
 
     def limit(self, low: float, high: float) -> None:
-        """Learn the interval in which a value is feasible at present.
-
-        Parameters
-        ----------
-        low, high : float
-            In SI; infinite where there is no bound.
-        """
+        """Learn the interval in which a value is feasible at present."""
 
     def is_new(self, text: str) -> bool:
-        """Return whether a text is not that of the value that holds; if it is, that is told.
-
-        Parameters
-        ----------
-        text : str
-            As it stands in the editor's line.
-
-        Returns
-        -------
-        bool
-            False: nothing is to be set.
-        """
+        """Return whether a text is not that of the value that holds; if it is, that is told."""
         if text == self.shown:
             self.restored.emit()
         return text != self.shown
 
 
 def written_from(text: str) -> Any:
-    """Return what a user's text stands for in a scene file.
-
-    Parameters
-    ----------
-    text : str
-        A TOML value, or a string whose quotes are left out.
-
-    Returns
-    -------
-    object
-        As `tomllib` gives it.
-    """
+    """Return what a user's text stands for in a scene file."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

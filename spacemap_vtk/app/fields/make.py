@@ -34,18 +34,7 @@ _EDITORS: dict[str, Callable[[Any], Editor]] = {
 
 
 def make(parameter: Parameter[Any]) -> Editor:
-    """Return a new editor.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        Its `kind` chooses the editor; a kind that has none is edited as text.
-
-    Returns
-    -------
-    Editor
-        Showing nothing yet.
-    """
+    """Return a new editor."""
     component: Any = getattr(parameter, "component", None)
     if parameter.kind == "series" and component.kind in ("real", "integer"):
         return NumberEditor(parameter)

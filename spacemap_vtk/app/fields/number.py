@@ -17,28 +17,14 @@ _bursts = itertools.count(1)
 
 
 def next_burst() -> int:
-    """Return a number that no drag has had.
-
-    Returns
-    -------
-    int
-        Above 0.
-    """
+    """Return a number that no drag has had."""
     return next(_bursts)
 
 
 class NumberEditor(Editor):
-    """A number with its unit; the slider sets it while it is dragged.
+    """A number with its unit; the slider sets it while it is dragged."""
 
-    Also for a series of numbers, whose slider rests while there are several.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        The declaration.
-    bare : bool, optional
-        Show the number in SI without its unit, which stands elsewhere.
-    """
+    # Also for a series of numbers, whose slider rests while there are several.
 
     def __init__(self, parameter: Parameter[Any], bare: bool = False) -> None:
         super().__init__(parameter)

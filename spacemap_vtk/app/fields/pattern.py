@@ -144,31 +144,14 @@ class PatternGrid(QWidget):
         return max(_SMALLEST, min(_LARGEST, _HEIGHT / picks, 150 / ends))
 
     def show_repeat(self, repeat: NDArray[np.bool_]) -> None:
-        """Show another repeat.
-
-        Parameters
-        ----------
-        repeat : ndarray of bool, shape (picks, ends)
-            True where the end lies over the pick.
-        """
+        """Show another repeat."""
         self.repeat = np.array(repeat, bool)
         picks, ends = self.repeat.shape
         self.setFixedSize(QSize(int(ends * self.cell) + 2, int(picks * self.cell) + 2))
         self.update()
 
     def square(self, pick: int, end: int) -> QRectF:
-        """Return where a square lies.
-
-        Parameters
-        ----------
-        pick, end : int
-            Which.
-
-        Returns
-        -------
-        QRectF
-            In pixels.
-        """
+        """Return where a square lies."""
         cell = self.cell
         return QRectF(1 + end * cell, 1 + (len(self.repeat) - 1 - pick) * cell, cell, cell)
 

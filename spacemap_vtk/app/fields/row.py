@@ -13,13 +13,7 @@ from spacemap_vtk.units import format_quantity
 
 
 class ParameterRow(QWidget):
-    """Name, "automatic" where that is a value, reset, editor, and a line for what is to be said.
-
-    Parameters
-    ----------
-    parameter : Parameter
-        The declaration.
-    """
+    """Name, "automatic" where that is a value, reset, editor, and a line for what is to be said."""
 
     #: Name, value as a scene file would have it (None: the default), burst.
     edited = Signal(str, object, int)
@@ -72,15 +66,7 @@ class ParameterRow(QWidget):
         self.reset.clicked.connect(self._reset)
 
     def show_value(self, value: Any, is_default: bool) -> None:
-        """Show a value.
-
-        Parameters
-        ----------
-        value : object
-            As the stage has it.
-        is_default : bool
-            Whether there is nothing to reset.
-        """
+        """Show a value."""
         self.editor.show_value(value)
         if self.automatic is not None:
             self.automatic.setChecked(value is None)
@@ -88,15 +74,7 @@ class ParameterRow(QWidget):
         self.mark(None)
 
     def show_idle(self, why: str, written: bool) -> None:
-        """Hide the row where its value counts for nothing; one that is written stays, in grey.
-
-        Parameters
-        ----------
-        why : str
-            As from ``Parameterised.idle``: empty where the value counts.
-        written : bool
-            Whether the scene has the key.
-        """
+        """Hide the row where its value counts for nothing; one that is written stays, in grey."""
         self.setVisible(not why or written)
         idle = f"does not count: {why}" if why else ""
         if idle != self._idle:
@@ -106,13 +84,7 @@ class ParameterRow(QWidget):
             self.mark(None)
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
-        """Show the interval in which the value is feasible at present.
-
-        Parameters
-        ----------
-        interval : tuple of float or None
-            In SI, infinite where there is no bound; None where nothing is known.
-        """
+        """Show the interval in which the value is feasible at present."""
         self._feasible = ""
         if interval is not None:
             low, high = interval
@@ -124,15 +96,7 @@ class ParameterRow(QWidget):
             self.mark(None)
 
     def mark(self, message: str | None, about: str = "") -> None:
-        """Mark the row as refused, with the reason; None: as good.
-
-        Parameters
-        ----------
-        message : str or None
-            One sentence.
-        about : str, optional
-            As `ErrorBar.say` has it.
-        """
+        """Mark the row as refused, with the reason; None: as good."""
         self.about = about
         self._say(message or self._idle or self._feasible, bad=message is not None)
 

@@ -16,14 +16,9 @@ _WIDE = 50.0
 
 @dataclass(frozen=True)
 class Span:
-    """The numbers that a slider runs over, in equal steps or in equal ratios.
+    """The numbers that a slider runs over, in equal steps or in equal ratios."""
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends.
-    """
-
+    #: Its ends.
     low: float
     high: float
 
@@ -33,18 +28,7 @@ class Span:
         return self.low > 0.0 and self.high / self.low > _WIDE
 
     def number(self, step: int) -> float:
-        """Return the number at a step.
-
-        Parameters
-        ----------
-        step : int
-            From 0 to `STEPS`.
-
-        Returns
-        -------
-        float
-            To four digits, as people would write it; never beyond the ends.
-        """
+        """Return the number at a step."""
         share = step / STEPS
         if self.scaled:
             number = self.low * (self.high / self.low) ** share
@@ -53,18 +37,7 @@ class Span:
         return min(max(float(f"{number:.4g}"), self.low), self.high)
 
     def step(self, number: float) -> int:
-        """Return the step nearest to a number.
-
-        Parameters
-        ----------
-        number : float
-            Clipped to the ends.
-
-        Returns
-        -------
-        int
-            From 0 to `STEPS`.
-        """
+        """Return the step nearest to a number."""
         number = min(max(number, self.low), self.high)
         if self.high <= self.low:
             return 0
@@ -76,22 +49,7 @@ class Span:
 
 
 def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> Span:
-    """Return the span of a parameter's slider.
-
-    Parameters
-    ----------
-    parameter : Real
-        Its declared range is kept where that is no wider than people think in.
-    value : float or None
-        The present value; an open range is scaled by it.
-    feasible : tuple of float, optional
-        The interval that is feasible at present.
-
-    Returns
-    -------
-    Span
-        Always with the value inside.
-    """
+    """Return the span of a parameter's slider."""
     low, high = parameter.minimum, parameter.maximum
     open_low = parameter.above is not None and low is None
     if feasible is not None and all(map(math.isfinite, feasible)):

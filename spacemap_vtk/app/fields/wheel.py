@@ -16,12 +16,6 @@ class _Passing(QObject):
 
 
 def leave_wheel(widget: QWidget) -> None:
-    """Keep the wheel from a slider or a choice: who scrolls past it would change its value.
-
-    Parameters
-    ----------
-    widget : QWidget
-        On a page that scrolls.
-    """
+    """Keep the wheel from a slider or a choice: who scrolls past it would change its value."""
     widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
     widget.installEventFilter(_Passing(widget))

@@ -15,7 +15,7 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRes
 from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
-from spacemap_vtk.scenes.plots import QUANTITIES, handy
+from spacemap_vtk.draw.plots import QUANTITIES, handy
 
 #: Colours of points, of energies, and pixels round each plot: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
@@ -32,7 +32,7 @@ class ShownCurves(NamedTuple):
     """How curves are shown."""
 
     quantity: str
-    """Out of `spacemap_vtk.scenes.plots.QUANTITIES`."""
+    """Out of `spacemap_vtk.draw.plots.QUANTITIES`."""
     component: str
     """Out of `COMPONENTS`."""
     dark: bool
@@ -56,15 +56,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         self._ink, self._text = QColor("#26323e"), "#26323e"
 
     def draw_curves(self, curves: Curves, shown: ShownCurves) -> None:
-        """Draw all plots anew.
-
-        Parameters
-        ----------
-        curves : Curves
-            What is plotted.
-        shown : ShownCurves
-            How.
-        """
+        """Draw all plots anew."""
         figure = self.figure
         figure.clear()
         ink, back = ("#dfe6ee", "#1d232b") if shown.dark else ("#26323e", "#f4f6f8")
@@ -92,33 +84,14 @@ class PlotCanvas(FigureCanvasQTAgg):
         self.draw()
 
     def set_time(self, time: float) -> None:
-        """Move the cursor; nothing but a line is painted.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-        """
+        """Move the cursor; nothing but a line is painted."""
         before = self._columns()
         self._time = time
         for column in {*before, *self._columns()}:
             self.update(QRect(column - 2, 0, 5, self.height()))
 
     def time_at(self, axes: Axes, x: float) -> float:
-        """Return the time at a place.
-
-        Parameters
-        ----------
-        axes : Axes
-            One of `timed`.
-        x : float
-            In Qt's pixels.
-
-        Returns
-        -------
-        float
-            In s, within the plot.
-        """
+        """Return the time at a place."""
         box = axes.get_position()
         low, high = axes.get_xlim()
         share = (x / self.width() - box.x0) / box.width
@@ -243,20 +216,7 @@ class PlotCanvas(FigureCanvasQTAgg):
 
 
 def component_of(vectors: np.ndarray, component: str) -> np.ndarray:
-    """Return a component of vectors, or their size.
-
-    Parameters
-    ----------
-    vectors : ndarray of float64, shape (..., 3)
-        Whatever.
-    component : str
-        Out of `COMPONENTS`.
-
-    Returns
-    -------
-    ndarray of float64, shape (...)
-        Signed, but for ``"size"``.
-    """
+    """Return a component of vectors, or their size."""
     if component == "size":
         return np.asarray(np.linalg.norm(vectors, axis=-1))
     return np.asarray(vectors[..., COMPONENTS.index(component)])

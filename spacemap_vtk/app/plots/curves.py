@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.app.pick import Point
+from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
+from spacemap_vtk.draw.plots import ASIDE, frequencies_near
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.arrays import array_of, points_of, tetrahedra_of
 from spacemap_vtk.filters.motion_reader import MotionReader
-from spacemap_vtk.scenes.plots import ASIDE, frequencies_near
 from spacemap_vtk.scenes.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -36,61 +36,30 @@ class Wish(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What is plotted.
+    """What is plotted."""
 
-    Parameters
-    ----------
-    key : str
-        Of the wish.
-    points : ndarray of float64, shape (p, 3)
-        At rest [m].
-    times : ndarray of float64, shape (t,)
-        In s.
-    motion : ndarray of float64, shape (3, p, t, 3)
-        Displacement [m], velocity [m/s] and acceleration [m/s²].
-    energies : ndarray of float64, shape (t, 4), or None
-        Kinetic, strain, dissipated, total [J]; None where they are not known.
-    frequencies : ndarray of float64, shape (f,)
-        In Hz; empty where the response is not known.
-    response : ndarray of float64, shape (p, f, 3)
-        Amplitude of the displacement [m] under the loads as sines.
-    modes : ndarray of float64, shape (n,)
-        Frequencies of the modes in Hz.
-    note : str
-        What is missing, and why.
-    """
-
+    #: Of the wish.
     key: str
+    #: (p, 3) At rest [m].
     points: FloatArray
+    #: (t,) In s.
     times: FloatArray
+    #: (3, p, t, 3) Displacement [m], velocity [m/s] and acceleration [m/s²].
     motion: FloatArray
+    #: (t, 4) Kinetic, strain, dissipated, total [J]; None where they are not known.
     energies: FloatArray | None
+    #: (f,) In Hz; empty where the response is not known.
     frequencies: FloatArray
+    #: (p, f, 3) Amplitude of the displacement [m] under the loads as sines.
     response: FloatArray
+    #: (n,) Frequencies of the modes in Hz.
     modes: FloatArray
+    #: What is missing, and why.
     note: str = ""
 
 
 def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
-    """Compute curves; pauses every few milliseconds.
-
-    Parameters
-    ----------
-    scene : Scene
-        Up to date at some time.
-    wish : Wish
-        What is wanted.
-
-    Returns
-    -------
-    Curves or None
-        None of a scene that does not move.
-
-    Yields
-    ------
-    None
-        At each pause.
-    """
+    """Compute curves; pauses every few milliseconds."""
     yield
     times = np.linspace(wish.start, wish.stop, SAMPLES)
     if not scene.moves:

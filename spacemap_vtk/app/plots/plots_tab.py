@@ -25,9 +25,9 @@ from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
 from spacemap_vtk.app.plots.save import save_frequencies, save_times
+from spacemap_vtk.draw.plots import QUANTITIES, save_figure
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.scenes.output import check_output, whole_file
-from spacemap_vtk.scenes.plots import QUANTITIES, save_figure
+from spacemap_vtk.io.output import check_output, whole_file
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.plots.chart import PlotCanvas
@@ -42,15 +42,7 @@ _PICTURES = {".png": "picture", ".svg": "drawing", ".pdf": "drawing"}
 
 
 class PlotsTab(QWidget):
-    """Plots of the motion, computed once for each change; playing moves a cursor.
-
-    Parameters
-    ----------
-    document : Document
-        What moves.
-    engine : Engine
-        What computes.
-    """
+    """Plots of the motion, computed once for each change; playing moves a cursor."""
 
     #: A time to go to, and whether more will follow at once.
     asked = Signal(float, bool)
@@ -120,24 +112,12 @@ class PlotsTab(QWidget):
         self._enable()
 
     def show_points(self, points: list[Pick]) -> None:
-        """Plot other points.
-
-        Parameters
-        ----------
-        points : list of Pick
-            Points of the fabric; without one the fabric's tip is plotted.
-        """
+        """Plot other points."""
         self.points = points
         self._later()
 
     def follow(self, frame: Frame) -> None:
-        """Move the cursor to a frame's time, and see whether the curves are still right.
-
-        Parameters
-        ----------
-        frame : Frame
-            What is drawn.
-        """
+        """Move the cursor to a frame's time, and see whether the curves are still right."""
         if frame.swing is not None:
             return
         self._time = frame.time

@@ -7,26 +7,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from spacemap_vtk.app.plots.curves import Curves
-from spacemap_vtk.scenes.output import whole_file
+from spacemap_vtk.io.output import whole_file
 
 _ROWS = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
 
 
 def save_times(curves: Curves, path: Path) -> None:
-    """Write what is plotted over time, in SI: a row for each time.
-
-    Parameters
-    ----------
-    curves : Curves
-        The curves.
-    path : Path
-        A .csv file.
-
-    Raises
-    ------
-    SpacemapError
-        If it cannot be written; nothing is then.
-    """
+    """Write what is plotted over time, in SI: a row for each time."""
     head = ["time [s]"]
     columns = [curves.times]
     for number in range(len(curves.points)):
@@ -41,20 +28,7 @@ def save_times(curves: Curves, path: Path) -> None:
 
 
 def save_frequencies(curves: Curves, path: Path) -> None:
-    """Write the frequency response, in SI: a row for each frequency.
-
-    Parameters
-    ----------
-    curves : Curves
-        The curves.
-    path : Path
-        A .csv file.
-
-    Raises
-    ------
-    SpacemapError
-        If it cannot be written; nothing is then.
-    """
+    """Write the frequency response, in SI: a row for each frequency."""
     head = ["frequency [Hz]"]
     columns = [curves.frequencies]
     for number in range(len(curves.points)):

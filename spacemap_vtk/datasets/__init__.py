@@ -1,0 +1,1 @@
+"""VTK's data objects: arrays in and out, outlines, extents, pieces, what is kept between runs."""

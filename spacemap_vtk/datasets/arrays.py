@@ -1,0 +1,151 @@
+"""Between VTK data objects and numpy arrays, without copies where VTK allows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkVersion
+from vtkmodules.vtkCommonDataModel import (
+    VTK_QUADRATIC_TETRA,
+    VTK_TETRA,
+    vtkCellArray,
+    vtkFieldData,
+    vtkPointSet,
+    vtkUnstructuredGrid,
+)
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.parameters import suggestion
+
+#: Up to 9.5 VTK takes over the buffers given to vtkCellArray.SetData, but not the numpy arrays that
+#: own them: it would read freed memory.
+_CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 6)
+
+
+def points_of(dataset: vtkPointSet) -> NDArray[Any]:
+    """Return a view of a data set's points."""
+    points = dataset.GetPoints()
+    if points is None or points.GetNumberOfPoints() == 0:
+        raise GeometryError(f"the input {dataset.GetClassName()} has no points")
+    return vtk_to_numpy(points.GetData())
+
+
+def to_points(coordinates: NDArray[Any]) -> vtkPoints:
+    """Return vtkPoints that share memory with an array."""
+    points = vtkPoints()
+    points.SetData(to_array(coordinates))
+    return points
+
+
+def to_array(values: NDArray[Any], name: str = "") -> vtkDataArray:
+    """Return a VTK array that shares memory with a numpy array."""
+    array = numpy_to_vtk(np.ascontiguousarray(values))
+    if name:
+        array.SetName(name)
+    return array
+
+
+def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
+    """Add an array to point, cell or field data, in place of one of the same name."""
+    data.AddArray(to_array(values, name))
+
+
+def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> None:
+    """Add some rows of all numeric arrays to another table, with the roles they have."""
+    for i in range(source.GetNumberOfArrays()):
+        array = source.GetArray(i)
+        if array is None or not array.GetName():
+            continue
+        add_array(target, array.GetName(), np.take(vtk_to_numpy(array), rows, axis=0))
+        # by its number: VTK's arrays compare as numpy's do, not by identity
+        role = source.IsArrayAnAttribute(i)
+        if role >= 0:
+            target.SetActiveAttribute(array.GetName(), role)
+
+
+#: Names of arrays that a message lists.
+_LISTED = 8
+
+
+def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
+    """Return a view of a named array."""
+    array = data.GetArray(name)
+    if array is None:
+        names = [str(data.GetArrayName(i)) for i in range(data.GetNumberOfArrays())]
+        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        raise InputError(
+            f'{owner} needs an array "{name}", and the input has '
+            + ((", ".join(f'"{n}"' for n in names[:_LISTED]) + more) or "none"),
+            cure=suggestion(name, names),
+        )
+    return vtk_to_numpy(array)
+
+
+def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> NDArray[np.float64]:
+    """Return the vectors of a named array."""
+    values = array_of(data, name, owner).astype(np.float64)
+    if values.shape != (count, 3):
+        raise InputError(
+            f'the point array "{name}" has shape {values.shape}', allowed=f"{(count, 3)}"
+        )
+    wrong = int((~np.isfinite(values).all(axis=1)).sum())
+    if wrong:
+        raise InputError(
+            f'{wrong} of the {count} vectors of the point array "{name}" are no finite numbers'
+        )
+    return values
+
+
+def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.int64]:
+    """Return the connectivity of a grid whose cells are all of one type and size."""
+    if grid.GetNumberOfCells() == 0:
+        raise GeometryError(f"the input has no cells; {name} are needed")
+    others = [t for t in cell_types(grid) if t != cell_type]
+    if others:
+        raise GeometryError(
+            f"the input has cells of VTK's types {others}",
+            allowed=f"{name} (type {cell_type}) only",
+        )
+    cells = grid.GetCells()
+    size = cells.GetMaxCellSize()
+    connectivity = vtk_to_numpy(cells.GetConnectivityArray())
+    if connectivity.size != size * grid.GetNumberOfCells():
+        raise GeometryError(f"{name} of different degrees in one grid")
+    return connectivity.reshape(-1, size).astype(np.int64, copy=False)
+
+
+def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    """Return the corners of each tetrahedron of a grid of linear or quadratic ones."""
+    return np.ascontiguousarray(elements_of(grid)[:, :4])
+
+
+def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    """Return all nodes of each tetrahedron of a grid of linear or of quadratic ones."""
+    if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
+        return cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
+    return cells_of(grid, VTK_TETRA, "linear tetrahedra")
+
+
+def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
+    """Return cells of one size, which share memory with the array where VTK can."""
+    count, size = connectivity.shape
+    offsets = np.arange(0, (count + 1) * size, size, dtype=np.int64)
+    return to_ragged(offsets, np.ascontiguousarray(connectivity, dtype=np.int64).ravel())
+
+
+def to_ragged(offsets: NDArray[np.int64], numbers: NDArray[np.int64]) -> vtkCellArray:
+    """Return cells of any sizes."""
+    cells = vtkCellArray()
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(offsets, deep=_CELLS_NEED_COPIES),
+        numpy_to_vtkIdTypeArray(numbers, deep=_CELLS_NEED_COPIES),
+    )
+    return cells
+
+
+def cell_types(grid: vtkUnstructuredGrid) -> list[int]:
+    """Return the types of cells in a grid."""
+    return sorted(vtk_to_numpy(grid.GetDistinctCellTypesArray()).tolist())

@@ -1,0 +1,59 @@
+"""What a piece says of the whole: the bounds of that, and who owns what is in several pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkDataSetAttributes
+
+from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.datasets.processes import Piece, Processes
+from spacemap_vtk.errors import GeometryError
+
+_NAME = "bounds_of_piece_and_whole"
+
+
+def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
+    """Write into a piece what the bounds of the whole are."""
+    add_array(data.GetFieldData(), _NAME, np.array([data.GetBounds(), whole]))
+
+
+def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None) -> Sequence[float]:
+    """Return the bounds of a data set of which this is a piece."""
+    own = data.GetBounds()
+    if piece.of == 1:
+        return own
+    told = data.GetFieldData().GetArray(_NAME)
+    rows = None if told is None else vtk_to_numpy(told).reshape(2, 6)
+    trusted = rows is not None and bool(np.array_equal(rows[0], own))
+    if processes is not None:
+        sign = np.tile([-1.0, 1.0], 3)
+        mine = sign * own if data.GetNumberOfPoints() else np.full(6, -np.inf)
+        doubt, *largest = processes.largest([not trusted, *mine])
+        if doubt:
+            if not np.isfinite(largest).all():
+                raise GeometryError("there is nothing to enclose: the input has no points")
+            return (sign * largest).tolist()
+    elif not trusted:
+        raise GeometryError(
+            f"of the input only piece {piece.number} of {piece.of} is here, and how far the rest "
+            "reaches is not known",
+            cure="Ask for all of it, or run as many processes as there are pieces.",
+        )
+    assert rows is not None
+    result: list[float] = rows[1].tolist()
+    return result
+
+
+def mark_owner(data: vtkDataSet, piece: Piece) -> None:
+    """Mark the cells and points of what is whole in each piece: they belong to the first."""
+    value = 0 if piece.number == 0 else vtkDataSetAttributes.DUPLICATECELL
+    name = vtkDataSetAttributes.GhostArrayName()
+    for array, count in (
+        (data.GetCellData(), data.GetNumberOfCells()),
+        (data.GetPointData(), data.GetNumberOfPoints()),
+    ):
+        add_array(array, name, np.full(count, value, dtype=np.uint8))

@@ -1,0 +1,122 @@
+"""The points and triangles of any object, for the cages that follow its shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+from spacemap_vtk.cage.carve import grown, touched
+from spacemap_vtk.datasets.arrays import to_array
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+
+Outline = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+#: Voxels along the longest side of an envelope.
+_MOST_VOXELS = 160
+
+
+def outline(data: vtkDataSet) -> Outline:
+    """Return all points of an object, its triangles and its segments."""
+    surface = _polygons(data)
+    cutter = vtkTriangleFilter()
+    cutter.SetInputData(surface)
+    cutter.Update()
+    flat = cutter.GetOutput()
+    rows = [_cells(flat.GetPolys(), 3)]
+    segments = _cells(flat.GetLines(), 2)
+    rows.append(segments[:, [0, 1, 1]])
+    points = (
+        vtk_to_numpy(flat.GetPoints().GetData()).astype(np.float64)
+        if flat.GetNumberOfPoints()
+        else np.empty((0, 3))
+    )
+    triangles = np.concatenate(rows)
+    own = _own_points(data)
+    points, triangles = np.concatenate((own, points)), triangles + len(own)
+    if not np.isfinite(points).all():
+        bad = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise GeometryError(f"point {bad} of the object is not finite", cure="Repair the object.")
+    return points, triangles
+
+
+def envelope(shape: Outline, distance: float) -> Outline:
+    """Return a closed surface round an object, at a distance."""
+    # The object is put into voxels, what it encloses is filled, and the surface is where the
+    # distance to these voxels has the wanted value: open, self-intersecting and non-manifold
+    # objects have an envelope like any other.
+    points, triangles = shape
+    low, high = points.min(axis=0), points.max(axis=0)
+    voxel = max(distance / 1.5, float((high - low).max()) / _MOST_VOXELS)
+    room = distance + 3 * voxel
+    counts = np.ceil((high - low + 2 * room) / voxel).astype(np.int64)
+    origin = low - room
+    solid = grown(touched(points, triangles, origin, np.full(3, voxel), counts.tolist()), 0, True)
+    # what touches a voxel is at most half a diagonal from its middle
+    reach = distance + 0.9 * voxel
+    from scipy import ndimage  # with all it brings: a tenth of a second
+
+    away = ndimage.distance_transform_edt(~solid) * voxel
+    image = vtkImageData()
+    image.SetDimensions(*counts.tolist())
+    image.SetSpacing(voxel, voxel, voxel)
+    image.SetOrigin(*(origin + voxel / 2).tolist())
+    image.GetPointData().SetScalars(to_array(away.ravel(), "distance"))
+    maker = vtkFlyingEdges3D()
+    maker.SetInputData(image)
+    maker.SetValue(0, reach)
+    maker.ComputeNormalsOff()
+    maker.Update()
+    made = maker.GetOutput()
+    return vtk_to_numpy(made.GetPoints().GetData()).astype(np.float64), _cells(made.GetPolys(), 3)
+
+
+def edge_faults(triangles: NDArray[np.int64], points: NDArray[np.float64]) -> tuple[int, int]:
+    """Return how many edges are open, and how many join more than two triangles."""
+    _, same = np.unique(points, axis=0, return_inverse=True)
+    faces = same.ravel()[triangles]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    counts = np.unique(edges, axis=0, return_counts=True)[1] if len(edges) else np.empty(0)
+    return int((counts == 1).sum()), int((counts > 2).sum())
+
+
+def _polygons(data: vtkDataSet) -> vtkPolyData:
+    if isinstance(data, vtkPolyData):
+        return data
+    if data.GetNumberOfCells() == 0:
+        return vtkPolyData()
+    if data.IsA("vtkPointSet"):
+        stage = PatchTessellator(subdivisions=2)
+        stage.SetInputDataObject(data)
+        stage.update()
+        return stage.GetOutputDataObject(0)
+    maker = vtkDataSetSurfaceFilter()
+    maker.SetInputData(data)
+    maker.Update()
+    return maker.GetOutput()
+
+
+def _own_points(data: Any) -> NDArray[np.float64]:
+    if isinstance(data, vtkPolyData) or not data.IsA("vtkPointSet"):
+        return np.empty((0, 3))  # they are those of the polygons
+    return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
+
+
+def _cells(cells: Any, size: int) -> NDArray[np.int64]:
+    """Return the cells that have a size; lines of more points fall into segments."""
+    if cells is None or cells.GetNumberOfCells() == 0:
+        return np.empty((0, size), dtype=np.int64)
+    starts = vtk_to_numpy(cells.GetOffsetsArray()).astype(np.int64)
+    numbers = vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)
+    if size == 2:
+        first = np.delete(np.arange(len(numbers)), starts[1:] - 1)
+        return np.stack((numbers[first], numbers[first + 1]), axis=1)
+    begin = starts[:-1][np.diff(starts) == size]
+    return numbers[begin[:, None] + np.arange(size)]

@@ -1,0 +1,148 @@
+"""Several processes that make one data set, each a piece of it: what they tell each other.
+
+VTK's own controller carries it: ParaView's pvbatch and pvserver have one under MPI. Nothing here
+does anything in a process that is alone.
+
+Invariants, without which processes would wait for each other for ever:
+
+- A run is collective where the piece asked for is the process's own: then every process runs the
+  same stages in the same order, and each run ends with `Processes.finish` or `Processes.fail`.
+- Whatever is exchanged inside a run comes after `Processes.agree`, so that a process that has
+  failed before meets there those that have not. Whoever fails, all stop.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkParallelCore import vtkCommunicator, vtkMultiProcessController
+
+from spacemap_vtk.errors import SpacemapError
+
+
+class Piece(NamedTuple):
+    """What part of a data set is asked for."""
+
+    number: int = 0
+    of: int = 1
+    ghosts: int = 0
+    """Layers of cells round it that other pieces own."""
+
+
+#: All of it.
+WHOLE = Piece()
+
+
+class PeerError(SpacemapError, RuntimeError):
+    """Another process has failed."""
+
+
+def world() -> int:
+    """Return how many processes there are, 1 where there is no MPI."""
+    controller = vtkMultiProcessController.GetGlobalController()
+    return 1 if controller is None else int(controller.GetNumberOfProcesses())
+
+
+def is_first() -> bool:
+    """Return whether this process speaks for all."""
+    controller = vtkMultiProcessController.GetGlobalController()
+    return controller is None or controller.GetLocalProcessId() == 0
+
+
+class Processes:
+    """All processes, in one run of a stage."""
+
+    def __init__(self, controller: Any) -> None:
+        self._controller = controller
+        self.rank, self.size = controller.GetLocalProcessId(), controller.GetNumberOfProcesses()
+        self._all_know = False
+
+    @classmethod
+    def of(cls, piece: Piece) -> Processes | None:
+        """Return the processes that run together to make all pieces."""
+        controller = vtkMultiProcessController.GetGlobalController()
+        if controller is None or piece.of == 1:
+            return None
+        made = cls(controller)
+        return made if (piece.number, piece.of) == (made.rank, made.size) else None
+
+    def agree(self) -> None:
+        """Stop if another process has failed."""
+        self._tell()
+
+    def finish(self, warnings: Sequence[str]) -> list[str]:
+        """End a run that has gone well here."""
+        told = self._tell(warnings=list(warnings))
+        return list(dict.fromkeys(text for item in told for text in item.get("warnings", [])))
+
+    def fail(self, error: BaseException) -> None:
+        """End a run that has failed here, and tell the others unless they know."""
+        if not self._all_know:
+            self._tell(error=str(error) or type(error).__name__)
+
+    def largest(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Return the largest of all processes' values."""
+        self.agree()
+        return self._largest(values)
+
+    def from_first(
+        self, make: Callable[[], Sequence[NDArray[np.float64]]]
+    ) -> list[NDArray[np.float64]]:
+        """Let the first process alone make arrays, and hand them to all."""
+        self.agree()
+        made: list[NDArray[np.float64]] = []
+        shapes: list[list[int]] = []
+        if self.rank == 0:
+            try:
+                made = [np.ascontiguousarray(a, dtype=np.float64) for a in make()]
+            except BaseException as error:
+                self.fail(error)
+                raise
+            shapes = [list(array.shape) for array in made]
+        shapes = self._tell(shapes=shapes)[0].get("shapes", [])
+        if self.rank != 0:
+            made = [np.empty(shape) for shape in shapes]
+        for array in made:
+            if array.size:
+                self._controller.Broadcast(numpy_to_vtk(array.reshape(-1)), 0)
+        return made
+
+    def _tell(self, **facts: Any) -> list[dict[str, Any]]:
+        """Return what each process says; raise if one of the others says that it has failed."""
+        facts = {key: value for key, value in facts.items() if value}
+        said = np.frombuffer(json.dumps(facts).encode() if facts else b"", dtype=np.uint8)
+        length = int(self._largest([len(said)])[0])
+        if length == 0:
+            return [{}] * self.size
+        padded = np.full(length, ord(" "), dtype=np.uint8)
+        padded[: len(said)] = said
+        rows = self._gather(padded).reshape(self.size, length)
+        told = [json.loads(row.tobytes().strip() or b"{}") for row in rows]
+        failed = [rank for rank, item in enumerate(told) if "error" in item]
+        if failed:
+            self._all_know = True
+            if self.rank not in failed:
+                where = ", ".join(str(rank) for rank in failed)
+                raise PeerError(
+                    f"rank {where} of {self.size} has failed: {told[failed[0]]['error']}"
+                )
+        return told
+
+    def _largest(self, values: ArrayLike) -> NDArray[np.float64]:
+        own = np.ascontiguousarray(values, dtype=np.float64)
+        result = np.empty_like(own)
+        self._controller.AllReduce(numpy_to_vtk(own), numpy_to_vtk(result), vtkCommunicator.MAX_OP)
+        return result
+
+    def _gather(self, values: NDArray[Any]) -> NDArray[Any]:
+        result = np.empty(self.size * len(values), dtype=values.dtype)
+        if len(values):
+            target = numpy_to_vtk(result)
+            self._controller.AllGather(numpy_to_vtk(values), target)
+            result = vtk_to_numpy(target)
+        return result

@@ -1,0 +1,42 @@
+"""What VTK prints while it reads a file, as an exception."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+
+from spacemap_vtk.errors import InputError
+
+#: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
+_HARMLESS = "InformationKey"
+
+
+@contextmanager
+def quiet_vtk(path: Path) -> Iterator[None]:
+    """Turn what VTK prints as an error while a file is read into an exception."""
+    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkOutputWindow.SetInstance(window)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
+    try:
+        yield
+    finally:
+        vtkOutputWindow.SetInstance(usual)
+        vtkLogger.SetStderrVerbosity(verbosity)
+    errors = [
+        " ".join(text.split("):")[-1].split())
+        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
+        if text.startswith("ERROR") and _HARMLESS not in text
+    ]
+    # The first reader knows why; those above it only that it failed, at length.
+    errors = [text for text in errors if "returned failure" not in text] or errors
+    if errors:
+        why = errors[0][:200].rstrip(".")
+        raise InputError(
+            f"{path}: damaged or not of the format that its ending says: {why}",
+            cure="Write the file again, whole.",
+        )

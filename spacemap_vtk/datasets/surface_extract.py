@@ -1,0 +1,72 @@
+"""The surface of a grid, found once while only its points move."""
+
+from __future__ import annotations
+
+from math import ceil, log2
+from typing import Any
+
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import (
+    vtkPointSet,
+    vtkPolyData,
+    vtkUnstructuredGrid,
+)
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+from spacemap_vtk.datasets.arrays import cell_types, points_of, take_arrays, to_points
+from spacemap_vtk.datasets.geometry_cache import Connectivity
+from spacemap_vtk.errors import GeometryError
+
+#: VTK's numbers of the cells with straight edges; its own question changed its name in 9.6.
+_STRAIGHT = {*range(17), 41, 42}
+_POINTS, _CELLS = "vtkOriginalPointIds", "vtkOriginalCellIds"
+
+
+class Skin:
+    """Outer faces, lines and points of a grid of any cells."""
+
+    _kept: tuple[Connectivity, vtkPolyData, Any] | None = None
+
+    def extract(self, grid: vtkPointSet, subdivisions: int, output: vtkPolyData) -> None:
+        """Fill in the surface at the present points."""
+        if grid.GetNumberOfCells() == 0:
+            raise GeometryError(
+                f"the input has {grid.GetNumberOfPoints()} points and no cells to draw"
+            )
+        if not isinstance(grid, vtkUnstructuredGrid):
+            output.ShallowCopy(_surface(grid, 0))
+            return
+        if any(kind not in _STRAIGHT for kind in cell_types(grid)):
+            output.ShallowCopy(_surface(grid, ceil(log2(subdivisions))))
+            return
+        if self._kept is None or not self._kept[0].matches(grid):
+            # without arrays: those are taken anew each time
+            bare = grid.NewInstance()
+            bare.CopyStructure(grid)
+            skin = _surface(bare, 0)
+            points = vtk_to_numpy(skin.GetPointData().GetArray(_POINTS)).copy()
+            cells = vtk_to_numpy(skin.GetCellData().GetArray(_CELLS)).copy()
+            skin.GetPointData().Initialize()
+            skin.GetCellData().Initialize()
+            self._kept = Connectivity(grid), skin, (points, cells)
+        _, skin, (points, cells) = self._kept
+        output.CopyStructure(skin)
+        output.SetPoints(to_points(points_of(grid)[points]))
+        for source, target, rows in (
+            (grid.GetPointData(), output.GetPointData(), points),
+            (grid.GetCellData(), output.GetCellData(), cells),
+        ):
+            take_arrays(source, target, rows)
+        output.GetFieldData().ShallowCopy(grid.GetFieldData())
+
+
+def _surface(grid: vtkPointSet, level: int) -> vtkPolyData:
+    maker = vtkDataSetSurfaceFilter()
+    maker.SetInputData(grid)
+    maker.SetNonlinearSubdivisionLevel(level)
+    maker.SetPassThroughPointIds(level == 0)
+    maker.SetPassThroughCellIds(level == 0)
+    maker.SetOriginalPointIdsName(_POINTS)
+    maker.SetOriginalCellIdsName(_CELLS)
+    maker.Update()
+    return maker.GetOutput()

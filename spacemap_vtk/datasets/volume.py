@@ -1,0 +1,141 @@
+"""Volume meshes of any cells, as linear tetrahedra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructuredGrid
+
+from spacemap_vtk.cage import split
+from spacemap_vtk.cage.split_quadratic import (
+    HEXAHEDRON,
+    PYRAMID,
+    TETRAHEDRON,
+    WEDGE,
+    split_quadratic,
+    split_triquadratic,
+)
+from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
+from spacemap_vtk.errors import GeometryError
+
+Cells = NDArray[np.integer[Any]]
+
+
+def _whole(cells: Cells) -> Cells:
+    return cells
+
+
+def _voxels(cells: Cells) -> Cells:
+    return split.split_hexahedra(cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
+
+
+_TETRAHEDRA = (10, 24, 71, 78)
+# For each of VTK's types: number of corners, how they are split.
+_KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+    **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
+    **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.split_hexahedra)),
+    **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.split_wedges)),
+    **dict.fromkeys((14, 27, 37, 74, 81), (5, split.split_pyramids)),
+    11: (8, _voxels),
+}
+# The same of quadratic cells: their nodes, of which those past the middles of edges are left out.
+_QUADRATIC: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
+    24: (10, partial(split_quadratic, kind=TETRAHEDRON)),
+    **dict.fromkeys((25, 29, 33), (20, partial(split_quadratic, kind=HEXAHEDRON))),
+    **dict.fromkeys((26, 32), (15, partial(split_quadratic, kind=WEDGE))),
+    **dict.fromkeys((27, 37), (13, partial(split_quadratic, kind=PYRAMID))),
+}
+# Without any others beside them all of their nodes are used.
+_TRIQUADRATIC = {29: (27, split_triquadratic)}
+# Points, lines and polygons, straight and curved: they have no volume.
+_NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
+
+
+@dataclass
+class Volume:
+    """Linear tetrahedra made of a mesh."""
+
+    #: The tetrahedra, with the point arrays of the mesh.
+    grid: vtkUnstructuredGrid
+    #: (n,) Number in the mesh of each point.
+    points: NDArray[np.int64]
+    #: What was changed.
+    notes: list[str] = field(default_factory=list)
+
+
+def tetrahedral(data: vtkPointSet, what: str) -> Volume:
+    """Split the cells of a mesh into linear tetrahedra."""
+    if not isinstance(data, vtkUnstructuredGrid) or data.GetNumberOfCells() == 0:
+        raise GeometryError(
+            f"{what} is no volume mesh: it is a {data.GetClassName()} of "
+            f"{data.GetNumberOfCells()} cells",
+            allowed="tetrahedra, hexahedra, wedges, pyramids",
+            cure='A surface can be filled with method = "tetwild".',
+        )
+    types = np.array([data.GetCellType(i) for i in range(data.GetNumberOfCells())])
+    others = sorted(set(types.tolist()) - _KINDS.keys() - _NO_VOLUME)
+    if others:
+        raise GeometryError(
+            f"{what} has cells of VTK's types {others}",
+            allowed="tetrahedra, hexahedra, wedges, pyramids, linear or of higher order",
+        )
+    vertices = points_of(data).astype(np.float64)
+    if not np.isfinite(vertices).all():
+        bad = int(np.argmin(np.isfinite(vertices).all(axis=1)))
+        raise GeometryError(f"{what}: point {bad} is not finite", cure="Repair the mesh.")
+    parts, notes = [], []
+    flat_cells = int(np.isin(types, list(_NO_VOLUME)).sum())
+    if flat_cells:
+        notes.append(f"{what}: {flat_cells} cells without a volume were left out")
+    starts, numbers = _offsets(data), vtk_to_numpy(data.GetCells().GetConnectivityArray())
+    solid = {kind for kind in set(types.tolist()) if kind in _KINDS}
+    table: dict[int, Any] = _KINDS
+    whole = []
+    if solid <= _QUADRATIC.keys():  # beside linear cells they would not conform
+        table = _TRIQUADRATIC if solid == _TRIQUADRATIC.keys() else _QUADRATIC
+    for kind in sorted(solid):
+        corners, cut = table[kind]
+        rows = starts[:-1][types == kind]
+        if kind in _TETRAHEDRA:
+            whole.append(numbers[rows[:, None] + np.arange(4)].astype(np.int64))
+        parts.append(cut(numbers[rows[:, None] + np.arange(corners)].astype(np.int64)))
+    if not parts:
+        raise GeometryError(f"{what} has no cells with a volume")
+    tetrahedra, _, flat = split.mended(vertices, np.concatenate(parts))
+    # what other cells fall into has any orientation
+    inverted = split.mended(vertices, np.concatenate(whole))[1] if whole else 0
+    if not len(tetrahedra):
+        raise GeometryError(
+            f"{what}: all {flat} tetrahedra are flat", allowed="at least one with a volume"
+        )
+    if inverted:
+        notes.append(f"{what}: {inverted} inverted tetrahedra were turned")
+    if flat:
+        notes.append(f"{what}: {flat} flat tetrahedra were left out")
+    used = np.unique(tetrahedra)
+    grid = vtkUnstructuredGrid()
+    kept: NDArray[np.int64] = np.arange(len(vertices))
+    if len(used) < len(vertices):
+        kept = used.astype(np.int64)
+        tetrahedra = np.searchsorted(used, tetrahedra)
+        notes.append(f"{what}: {len(vertices) - len(used)} points of no tetrahedron were left out")
+    grid.SetPoints(to_points(vertices[kept]))
+    grid.SetCells(VTK_TETRA, to_cells(tetrahedra))
+    for i in range(data.GetPointData().GetNumberOfArrays()):
+        array = data.GetPointData().GetArray(i)
+        if array is not None and array.GetName():
+            values = vtk_to_numpy(array)
+            grid.GetPointData().AddArray(to_array(values[kept], array.GetName()))
+    if len(kept) < len(vertices):
+        add_array(grid.GetPointData(), "original_point", kept)
+    return Volume(grid, kept, notes)
+
+
+def _offsets(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
+    return vtk_to_numpy(grid.GetCells().GetOffsetsArray()).astype(np.int64)

@@ -1,0 +1,1 @@
+"""One renderer for the window, pictures, films and figures."""

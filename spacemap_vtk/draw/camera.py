@@ -1,0 +1,83 @@
+"""Where a picture is seen from, and by what light; needs nothing but VTK."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
+
+#: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
+CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
+    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+}
+#: Full opening of the lens, in degrees.
+VIEW_ANGLE = 24.0
+#: Share of the picture left free at each edge.
+_MARGIN = 0.06
+
+
+def add_lights(renderer: vtkRenderer) -> None:
+    """Light a scene."""
+    # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
+    # right opens the shadows. Both are fixed to the camera.
+    for position, intensity, color in (
+        ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
+        ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
+        ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
+    ):
+        light = vtkLight()
+        light.SetLightTypeToCameraLight()
+        light.SetPosition(*position)
+        light.SetIntensity(intensity)
+        light.SetColor(*color)
+        renderer.AddLight(light)
+
+
+def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
+    """Return a renderer that draws over another one, through the same camera."""
+    front = vtkRenderer()
+    front.AutomaticLightCreationOff()
+    front.SetActiveCamera(renderer.GetActiveCamera())
+    front.SetLayer(1)
+    front.InteractiveOff()
+    window.SetNumberOfLayers(2)
+    window.AddRenderer(front)
+    return front
+
+
+def aim(
+    camera: vtkCamera, points: NDArray[np.float64], aspect: float, name: str | None, zoom: float
+) -> None:
+    """Place the camera so that the points just fill the picture."""
+    if name is None:
+        seen_from = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
+    else:
+        seen_from = CAMERAS[name]
+    direction, up = (np.array(v) / np.linalg.norm(v) for v in seen_from)
+    right = np.cross(up, direction)
+    right /= np.linalg.norm(right)
+    up = np.cross(direction, right)
+    axes = np.stack([right, up, direction])
+    seen = points @ axes.T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    slope = np.tan(np.radians(VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
+    # What is near looks larger, so the middle of the picture is not that of the scene: a few
+    # rounds of placing the camera and centring what it sees.
+    for _ in range(4):
+        across, above, toward = (seen - middle).T
+        # A point is in the picture if |across| <= slope * (distance - toward), above likewise.
+        distance = max(
+            float((np.abs(across) / (slope * aspect) + toward).max()),
+            float((np.abs(above) / slope + toward).max()),
+        )
+        for axis, offset in enumerate((across, above)):
+            ratio = offset / (distance - toward)
+            middle[axis] += (ratio.min() + ratio.max()) / 2 * distance
+    focus = middle @ axes
+    camera.SetFocalPoint(*focus.tolist())
+    camera.SetPosition(*(focus + direction * distance / zoom).tolist())
+    camera.SetViewUp(*up.tolist())
+    camera.SetViewAngle(VIEW_ANGLE)

@@ -1,0 +1,140 @@
+"""Files of pictures: one, numbered frames, a film."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterable
+from contextlib import suppress
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.picture import Image as Pixels
+
+#: Of zlib. Of a picture of yarns, 6 makes files a twelfth smaller, in more than twice the time.
+_COMPRESSION = 3
+
+
+def write_picture(file: Path, image: Pixels, **more: Any) -> None:
+    """Write a picture."""
+    Image.fromarray(image).save(file, **{"compress_level": _COMPRESSION} | more)
+
+
+def require_encoder(file: Path) -> None:
+    """Refuse a film that nothing here can write, before any work is done for it."""
+    if file.suffix.lower() != ".mp4":
+        return
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise MissingLibraryError(
+            f"{file.name}: .mp4 needs the package imageio-ffmpeg, with its program ffmpeg",
+            cure="Run: pip install 'spacemap_vtk[movie]', or write a .gif.",
+        ) from None
+
+
+def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    """Write a film.
+
+    Parameters
+    ----------
+    file : Path
+        Ending in .gif or .mp4.
+    images : iterable of ndarray, shape (height, width, 3)
+        The frames, taken one at a time.
+    rate : float
+        Frames per second.
+
+    Raises
+    ------
+    MissingLibraryError
+        If .mp4 is asked for without the extra ``[movie]``.
+    OSError
+        If the disk does not take it.
+    SpacemapError
+        If ffmpeg fails for another reason.
+    """
+    if file.suffix.lower() == ".gif":
+        _write_gif(file, images, rate)
+    else:
+        _write_mp4(file, images, rate)
+
+
+def write_frames(file: Path, images: Iterable[Pixels]) -> None:
+    """Write numbered pictures."""
+    for number, image in enumerate(images):
+        write_picture(file.with_name(file.name % number), image)
+
+
+def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    frames = (Image.fromarray(image) for image in images)
+    first = next(frames)
+    # One palette for the whole film, of the first frame's colours: palettes of their own make
+    # still parts flicker. GIF counts time in hundredths of a second.
+    palette = first.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    palette.save(
+        file,
+        save_all=True,
+        append_images=rest,
+        duration=max(20, round(100 / rate) * 10),
+        loop=0,
+        disposal=1,
+    )
+
+
+def _write_mp4(file: Path, images: Iterable[Pixels], rate: float) -> None:
+    require_encoder(file)
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    # H.264 takes even sizes only.
+    even = (image[: len(image) // 2 * 2, : image.shape[1] // 2 * 2] for image in images)
+    first = next(even)
+    height, width, _ = first.shape
+    fps = Fraction(rate).limit_denominator()
+    raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps} -i -"
+    kind = "-an -c:v libx264 -crf 10 -pix_fmt yuv420p -y"
+    with TemporaryFile() as told:
+        process = subprocess.Popen(
+            [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), str(file)],
+            stdin=subprocess.PIPE,
+            stderr=told,
+            start_new_session=True,  # Ctrl-C is not for it: it would end the film there, and well
+        )
+        assert process.stdin is not None
+        try:
+            for image in chain([first], even):
+                try:
+                    process.stdin.write(np.ascontiguousarray(image).data)
+                except BrokenPipeError:
+                    break  # it has ended, and its status tells how
+            process.communicate()
+        finally:
+            process.kill()
+            process.wait()
+            with suppress(BrokenPipeError):  # of what it has not been given
+                process.stdin.close()
+        if process.returncode:
+            _try_on(file)
+            told.seek(0)
+            said = " ".join(told.read().decode(errors="replace").split())
+            raise SpacemapError(f"{file.name}: ffmpeg failed: {said[-200:]}")
+
+
+def _try_on(file: Path) -> None:
+    """Write more to a file that another program has broken off: the disk tells its reason."""
+    with file.open("ab") as torn:
+        torn.write(bytes(2**20))
+        torn.flush()
+        os.fsync(torn.fileno())

@@ -1,0 +1,144 @@
+"""What stands round the object in pictures and in the window: its ghost, supports, loads, a cut."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkFiltersSources import vtkArrowSource
+from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataMapper
+
+from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.draw.load_arrows import KINDS, Arrows
+from spacemap_vtk.draw.surface_actor import rgb
+from spacemap_vtk.scenes.settings import View
+
+#: Normal and origin of a plane; the normal points to what stays in sight.
+Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+#: Width of a support's dot and of the cage's lines, in points.
+DOT, LINE = 9.0, 1.5
+
+
+class GhostActor(vtkActor):
+    """The fabric at rest, pale: its moved points less their displacement."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mapper = vtkPolyDataMapper()
+        self._mapper.ScalarVisibilityOff()
+        self.SetMapper(self._mapper)
+        self.GetProperty().SetColor(*rgb("#8a94a3"))
+        self.GetProperty().SetOpacity(0.18)
+        self.SetPickable(False)
+
+    def show(self, surface: vtkPolyData) -> None:
+        """Draw where a surface comes from."""
+        rest = vtkPolyData()
+        if surface.GetPointData().GetArray("displacement") is not None:
+            rest.ShallowCopy(surface)
+            rest.SetPoints(to_points(rest_of(surface)))
+        self._mapper.SetInputData(rest)
+
+
+class SupportActor(vtkActor):
+    """The cage's fixed vertices."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mapper = vtkPolyDataMapper()
+        self.SetMapper(self._mapper)
+        self.GetProperty().SetPointSize(DOT)
+        self.GetProperty().SetRenderPointsAsSpheres(True)
+        self.SetPickable(False)
+        self._shown: tuple[Any, Any] = None, None
+
+    def show(self, cage: vtkUnstructuredGrid | None) -> None:
+        """Draw a cage's supports."""
+        fixed = None if cage is None else cage.GetPointData().GetArray("fixed")
+        rest = None if cage is None else cage.GetPoints()
+        if (rest, fixed) == self._shown and fixed is not None:
+            return
+        self._shown = rest, fixed
+        dots = vtkPolyData()
+        if cage is not None and fixed is not None:
+            held = points_of(cage)[vtk_to_numpy(fixed) != 0]
+            if len(held):
+                dots.SetPoints(to_points(held))
+                dots.SetVerts(to_cells(np.arange(len(held)).reshape(-1, 1)))
+        self._mapper.SetInputData(dots)
+
+
+class LoadActor(vtkActor):
+    """Arrows for what acts on the cage; `through` is the same, pale, for a renderer in front."""
+
+    # A load mostly acts where the cloth is, and often behind it: there its arrow shines through.
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._shape = _arrow()
+        self.through = vtkActor()
+        for actor in (self, self.through):
+            actor.SetMapper(_arrows_mapper(self._shape))
+            actor.SetPickable(False)
+        self.GetProperty().SetAmbient(0.35)
+        look = self.through.GetProperty()
+        look.SetLighting(False)
+        look.SetOpacity(0.7)
+        look.BackfaceCullingOn()
+
+    def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
+        """Draw arrows."""
+        places = vtkPolyData()
+        if arrows is not None and len(arrows.starts):
+            seen = np.ones(len(arrows.starts), bool)
+            if cut is not None:
+                seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
+            colors = np.array([list(bytes.fromhex(KINDS[k][1:])) for k in arrows.kinds], np.uint8)
+            places.SetPoints(to_points(arrows.starts[seen]))
+            places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
+            places.GetPointData().AddArray(to_array(colors[seen], "color"))
+        for actor in (self, self.through):
+            actor.GetMapper().SetInputData(places)
+
+
+def _arrow() -> vtkArrowSource:
+    shape = vtkArrowSource()
+    shape.SetTipResolution(24)
+    shape.SetShaftResolution(24)
+    shape.SetTipRadius(0.09)
+    shape.SetTipLength(0.3)
+    shape.SetShaftRadius(0.032)
+    return shape
+
+
+def _arrows_mapper(shape: vtkArrowSource) -> vtkGlyph3DMapper:
+    mapper = vtkGlyph3DMapper()
+    mapper.SetSourceConnection(shape.GetOutputPort())
+    mapper.SetOrientationArray("vector")
+    mapper.SetScaleArray("vector")
+    mapper.SetScaleModeToScaleByMagnitude()
+    mapper.SetScalarModeToUsePointFieldData()
+    mapper.SelectColorArray("color")
+    mapper.SetColorModeToDirectScalars()
+    return mapper
+
+
+def rest_of(surface: vtkPolyData) -> NDArray[np.floating[Any]]:
+    """Return where a surface's points are at rest."""
+    moved = surface.GetPointData().GetArray("displacement")
+    return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)
+
+
+def cut_of(view: View, surface: vtkPolyData) -> Cut | None:
+    """Return the plane that a view is cut open with."""
+    if view.clip_normal is None:
+        return None
+    if view.clip_origin is not None:
+        return view.clip_normal, view.clip_origin
+    rest = rest_of(surface)
+    x, y, z = ((rest.min(axis=0) + rest.max(axis=0)) / 2).tolist()
+    return view.clip_normal, (x, y, z)

@@ -1,0 +1,135 @@
+"""A sheet of a scene's mode shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkFiltersCore import vtkFeatureEdges
+from vtkmodules.vtkFiltersGeneral import vtkWarpVector
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.shading import averaged
+from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.modal_solver import MODE_NAME
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.scene import Scene
+
+#: Most shapes on a sheet, and how many in a row.
+MOST_SHAPES, COLUMNS = 12, 4
+#: A cell of the sheet in pixels, and the room below it for its label.
+_CELL, _LABEL = (440, 400), 46
+#: Largest displacement of a shape, in diagonals of the cage's box.
+_SWING = 0.12
+_INK, _FAINT = (40, 46, 54), (118, 126, 138)
+
+
+def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> NDArray[np.uint8]:
+    """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
+    figures = report.modes(scene)
+    scene.update_stage(scene.modal)
+    drawing = _Drawing(scene)
+    shapes = figures["modes"][:MOST_SHAPES]
+    columns = min(COLUMNS, len(shapes))
+    rows = math.ceil(len(shapes) / columns)
+    sheet = Image.new("RGB", (columns * _CELL[0], rows * (_CELL[1] + _LABEL)), (255, 255, 255))
+    pen = ImageDraw.Draw(sheet)
+    for number, mode in enumerate(shapes):
+        left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
+        sheet.paste(Image.fromarray(drawing.shape(number)), (left, top))
+        middle, line = left + _CELL[0] / 2, top + _CELL[1]
+        title = f"mode {number}: {mode['frequency_hz']:.4g} Hz"
+        pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
+        pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
+        if progress:
+            progress(number + 1)
+    drawing.close()
+    return np.asarray(sheet)
+
+
+def _note(mode: dict[str, Any]) -> str:
+    shares = mode["effective_mass_share"]
+    most = int(np.argmax(shares))
+    damping = mode["regime"]
+    if damping not in ("rigid", "lost in rounding"):
+        damping = f"damping {mode['damping_ratio']:.3g}"
+    if shares[most] < 0.005:
+        return f"{damping}, moves no mass as a whole"
+    return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"
+
+
+class _Drawing:
+    """Draws one shape after the other from one place, with room for the swing to every side."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._grid: vtkUnstructuredGrid = scene.modal.GetOutputDataObject(0)
+        vertices = points_of(self._grid)
+        self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
+        size = _CELL[0] * 2, _CELL[1] * 2
+        self._window = Offscreen(size, (255, 255, 255), (238, 242, 246), samples=4)
+        self._solid, self._moved = SurfaceActor(), vtkUnstructuredGrid()
+        self._moved.ShallowCopy(self._grid)
+        self._cage = vtkTrivialProducer()
+        self._cage.SetOutput(self._moved)
+        self._warp = BarycentricWarp()
+        self._surface = PatchTessellator(subdivisions=scene.surface.subdivisions)
+        self._warp.SetInputConnection(0, scene.source.GetOutputPort())
+        self._warp.SetInputConnection(1, self._cage.GetOutputPort())
+        self._surface.SetInputConnection(self._warp.GetOutputPort())
+        # Of the cage only its corner lines, which its faces share at an angle: enough to see it
+        # bend.
+        faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
+        faces.SetInputConnection(self._cage.GetOutputPort())
+        lines.SetInputConnection(faces.GetOutputPort())
+        lines.SetFeatureAngle(30.0)
+        lines.ColoringOff()
+        bent.SetInputConnection(lines.GetOutputPort())
+        bent.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
+        self._stages = faces, lines, bent
+        self._window.renderer.AddActor(self._solid)
+        for stage, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
+            actor, mapper = vtkActor(), vtkPolyDataMapper()
+            mapper.SetInputConnection(stage.GetOutputPort())
+            mapper.ScalarVisibilityOff()
+            actor.SetMapper(mapper)
+            actor.GetProperty().SetColor(*rgb(color))
+            actor.GetProperty().SetLineWidth(width)
+            actor.GetProperty().LightingOff()
+            self._window.renderer.AddActor(actor)
+        swing = 0.6 * self._swing
+        room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
+        aim(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
+
+    def shape(self, number: int) -> NDArray[np.uint8]:
+        """Draw a mode shape."""
+        shape = array_of(self._grid.GetPointData(), MODE_NAME.format(number), "a sheet of modes")
+        largest = float(np.linalg.norm(shape, axis=1).max())
+        add_array(self._moved.GetPointData(), "displacement", shape * (self._swing / largest))
+        self._moved.GetPointData().SetActiveVectors("displacement")
+        self._moved.Modified()
+        self._surface.update()
+        mesh = vtkPolyData()
+        mesh.ShallowCopy(self._surface.GetOutputDataObject(0))
+        add_measure(mesh, "displacement")
+        self._solid.show(mesh, "displacement", span=(0.0, self._swing))
+        light = self._window.draw().astype(np.float32)
+        return np.clip(averaged(light, 2) + 0.5, 0, 255).astype(np.uint8)
+
+    def close(self) -> None:
+        """Free the window."""
+        self._window.close()

@@ -1,0 +1,101 @@
+"""A window that nobody sees: what VTK draws, as arrays. Needs nothing but VTK."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+# VTK finds the classes that draw and that write letters once these modules are loaded.
+import vtkmodules.vtkRenderingFreeType
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
+
+from spacemap_vtk.draw.camera import add_lights, front_of
+from spacemap_vtk.draw.graphics import prepare_offscreen
+
+
+class Offscreen:
+    """Draws one renderer, lit, whose background goes from one colour to another."""
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        below: Sequence[int],
+        above: Sequence[int],
+        samples: int = 0,
+        pixels: int = 1,
+        beside: Offscreen | None = None,
+    ) -> None:
+        prepare_offscreen()
+        self.renderer = vtkRenderer()
+        self.renderer.AutomaticLightCreationOff()
+        self.renderer.SetBackground(*(part / 255 for part in below))
+        self.renderer.SetBackground2(*(part / 255 for part in above))
+        self.renderer.GradientBackgroundOn()
+        add_lights(self.renderer)
+        self._size = size
+        if beside is not None and beside._size == size:
+            self._window: vtkRenderWindow = beside._window
+        else:
+            self._window = _window(size, samples, pixels)
+        self._window.AddRenderer(self.renderer)
+        #: Draws over all else; None while nothing is to be.
+        self.front: vtkRenderer | None = None
+
+    def add_in_front(self, prop: vtkProp) -> None:
+        """Add what is drawn over all else, wherever it stands."""
+        if self.front is None:
+            self.front = front_of(self._window, self.renderer)
+        self.front.AddViewProp(prop)
+
+    @property
+    def camera(self) -> vtkCamera:
+        """What the picture is seen through."""
+        return self.renderer.GetActiveCamera()
+
+    def draw(self, front: bool = True) -> NDArray[np.uint8]:
+        """Draw."""
+        for renderer in self._window.GetRenderers():
+            renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
+        self.renderer.ResetCameraClippingRange()
+        self._window.Render()
+        width, height = self._size
+        pixels = vtkUnsignedCharArray()
+        # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
+        # plain mean of them.
+        self._window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
+        return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
+
+    def depth(self) -> NDArray[np.float32]:
+        """Return how far from the camera is what was drawn last."""
+        width, height = self._size
+        buffer = vtkFloatArray()
+        self._window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
+        z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
+        near, far = self.camera.GetClippingRange()
+        if self.camera.GetParallelProjection():
+            distance = near + z * (far - near)
+        else:
+            distance = near * far / (far - z * (far - near))
+        distance[z >= 1.0] = np.nan
+        return distance.astype(np.float32)
+
+    def close(self) -> None:
+        """Free the window."""
+        self._window.Finalize()
+
+
+def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    if hasattr(window, "SetConnectContextToNSView"):
+        # macOS: otherwise a window is made, though nothing shows it.
+        window.SetConnectContextToNSView(False)
+    window.SetMultiSamples(samples)
+    window.SetSize(*size)
+    window.SetDPI(72 * pixels)
+    return window

@@ -1,0 +1,198 @@
+"""The actor of a scene's surface, in any of the colourings, with its scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLookupTable
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
+from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
+
+from spacemap_vtk.datasets.arrays import to_array
+from spacemap_vtk.draw.coloring import SHOWN, unit_of
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.settings import is_dark
+
+#: Colours of warp and weft where families are told apart; of yarns; of numbers from low on.
+FAMILIES = ("#2f7fb0", "#e2a03f")
+YARNS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
+RAMP = ("#2c1e5c", "#3b528b", "#21908d", "#5dc963", "#fde725")
+
+Span = tuple[float, float]
+
+
+class SurfaceActor(vtkActor):
+    """A fabric's or object's surface; `bar` is the scale of its colours."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mapper = vtkPolyDataMapper()
+        self.SetMapper(self._mapper)
+        look = self.GetProperty()
+        look.SetAmbient(0.22)
+        look.SetDiffuse(0.9)
+        look.SetSpecular(0.12)
+        look.SetSpecularPower(18.0)
+        self._table = vtkLookupTable()
+        self.bar = scale_bar()
+        self.bar.SetLookupTable(self._table)
+
+    def show(
+        self,
+        surface: vtkPolyData,
+        color: str,
+        plain: Sequence[int] = (185, 196, 207),
+        span: Span | None = None,
+        picture: vtkImageData | None = None,
+    ) -> Span | None:
+        """Draw a surface."""
+        mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
+        numbers = points.GetArray(SHOWN)
+        shown: Span | None = None
+        mapper.SetScalarVisibility(True)
+        if numbers is not None:
+            values = vtk_to_numpy(numbers)
+            shown = span or natural_span(values)
+            name, size = unit_of(color, max(map(abs, shown)))
+            # The scale reads in its own unit.
+            points.AddArray(to_array(values / np.float32(size), "in unit"))
+            self._color_by("in unit", _ramp(RAMP, 256), (shown[0] / size, shown[1] / size))
+            mapper.SetScalarModeToUsePointFieldData()
+            self.bar.SetTitle(scale_title(color, name))
+        elif color in ("family", "yarn") and cells.GetArray(color) is not None:
+            colors = FAMILIES if color == "family" else YARNS
+            count = int(cells.GetArray(color).GetRange()[1]) + 1
+            self._color_by(color, [colors[i % len(colors)] for i in range(count)], (0, count - 1))
+            mapper.SetScalarModeToUseCellFieldData()
+        else:
+            self._show_own(surface, plain, picture)
+        self._paint(picture if shown is None and color == "own" else None)
+        self.bar.SetVisibility(shown is not None)
+        mapper.SetInputData(surface)
+        return shown
+
+    def _paint(self, picture: vtkImageData | None) -> None:
+        former = self.GetTexture()
+        if picture is None:
+            self.SetTexture(None)
+        elif former is None or former.GetInput() is not picture:
+            texture = vtkTexture()
+            texture.SetInputData(picture)
+            texture.InterpolateOn()
+            texture.MipmapOn()
+            texture.RepeatOn()
+            self.SetTexture(texture)
+
+    def _show_own(
+        self, surface: vtkPolyData, plain: Sequence[int], picture: vtkImageData | None
+    ) -> None:
+        mapper, found = self._mapper, own_colors(surface)
+        if picture is not None:  # it would be mixed with them
+            found, plain = None, (255, 255, 255)
+        mapper.SetScalarVisibility(found is not None)
+        self.GetProperty().SetColor(*(part / 255 for part in plain))
+        if found is not None:
+            on_points, name = found
+            if on_points:
+                mapper.SetScalarModeToUsePointFieldData()
+            else:
+                mapper.SetScalarModeToUseCellFieldData()
+            mapper.SetColorModeToDirectScalars()
+            mapper.SelectColorArray(name)
+
+    def _color_by(self, name: str, colors: list[str], span: Span) -> None:
+        table = self._table
+        table.SetNumberOfTableValues(len(colors))
+        table.SetTableRange(*span)
+        for number, color in enumerate(colors):
+            table.SetTableValue(number, *rgb(color), 1.0)
+        self._mapper.SetColorModeToMapScalars()
+        self._mapper.SetLookupTable(table)
+        self._mapper.UseLookupTableScalarRangeOn()
+        self._mapper.SelectColorArray(name)
+
+
+def natural_span(values: np.ndarray) -> Span:
+    """Return the ends of a scale for some numbers."""
+    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    # A touch of rounding is no overlap of yarns, and would give the scale an end of its own.
+    low = 0.0 if -low < 0.02 * high else low
+    return (low, high) if high > low else (0.0, 1e-9)
+
+
+def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
+    """Find the colours that a surface brings along."""
+    for on_points, arrays in ((False, surface.GetCellData()), (True, surface.GetPointData())):
+        for i in range(arrays.GetNumberOfArrays()):
+            array = arrays.GetArray(i)
+            if (
+                array is not None
+                and array.GetDataTypeAsString() == "unsigned char"
+                and array.GetNumberOfComponents() in (3, 4)
+            ):
+                return on_points, array.GetName()
+    return None
+
+
+def scale_bar() -> vtkScalarBarActor:
+    """Return a scale for the right edge of a view, not yet visible."""
+    bar = vtkScalarBarActor()
+    bar.SetNumberOfLabels(5)
+    # VTK 9.6 went from C's formats to those of C++.
+    bar.SetLabelFormat("{:.3g}" if "{" in bar.GetLabelFormat() else "%.3g")
+    bar.SetUnconstrainedFontSize(True)
+    for text, size in ((bar.GetTitleTextProperty(), 14), (bar.GetLabelTextProperty(), 13)):
+        text.SetFontSize(size)
+        text.SetItalic(False)
+        text.SetBold(False)
+        text.SetShadow(False)
+    bar.SetHeight(0.5)
+    bar.SetVisibility(False)
+    return bar
+
+
+def scale_title(color: str, unit: str) -> str:
+    """Return what stands over a scale, in lines that are short enough."""
+    quantity, _, which = COLORINGS[color].label.partition(", ")
+    lines = [quantity, *([which] if len(which) <= len("Displacement") else which.split())]
+    return "\n".join(line for line in (*lines, unit and f"[{unit}]") if line)
+
+
+def scale_share(size: tuple[float, float]) -> float:
+    """Return the share of a picture's width that a scale takes at the right."""
+    return min(0.36, max(104.0, 0.21 * size[1]) / max(1, size[0]))
+
+
+def fit_scale(
+    bar: vtkScalarBarActor,
+    size: tuple[int, int],
+    background: Sequence[int],
+    pixels: float = 1.0,
+) -> None:
+    """Fit a scale to a picture."""
+    (width, height), share = size, scale_share(size)
+    bar.SetPosition(1.0 - share, 0.25)
+    bar.SetWidth(share)
+    ink = (0.92, 0.94, 0.97) if is_dark(background) else (0.16, 0.18, 0.21)
+    for text, lines in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
+        text.SetFontSize(max(12, height // lines))
+        text.SetColor(*ink)
+    bar.SetMaximumWidthInPixels(round(pixels * share * width))
+    bar.SetVerticalTitleSeparation(round(pixels * max(6, height // 90)))
+    bar.SetTextPad(round(pixels * max(3, height // 200)))
+
+
+def rgb(color: str) -> tuple[float, float, float]:
+    """Return red, green and blue from 0 to 1."""
+    red, green, blue = bytes.fromhex(color[1:])
+    return red / 255, green / 255, blue / 255
+
+
+def _ramp(colors: tuple[str, ...], count: int) -> list[str]:
+    stops = np.array([list(bytes.fromhex(color[1:])) for color in colors], dtype=float)
+    at = np.linspace(0, len(stops) - 1, count)
+    parts = [np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]
+    return ["#{:02x}{:02x}{:02x}".format(*(int(c[i]) for c in parts)) for i in range(count)]

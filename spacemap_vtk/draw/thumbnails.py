@@ -1,0 +1,84 @@
+"""Small pictures of the scenes that come with the program, for the window's gallery.
+
+They are kept beside the scenes, so that the gallery is there at once. After a change of a scene:
+``python -m spacemap_vtk.draw.thumbnails`` draws anew what is out of date.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from pathlib import Path
+
+from spacemap_vtk.scenes import library
+
+#: Width and height in pixels: twice what is shown, for fine screens.
+SIZE = (480, 320)
+_QUALITY = 84
+
+
+def file_of(name: str) -> Path:
+    """Return where a scene's picture lies."""
+    return library.folder() / "thumbnails" / f"{name}.jpg"
+
+
+def title_of(name: str) -> str:
+    """Return a scene's title."""
+    text = (library.folder() / f"{name}.toml").read_text(encoding="utf-8")
+    return str(tomllib.loads(text).get("title", name))
+
+
+def digest_of(name: str) -> str:
+    """Return a digest of a scene and the files that it names."""
+    path = library.folder() / f"{name}.toml"
+    text = path.read_bytes()
+    digest = hashlib.sha256(text.replace(b"\r\n", b"\n"))
+    for table in tomllib.loads(text.decode()).values():
+        for key in ("draft", "file"):
+            if isinstance(table, dict) and key in table:
+                digest.update((path.parent / table[key]).read_bytes())
+    return digest.hexdigest()[:32]
+
+
+def drawn_from(name: str) -> str:
+    """Return the digest of the scene that a picture was drawn from."""
+    from PIL import Image
+
+    file = file_of(name)
+    if not file.is_file():
+        return ""
+    with Image.open(file) as picture:
+        return bytes(picture.info.get("comment", b"")).decode()
+
+
+def draw(name: str) -> None:
+    """Draw a scene's picture."""
+    from spacemap_vtk.draw.film import write_picture
+    from spacemap_vtk.draw.picture import Picture
+    from spacemap_vtk.io.output import whole_file
+    from spacemap_vtk.scenes.scene import Scene
+
+    scene = Scene.read(name)
+    picture = Picture(scene, [scene.view.time], SIZE, ["fabric"])
+    pixels = picture.draw(scene.view.time)
+    picture.close()
+    file_of(name).parent.mkdir(exist_ok=True)
+    with whole_file(file_of(name)) as file:
+        write_picture(file, pixels, quality=_QUALITY, comment=digest_of(name).encode())
+
+
+def main() -> None:
+    """Draw what is out of date, and remove pictures of scenes that are gone."""
+    names = library.names()
+    for name in names:
+        if drawn_from(name) != digest_of(name):
+            draw(name)
+            print(f"{name}: drawn")
+    for file in file_of("").parent.glob("*.jpg"):
+        if file.stem not in names:
+            file.unlink()
+            print(f"{file.stem}: removed")
+
+
+if __name__ == "__main__":
+    main()

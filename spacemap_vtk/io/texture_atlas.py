@@ -1,0 +1,205 @@
+"""The pictures and colours of an object's materials, as one picture and one set of coordinates.
+
+A mesh is drawn with one texture. Where a file has several materials, their pictures are put above
+each other into one, with a tile of plain colour for a material without a picture, and the texture
+coordinates are changed to suit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
+
+from spacemap_vtk.datasets.arrays import add_array, to_array
+from spacemap_vtk.datasets.quiet import quiet_vtk
+from spacemap_vtk.errors import InputError
+
+Pixels = NDArray[np.uint8]  # (height, width, 3 or 4), the lowest row first
+
+#: Name of the texture coordinates that belong to the picture.
+COORDINATES = "texture coordinates"
+#: Rows and columns round a tile that repeat its edge, so that no neighbour shines through.
+_GUTTER = 4
+#: How often a picture is repeated at most, and how large it may get, in pixels.
+_MOST_REPEATS, _LARGEST = 16, 8192
+
+
+@dataclass
+class Material:
+    """How a block of a mesh is painted."""
+
+    #: (height, width, 3 or 4) The lowest row first.
+    picture: Pixels | None = None
+    #: From 0 to 1; what the picture is multiplied with.
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    #: Name of the block's texture coordinates.
+    coordinates: str = ""
+
+
+@dataclass
+class Paint:
+    """Blocks with their materials, and what could not be found."""
+
+    #: One for each block.
+    materials: list[Material]
+    #: Pictures that are missing or cannot be read.
+    notes: list[str] = field(default_factory=list)
+
+
+def read_picture(path: Path) -> Pixels:
+    """Read a picture file."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file", key="texture")
+    try:
+        from PIL import Image
+    except ImportError:  # ParaView's own Python
+        return _read_with_vtk(path)
+    try:
+        with Image.open(path) as image:
+            kind = "RGBA" if "A" in image.getbands() or "transparency" in image.info else "RGB"
+            return np.asarray(image.convert(kind))[::-1]
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(
+            f"{path}: no picture, or a damaged one",
+            key="texture",
+            allowed="a .png, .jpg, .bmp, .tif or other picture",
+            cure="Save it again.",
+        ) from error
+
+
+def _read_with_vtk(path: Path) -> Pixels:
+    from vtkmodules.vtkIOImage import vtkImageReader2Factory
+
+    # Only where there is nothing else: it crashes on a truncated PNG.
+    with quiet_vtk(path):
+        reader = vtkImageReader2Factory.CreateImageReader2(str(path))
+        if reader is None:
+            raise InputError(f"{path}: no picture that VTK reads", allowed=".png, .jpg, .bmp, .tif")
+        reader.SetFileName(str(path))
+        reader.Update()
+    return pixels_of(reader.GetOutput())
+
+
+def pixels_of(image: vtkImageData) -> Pixels:
+    """Return the pixels of VTK's image."""
+    width, height, _ = image.GetDimensions()
+    values = vtk_to_numpy(image.GetPointData().GetScalars())
+    if values.dtype == np.uint16:
+        values = (values >> 8).astype(np.uint8)
+    values = values.astype(np.uint8).reshape(height, width, -1)
+    grey, count = values[:, :, :1], values.shape[2]
+    if count < 3:
+        values = np.concatenate((np.repeat(grey, 3, axis=2), values[:, :, 1:]), axis=2)
+    return np.ascontiguousarray(values)
+
+
+def image_of(pixels: Pixels) -> vtkImageData:
+    """Return VTK's image of some pixels."""
+    image = vtkImageData()
+    image.SetDimensions(pixels.shape[1], pixels.shape[0], 1)
+    image.GetPointData().SetScalars(to_array(pixels.reshape(-1, pixels.shape[2]), "pixels"))
+    return image
+
+
+def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData | None:
+    """Give blocks texture coordinates of one common picture, or plain colours."""
+    painted = [
+        m.picture is not None and block.GetPointData().HasArray(m.coordinates)
+        for block, m in zip(blocks, materials, strict=True)
+    ]
+    if not any(painted):
+        # colours of single points say more, and are kept
+        if any(m.color != (1.0, 1.0, 1.0) for m in materials) and not any(map(_colored, blocks)):
+            for block, material in zip(blocks, materials, strict=True):
+                colors = np.tile(_bytes(material.color), (block.GetNumberOfCells(), 1))
+                add_array(block.GetCellData(), "color", colors)
+        return None
+    if len(blocks) == 1:
+        blocks[0].GetPointData().SetActiveTCoords(materials[0].coordinates)
+        return image_of(_tinted(materials[0]))
+    tiles: dict[tuple[int, tuple[float, ...], int, int], Pixels] = {}
+    used, places = [], []
+    for block, material, has in zip(blocks, materials, painted, strict=True):
+        if has:
+            at = _coordinates(block, material)
+            first = np.floor(at.min(axis=0))
+            at -= first
+            repeats = [int(np.clip(ceil(high), 1, _MOST_REPEATS)) for high in at.max(axis=0)]
+            at /= repeats
+        else:
+            at, repeats = np.full((block.GetNumberOfPoints(), 2), 0.5), [1, 1]
+        key = (id(material.picture) if has else 0, material.color, repeats[0], repeats[1])
+        if key not in tiles:
+            tile = _tinted(material) if has else np.full((8, 8, 3), _bytes(material.color))
+            tiles[key] = _repeated(tile, repeats)
+        used.append(key)
+        places.append(at)
+    whole, boxes = _stacked(list(tiles.values()))
+    for block, key, at in zip(blocks, used, places, strict=True):
+        low, size = boxes[list(tiles).index(key)]
+        at = low + np.clip(at, 0.0, 1.0) * size
+        data = block.GetPointData()
+        for other in materials:
+            data.RemoveArray(other.coordinates)  # they belong to a picture that is no more
+        data.SetTCoords(to_array(at.astype(np.float32), COORDINATES))
+    return image_of(whole)
+
+
+def _coordinates(block: vtkPolyData, material: Material) -> NDArray[np.float64]:
+    return vtk_to_numpy(block.GetPointData().GetArray(material.coordinates)).astype(np.float64)
+
+
+def _bytes(color: tuple[float, ...]) -> NDArray[np.uint8]:
+    return np.round(255 * np.clip(color, 0.0, 1.0)).astype(np.uint8)
+
+
+def _colored(block: vtkPolyData) -> bool:
+    data = block.GetPointData()
+    arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
+    return any(
+        array is not None
+        and array.GetDataTypeAsString() == "unsigned char"
+        and array.GetNumberOfComponents() in (3, 4)
+        for array in arrays
+    )
+
+
+def _tinted(material: Material) -> Pixels:
+    picture: Any = material.picture
+    if material.color == (1.0, 1.0, 1.0):
+        return picture
+    result = picture.copy()
+    result[:, :, :3] = np.round(picture[:, :, :3] * np.clip(material.color, 0.0, 1.0))
+    return result
+
+
+def _repeated(tile: Pixels, repeats: list[int]) -> Pixels:
+    across, up = repeats
+    # of a picture repeated so often that it gets too large, fewer pixels do
+    thin = ceil(max(tile.shape[1] * across, tile.shape[0] * up) / _LARGEST)
+    return np.tile(tile[::thin, ::thin], (up, across, 1))
+
+
+def _stacked(tiles: list[Pixels]) -> tuple[Pixels, list[tuple[NDArray[Any], NDArray[Any]]]]:
+    """Return one picture of all tiles, and lowest corner and size of each in it, from 0 to 1."""
+    thin = ceil(sum(t.shape[0] + 2 * _GUTTER for t in tiles) / (2 * _LARGEST))
+    tiles = [tile[::thin, ::thin] for tile in tiles]
+    parts = 4 if any(tile.shape[2] == 4 for tile in tiles) else 3
+    width = max(tile.shape[1] for tile in tiles) + 2 * _GUTTER
+    height = sum(tile.shape[0] + 2 * _GUTTER for tile in tiles)
+    whole = np.full((height, width, parts), 255, dtype=np.uint8)
+    boxes, row = [], 0
+    for tile in tiles:
+        frame = np.pad(tile, ((_GUTTER, _GUTTER), (_GUTTER, _GUTTER), (0, 0)), mode="edge")
+        whole[row : row + frame.shape[0], : frame.shape[1], : tile.shape[2]] = frame
+        low = np.array([_GUTTER / width, (row + _GUTTER) / height])
+        boxes.append((low, np.array([tile.shape[1] / width, tile.shape[0] / height])))
+        row += frame.shape[0]
+    return whole, boxes

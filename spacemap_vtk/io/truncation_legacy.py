@@ -1,0 +1,161 @@
+"""Whether a legacy .vtk file is whole: VTK's reader takes what is missing from wild memory."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError
+
+#: VTK's own numbers are written as four bytes; "long" has four on Windows, and eight elsewhere.
+_BYTES = {
+    **dict.fromkeys(("char", "unsigned_char", "signed_char"), 1),
+    **dict.fromkeys(("short", "unsigned_short"), 2),
+    **dict.fromkeys(("int", "unsigned_int", "float", "vtkIdType"), 4),
+    **dict.fromkeys(("double", "long_long", "unsigned_long_long"), 8),
+    **dict.fromkeys(("vtktypeint32", "vtktypeuint32"), 4),
+    **dict.fromkeys(("vtktypeint64", "vtktypeuint64"), 8),
+}
+_COMPONENTS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1}
+_COMPONENTS |= {"PEDIGREE_IDS": 1, "EDGE_FLAGS": 1}
+_CELLS = {"CELLS", "POLYGONS", "LINES", "VERTICES", "TRIANGLE_STRIPS"}
+#: Lines that only say what follows.
+_PLAIN = {"DATASET", "DIMENSIONS", "SPACING", "ORIGIN", "ASPECT_RATIO"}
+
+
+def is_cut_off(path: Path) -> bool:
+    """Return whether a legacy .vtk file ends before its last array does."""
+    content = path.read_bytes()
+    if not content.startswith(b"# vtk"):
+        raise InputError(f"{path}: no legacy .vtk file: it does not begin with that line")
+    # what is not understood with one size of "long" is with the other
+    ends = [_ends_early(content, size) for size in (8, 4)]
+    return True in ends and False not in ends
+
+
+def _ends_early(content: bytes, long: int) -> bool | None:
+    try:
+        _Walk(content, long).run()
+    except (_Unknown, ValueError, IndexError, KeyError):
+        return None
+    except EOFError:
+        return True
+    return False
+
+
+class _Unknown(Exception):
+    pass
+
+
+class _Walk:
+    """Goes from keyword to keyword, over the numbers between them."""
+
+    def __init__(self, content: bytes, long: int) -> None:
+        self.content, self.at, self.rows = content, 0, 1
+        self.bytes = {**_BYTES, "long": long, "unsigned_long": long}
+        self.line(), self.line()
+        self.binary = self.line().strip().upper() == "BINARY"
+
+    def line(self) -> str:
+        if self.at >= len(self.content):
+            raise EOFError
+        end = self.content.find(b"\n", self.at)
+        end = len(self.content) if end < 0 else end
+        text = self.content[self.at : end].decode("latin-1")
+        self.at = end + 1
+        return text
+
+    def words(self) -> list[str]:
+        """Return the words of the next line that has some; none at the end."""
+        while self.at < len(self.content):
+            words = self.line().split()
+            if words:
+                return words
+        return []
+
+    def numbers(self, count: int, kind: str) -> None:
+        if count and not self.binary:
+            found, self.at = _numbers(self.content, self.at, count)
+            if found < count:
+                raise EOFError
+            return
+        if kind in ("string", "bit", "variant"):
+            raise _Unknown
+        self.at += count * self.bytes[kind]
+        if self.at > len(self.content):
+            raise EOFError
+
+    def run(self) -> None:
+        if not self.words():
+            raise EOFError
+        while words := self.words():
+            self.part(words)
+
+    def part(self, words: list[str]) -> None:
+        name = words[0].upper()
+        if name == "METADATA":
+            while self.at < len(self.content) and self.line().strip():
+                pass
+        elif name in ("POINTS", "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES"):
+            self.numbers(int(words[1]) * (3 if name == "POINTS" else 1), words[2])
+        elif name in _CELLS:
+            self.cells(int(words[1]), int(words[2]))
+        elif name == "CELL_TYPES":
+            self.numbers(int(words[1]), "int")
+        elif name in ("POINT_DATA", "CELL_DATA"):
+            self.rows = int(words[1])
+        elif name == "SCALARS":
+            if self.words()[:1] != ["LOOKUP_TABLE"]:
+                raise _Unknown
+            self.numbers(self.rows * (int(words[3]) if len(words) > 3 else 1), words[2])
+        elif name == "COLOR_SCALARS":
+            self.numbers(self.rows * int(words[2]), "unsigned_char")
+        elif name == "TEXTURE_COORDINATES":
+            self.numbers(self.rows * int(words[2]), words[3])
+        elif name in _COMPONENTS:
+            self.numbers(self.rows * _COMPONENTS[name], words[2])
+        elif name == "LOOKUP_TABLE":
+            self.numbers(4 * int(words[2]), "unsigned_char")
+        elif name == "FIELD":
+            for _ in range(int(words[2])):
+                self.array()
+        elif name not in _PLAIN:
+            raise _Unknown
+
+    def array(self) -> None:
+        words = self.words()
+        while words[:1] == ["METADATA"]:
+            self.part(words)
+            words = self.words()
+        if len(words) < 4:
+            raise EOFError
+        self.numbers(int(words[1]) * int(words[2]), words[3])
+
+    def cells(self, first: int, second: int) -> None:
+        before = self.at
+        words = self.words()
+        if words[:1] != ["OFFSETS"]:  # before version 5: sizes and numbers together
+            self.at = before
+            self.numbers(second, "int")
+            return
+        self.numbers(first, words[1])
+        words = self.words()
+        if words[:1] != ["CONNECTIVITY"]:
+            raise EOFError
+        self.numbers(second, words[1])
+
+
+def _numbers(content: bytes, begin: int, count: int) -> tuple[int, int]:
+    """Return how many words follow, at most `count`, and where the last one ends."""
+    done, at = 0, begin
+    # in pieces, so that not all of a large file is in words at once
+    while done < count and at < len(content):
+        piece = content[at : at + 2**22]
+        if at + len(piece) < len(content):
+            piece = piece[: max(piece.rfind(b"\n"), piece.rfind(b" ")) + 1] or piece
+        found = len(piece.split())
+        if done + found >= count:
+            ends = [match.end() for match in re.finditer(rb"\S+", piece)]
+            return count, at + ends[count - done - 1]
+        done, at = done + found, at + len(piece)
+    return done, at

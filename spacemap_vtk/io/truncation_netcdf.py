@@ -1,0 +1,82 @@
+"""Whether a classic netCDF file, which Exodus often is, is whole: its library reads on as zeros."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO
+
+_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
+
+
+def is_cut_off(path: Path) -> bool:
+    """Return whether a classic netCDF file ends before its last variable does."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        magic = file.read(4)
+        if magic[:3] != b"CDF" or magic[3:] not in (b"\x01", b"\x02", b"\x05"):
+            return False
+        try:
+            return _Header(file, magic[3]).end() > size
+        except EOFError:
+            return True
+
+
+class _Header:
+    def __init__(self, file: BinaryIO, version: int) -> None:
+        self.file = file
+        self.count_bytes = 8 if version == 5 else 4
+        self.offset_bytes = 4 if version == 1 else 8
+
+    def number(self, size: int = 4) -> int:
+        text = self.file.read(size)
+        if len(text) < size:
+            raise EOFError
+        return int.from_bytes(text, "big")
+
+    def count(self) -> int:
+        return self.number(self.count_bytes)
+
+    def skip(self, size: int) -> None:
+        padded = -(-size // 4) * 4
+        if len(self.file.read(padded)) < padded:
+            raise EOFError
+
+    def attributes(self) -> None:
+        self.number()
+        for _ in range(self.count()):
+            self.skip(self.count())
+            kind = self.number()
+            self.skip(self.count() * _BYTES.get(kind, 1))
+
+    def end(self) -> int:
+        """Return where the last variable ends."""
+        records = self.count()
+        if records == 256**self.count_bytes - 1:  # still being written
+            records = 0
+        self.number()
+        lengths = []
+        for _ in range(self.count()):
+            self.skip(self.count())
+            lengths.append(self.count())
+        self.attributes()
+        self.number()
+        ends, each = [0], []
+        for _ in range(self.count()):
+            self.skip(self.count())
+            axes = [self.count() for _ in range(self.count())]
+            self.attributes()
+            size = _BYTES.get(self.number(), 1)
+            self.count()  # its size, which is wrong for large ones
+            begin = self.number(self.offset_bytes)
+            repeated = bool(axes) and lengths[axes[0]] == 0
+            for axis in axes[repeated:]:
+                size *= lengths[axis]
+            if repeated:
+                each.append((begin, size))
+            else:
+                ends.append(begin + size)
+        step = (
+            sum(-(-size // 4) * 4 for _, size in each) if len(each) > 1 else sum(s for _, s in each)
+        )
+        ends += [begin + (records - 1) * step + size for begin, size in each if records]
+        return max(ends)

@@ -1,0 +1,313 @@
+"""Weaving Information Files (WIF 1.1), read as weavers' programs really write them.
+
+The parts: `wif_text` cuts the file into entries, this module finds the loom in them, `wif_threads`
+the colours and sizes of the threads, `wif_writer` writes a file.
+
+Rules, some of them not the standard's own:
+
+- Wherever the file is lenient, and what it means is plain, a warning says so, with the line of the
+  first case, once for all cases of a kind. What the standard allows (sparse sections, several
+  treadles, comments after values, any order and case) is no leniency.
+- What makes the cloth (threading, tie-up, treadling, liftplan, counts) must be readable; a wrong
+  guess there would weave another cloth. What dresses it (colours, sizes) is ignored with a warning.
+- Treadling with tie-up wins over the liftplan, unless it presses no treadle.
+- Rising Shed missing: rising. A sinking shed moves the named shafts down: whatever end is in none
+  of them, threaded or not, lies over the pick.
+- Units missing: those of the other family, else inches.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.loom import Loom, Rows
+from spacemap_vtk.io.wif_text import (
+    MAX_LENGTH,
+    MAX_NUMBER,
+    Entry,
+    Notes,
+    WifText,
+    decode,
+)
+from spacemap_vtk.io.wif_threads import read_colors, read_lengths
+from spacemap_vtk.io.wif_values import boolean, count, decimal, numbers
+
+#: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
+MAX_CROSSINGS = 2**24
+
+# What a section of lists says: entry and numbers by thread or treadle.
+_Found = dict[int, tuple[Entry, tuple[int, ...]]]
+
+_CURE = "Check that it is a whole WIF file, or export it again from the weaving program"
+
+
+@dataclass(frozen=True, eq=False)
+class WifDraft:
+    """A draft with what a Weaving Information File says beyond it."""
+
+    #: The cloth: drawdown, colours, a spacing and thickness for each family, title, warnings.
+    draft: Draft
+    #: The threading, tie-up, treadling or liftplan that weave it.
+    loom: Loom
+    #: (ends,) or (picks,) float64, m, of each thread; None where all have the draft's one value.
+    warp_spacings: NDArray[np.float64] | None = None
+    weft_spacings: NDArray[np.float64] | None = None
+    warp_thicknesses: NDArray[np.float64] | None = None
+    weft_thicknesses: NDArray[np.float64] | None = None
+
+
+def read_wif(path: str | os.PathLike[str]) -> WifDraft:
+    """Read a Weaving Information File."""
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_LENGTH + 1)
+        return parse_wif(data)
+    except (OSError, ValueError) as error:
+        if not isinstance(error, InputError):
+            # A ValueError is a path with a null character.
+            reason = getattr(error, "strerror", None) or str(error)
+            error = InputError(
+                f"the draft can't be read ({reason})",
+                allowed="a WIF file",
+                cure="Check the name of the file",
+            )
+        error.file = os.fsdecode(path)
+        raise error from None
+
+
+def parse_wif(data: str | bytes) -> WifDraft:
+    """Read the content of a Weaving Information File."""
+    if len(data) > MAX_LENGTH:
+        raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes", cure=_CURE)
+    notes = Notes()
+    text = WifText(decode(data, notes) if isinstance(data, bytes) else data, notes)
+    if not {"WEAVING", "WARP", "WEFT", "THREADING", "TREADLING", "LIFTPLAN"} & set(text.sections):
+        raise _missing(text, "section of a draft up to the end of the file")
+    _check_head(text)
+    loom = _read_loom(text)
+    ends, picks = len(loom.threading), len(loom.sheds())
+    warp_colors, weft_colors = read_colors(text, ends, picks)
+    warp_spacing, warp_spacings = read_lengths(text, "WARP", "SPACING", ends)
+    weft_spacing, weft_spacings = read_lengths(text, "WEFT", "SPACING", picks)
+    warp_thickness, warp_thicknesses = read_lengths(text, "WARP", "THICKNESS", ends)
+    weft_thickness, weft_thicknesses = read_lengths(text, "WEFT", "THICKNESS", picks)
+    title = text.entry("TEXT", "title")
+    draft = Draft(
+        drawdown=loom.drawdown(),
+        warp_colors=warp_colors,
+        weft_colors=weft_colors,
+        warp_spacing=warp_spacing,
+        weft_spacing=weft_spacing,
+        warp_thickness=warp_thickness,
+        weft_thickness=weft_thickness,
+        title=title.value if title else "",
+        warnings=notes.texts(),
+    )
+    return WifDraft(draft, loom, warp_spacings, weft_spacings, warp_thicknesses, weft_thicknesses)
+
+
+def _missing(text: WifText, what: str, section: str = "") -> InputError:
+    """Return the refusal of a file that lacks something: at that section, or at its end."""
+    line = text.sections[section].line if section in text.sections else text.last
+    allowed = "a draft in the WIF format, version 1.1"
+    return InputError(f"line {line}: there is no {what}", allowed=allowed, cure=_CURE)
+
+
+def _check_head(text: WifText) -> None:
+    """Note what is wrong with [WIF] and [CONTENTS], which say nothing that is needed."""
+    notes = text.notes
+    if "WIF" not in text.sections:
+        notes.add(1, "there is no [WIF]; read as version 1.1")
+    else:
+        version = text.entry("WIF", "version")
+        value = version.value if version else ""
+        if decimal(value) != decimal("1.1"):
+            line = text.line("WIF", key="version")
+            what = f'Version "{value[:40]}" is' if value else "there is no Version;"
+            notes.add(line, f"{what} read as 1.1")
+    if "CONTENTS" not in text.sections:
+        notes.add(1, "there is no [CONTENTS]")
+        return
+    listed = set()
+    for entry in text.sections["CONTENTS"].entries.values():
+        name = entry.key.upper()
+        if boolean(entry.value):
+            listed.add(name)
+            if name not in text.sections:
+                what = f"[CONTENTS] lists [{name[:40]}], which is not there"
+                notes.add(entry.line, what, "contents lists")
+    for name, section in text.sections.items():
+        if name not in listed | {"WIF", "CONTENTS"} and not name.startswith("PRIVATE"):
+            what = f"[CONTENTS] does not list [{name[:40]}], which is there"
+            notes.add(section.line, what, "contents omits")
+
+
+def _read_loom(text: WifText) -> Loom:
+    """Find threading, tie-up, treadling and liftplan, and the counts that bound them."""
+    threading = _rows(text, "THREADING")
+    if not _says_something(text, "WARP", threading):
+        raise _missing(text, "end threaded in [THREADING]", "THREADING")
+    tieup, treadling = _rows(text, "TIEUP"), _rows(text, "TREADLING")
+    liftplan = _rows(text, "LIFTPLAN")
+    treadled = _is_treadled(text, tieup, treadling, liftplan)
+    pick_section, pick_rows = ("TREADLING", treadling) if treadled else ("LIFTPLAN", liftplan)
+    ends = _threads(text, "WARP", "THREADING", threading)
+    picks = _threads(text, "WEFT", pick_section, pick_rows)
+    if ends * picks > MAX_CROSSINGS:
+        raise SizeError(
+            f"line {text.line('WEFT', pick_section, key='threads')}: the cloth is too large",
+            key="[WARP] Threads x [WEFT] Threads",
+            value=f"{ends} x {picks}",
+            allowed=f"up to {MAX_CROSSINGS} crossings",
+            cure="Cut the draft to one repeat",
+        )
+    lifts = tieup if treadled else liftplan
+    loom = Loom(
+        threading=_filled(text, "THREADING", threading, ends),
+        tieup=_dense(tieup, _last_used(tieup)) if treadled else (),
+        treadling=_filled(text, "TREADLING", treadling, picks) if treadled else (),
+        liftplan=None if treadled else _filled(text, "LIFTPLAN", liftplan, picks),
+        rising=_is_rising(text),
+        shafts=_loom_count(text, "shafts", [*_uses(threading), *_uses(lifts)]),
+        treadles=_treadles(text, tieup, treadling) if treadled else 0,
+    )
+    _note_floats(text, loom, threading, pick_rows, pick_section)
+    return loom
+
+
+def _rows(text: WifText, section: str) -> _Found:
+    """Read a section of lists of shafts or treadles: entry and numbers by thread or treadle."""
+    rows = {
+        index: (entry, numbers(entry, text.notes))
+        for index, entry in text.numbered(section).items()
+    }
+    if section == "TIEUP" and MAX_NUMBER + 1 in rows:
+        entry, _ = rows[MAX_NUMBER + 1]
+        raise entry.refusal("too many treadles", f"treadles from 1 to {MAX_NUMBER}", SizeError)
+    return rows
+
+
+def _says_something(text: WifText, family: str, rows: _Found) -> bool:
+    """Return whether a row names a shaft or treadle for a thread that the cloth has."""
+    entry = text.entry(family, "threads")
+    last = (count(entry) if entry else 0) or MAX_NUMBER
+    return any(found for index, (_, found) in rows.items() if index <= last)
+
+
+def _is_treadled(text: WifText, tieup: _Found, treadling: _Found, liftplan: _Found) -> bool:
+    """Return whether tie-up and treadling make the sheds, and not the liftplan."""
+    pressed = _says_something(text, "WEFT", treadling)
+    lifted = _says_something(text, "WEFT", liftplan)
+    if pressed and tieup:
+        if lifted:
+            what = "there are a treadling and a liftplan; the treadling is used"
+            text.notes.add(text.line("LIFTPLAN"), what)
+        return True
+    if not lifted:
+        if not pressed:
+            raise _missing(text, "treadle in [TREADLING] and no shaft in [LIFTPLAN]", "TREADLING")
+        raise _missing(text, "tie-up in [TIEUP] for the treadling, and no [LIFTPLAN]", "TIEUP")
+    if treadling:
+        lack = "has no tie-up" if pressed else "presses no treadle"
+        text.notes.add(text.line("TREADLING"), f"the treadling {lack}; the liftplan is used")
+    return False
+
+
+def _threads(text: WifText, family: str, section: str, rows: _Found) -> int:
+    """Return the number of ends or picks, which is that of the last in `section` if not given."""
+    entry = text.entry(family, "threads")
+    stated = count(entry) if entry else 0
+    if stated:
+        return stated
+    last = max(rows)
+    if last > MAX_NUMBER:
+        raise rows[last][0].refusal("too many threads", f"up to {MAX_NUMBER}", SizeError)
+    line = text.line(family, section, key="threads")
+    text.notes.add(line, f"[{family}] has no Threads; {last} assumed, the last in [{section}]")
+    return last
+
+
+def _filled(text: WifText, section: str, rows: _Found, threads: int) -> Rows:
+    """Return the numbers of each thread; those that the section leaves out have none."""
+    for thread, (entry, found) in rows.items():
+        if thread > threads and found:
+            what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
+            text.notes.add(entry.line, what, f"beyond {section}")
+    return _dense(rows, threads)
+
+
+def _dense(rows: _Found, length: int) -> Rows:
+    return tuple(rows[index][1] if index in rows else () for index in range(1, length + 1))
+
+
+def _loom_count(text: WifText, key: str, uses: Sequence[tuple[Entry, int]]) -> int:
+    """Return how many shafts or treadles the loom has: no fewer than are used."""
+    entry = text.entry("WEAVING", key)
+    stated = count(entry) if entry else 0
+    used = max((number for _, number in uses), default=0)
+    if not stated:
+        line = text.line("WEAVING", "THREADING", key=key)
+        text.notes.add(line, f"[WEAVING] has no {key.title()}; {used} assumed, the most used")
+    for user, number in uses:
+        if number > stated > 0:
+            what = f"{key[:-1]} {number} is beyond {key.title()}={stated}; taken as it is"
+            text.notes.add(user.line, f"[{user.section}] {what}", f"beyond {key} {user.section}")
+    return max(stated, used)
+
+
+def _last_used(rows: _Found) -> int:
+    return max((index for index, (_, found) in rows.items() if found), default=0)
+
+
+def _uses(rows: _Found) -> list[tuple[Entry, int]]:
+    return [(entry, max(found)) for entry, found in rows.values() if found]
+
+
+def _treadles(text: WifText, tieup: _Found, treadling: _Found) -> int:
+    for entry, pressed in treadling.values():
+        if any(treadle not in tieup for treadle in pressed):
+            loose = next(treadle for treadle in pressed if treadle not in tieup)
+            what = f"treadle {loose} is pressed but has no tie-up; it moves no shaft"
+            text.notes.add(entry.line, what, "no tie-up")
+    ties = [(entry, treadle) for treadle, (entry, shafts) in tieup.items() if shafts]
+    return _loom_count(text, "treadles", [*ties, *_uses(treadling)])
+
+
+def _is_rising(text: WifText) -> bool:
+    entry = text.entry("WEAVING", "rising shed")
+    rising = boolean(entry.value) if entry else None
+    if rising is None:
+        line = text.line("WEAVING", "THREADING", key="rising shed")
+        what = "there is no Rising Shed"
+        if entry:
+            what = f'Rising Shed "{entry.value[:40]}" is neither true nor false'
+        text.notes.add(line, f"{what}; a rising shed is assumed")
+    return rising is not False
+
+
+def _note_floats(text: WifText, loom: Loom, threading: _Found, picks: _Found, section: str) -> None:
+    """Warn of ends in no heddle and of picks without a shed, which cross the whole cloth."""
+    # What nothing moves stays below a rising shed, and above a sinking one.
+    unmoved, other = ("under", "over") if loom.rising else ("over", "under")
+    for name, rows, found, where, lack in (
+        ("end", loom.threading, threading, "THREADING", f"no heddle, {unmoved} every pick"),
+        ("pick", loom.sheds(), picks, section, f"no shed, {other} every end"),
+    ):
+        loose = [index for index, row in enumerate(rows, start=1) if not row]
+        if loose:
+            line = found[loose[0]][0].line if loose[0] in found else text.line(where)
+            which = (
+                f"{name} {loose[0]} floats" if len(loose) == 1 else f"{name}s {_some(loose)} float"
+            )
+            text.notes.add(line, f"{which} across the cloth: in {lack}")
+
+
+def _some(items: Sequence[int]) -> str:
+    return ", ".join(map(str, items[:8])) + (f" and {len(items) - 8} more" if items[8:] else "")

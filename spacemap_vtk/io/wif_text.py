@@ -1,0 +1,194 @@
+"""The text of a Weaving Information File: sections, entries, values, and what was wrong with them.
+
+Nothing here knows weaving. A WIF is read line by line and not with `configparser`, which has no
+line numbers, refuses what weaving programs write, and takes ``;`` for a comment in a title.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from spacemap_vtk.errors import InputError
+
+#: Highest number of a thread, shaft or treadle, and most threads in a family.
+MAX_NUMBER = 100_000
+#: Longest file, in bytes or characters.
+MAX_LENGTH = 2**26
+
+_NEWLINE = re.compile("\r\n|\r|\n")
+
+_ONCE = ("THREADING", "TIEUP", "TREADLING", "LIFTPLAN", "COLOR PALETTE", "COLOR TABLE")
+_EACH = ("", " COLORS", " SPACING", " THICKNESS")
+_IDLE = (" SYMBOL PALETTE", " SYMBOL TABLE", " SYMBOLS", " SPACING ZOOM", " THICKNESS ZOOM")
+_FAMILIES = ("WARP", "WEFT")
+
+#: Sections that are read.
+READ = frozenset(
+    {"WIF", "CONTENTS", "TEXT", "WEAVING", *_ONCE}.union(
+        family + part for family in _FAMILIES for part in _EACH
+    )
+)
+#: Sections of the standard that say nothing about the cloth; their lines are not looked at.
+SKIPPED = frozenset(
+    {"NOTES", "TRANSLATIONS", "DESIGN", "BITMAP IMAGE", "BITMAP FILE", "BITMAP IMAGE DATA"}.union(
+        family + part for family in _FAMILIES for part in _IDLE
+    )
+)
+
+
+class Notes:
+    """Warnings by line: each kind once, however often it happens."""
+
+    def __init__(self) -> None:
+        self._cases: dict[str, list[tuple[int, str]]] = {}
+
+    def add(self, line: int, text: str, kind: str = "") -> None:
+        """Keep a warning."""
+        self._cases.setdefault(kind or text, []).append((line, text))
+
+    def texts(self) -> tuple[str, ...]:
+        """Return the warnings in the order of their lines."""
+        texts = []
+        for cases in sorted(map(sorted, self._cases.values())):
+            (line, text), last = cases[0], cases[-1][0]
+            more = f" (and {len(cases) - 1} more, the last in line {last})" if cases[1:] else ""
+            texts.append(f"line {line}: {text}{more}")
+        return tuple(texts)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One ``key=value`` line."""
+
+    #: As in the file, names in their usual case, comments and outer blanks cut off.
+    section: str
+    key: str
+    value: str
+    #: Where it is, counted from 1.
+    line: int
+
+    def refusal(self, what: str, allowed: str, kind: type[InputError] = InputError) -> InputError:
+        """Return the error that refuses this entry."""
+        return kind(
+            f"line {self.line}: {what}",
+            key=f"[{self.section}] {self.key}",
+            value=self.value,
+            allowed=allowed,
+            cure="Correct the line, or export the draft again from the weaving program",
+        )
+
+
+@dataclass
+class WifSection:
+    """A section, its repetitions merged."""
+
+    #: In capitals, single blanks.
+    name: str
+    #: Line of its first header.
+    line: int
+    #: By key: in lower case, and whole numbers without leading zeros.
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+
+def decode(data: bytes, notes: Notes) -> str:
+    """Decode a file: UTF-8 with or without BOM, UTF-16 with BOM, else Latin-1."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        notes.add(1, "the file is in UTF-16, which the standard does not know; read as such")
+        return data.decode("utf-16", errors="replace")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = len(_NEWLINE.findall(data[: error.start].decode("latin-1"))) + 1
+        notes.add(line, "a character is neither ASCII nor UTF-8; the file is read as Latin-1")
+        return data.decode("latin-1")
+
+
+class WifText:
+    """A file cut into sections."""
+
+    def __init__(self, text: str, notes: Notes) -> None:
+        self.sections: dict[str, WifSection] = {}
+        self.notes = notes
+        self.last = 1
+        current: WifSection | None = None
+        for number, raw in enumerate(_NEWLINE.split(text.removeprefix("\ufeff")), start=1):
+            line = raw.strip()
+            if not line:
+                continue
+            self.last = number
+            if line.startswith(";"):
+                continue
+            if line.startswith("["):
+                current = _open(line, number, self.sections, notes)
+            elif current is None:
+                notes.add(number, "text before the first section is ignored", "preamble")
+            elif current.name in READ:
+                _enter(line, number, current, notes)
+
+    def entry(self, section: str, key: str) -> Entry | None:
+        """Return the entry of a key."""
+        found = self.sections.get(section)
+        entry = found.entries.get(key) if found else None
+        return entry if entry and entry.value else None
+
+    def line(self, *sections: str, key: str = "") -> int:
+        """Return the line where something is, or where it should be."""
+        found = next((self.sections[name] for name in sections if name in self.sections), None)
+        if found is None:
+            return 1
+        return found.entries[key].line if key in found.entries else found.line
+
+    def numbered(self, section: str) -> dict[int, Entry]:
+        """Return the entries of a section that has one per thread, treadle or colour."""
+        found = self.sections.get(section)
+        rows = {}
+        for key, entry in found.entries.items() if found else ():
+            if re.fullmatch("[0-9]+", key) and key != "0":
+                rows[whole(key)] = entry
+            else:
+                what = f'[{section}] "{entry.key[:40]}" is not a number from 1 and is ignored'
+                self.notes.add(entry.line, what, f"key {section}")
+        return rows
+
+
+def _open(line: str, number: int, sections: dict[str, WifSection], notes: Notes) -> WifSection:
+    title, bracket, _ = line[1:].partition("]")
+    if not bracket:
+        title = title.partition(";")[0]
+        notes.add(number, f'"{line[:40]}" lacks its "]"; read as a section', "bracket")
+    name = " ".join(title.split()).upper()
+    if name not in sections:
+        sections[name] = WifSection(name, number)
+        if name not in READ and name not in SKIPPED and not name.startswith("PRIVATE"):
+            notes.add(number, f"section [{name[:40]}] is not known and is ignored", "unknown")
+    elif name in READ:
+        first = sections[name].line
+        notes.add(number, f"[{name}] is there already, in line {first}; both are read", "again")
+    return sections[name]
+
+
+def _enter(line: str, number: int, section: WifSection, notes: Notes) -> None:
+    # A semicolon after a string is text, by the standard; [TEXT] alone holds strings.
+    text = line if section.name == "TEXT" else line.partition(";")[0]
+    name, equals, value = text.partition("=")
+    name = " ".join(name.split())
+    if not equals:
+        notes.add(number, f'"{line[:40]}" is not of the form key=value and is ignored', "no equals")
+        return
+    key = (name.lstrip("0") or "0") if re.fullmatch("[0-9]+", name) else name.lower()
+    if key in section.entries:
+        earlier = section.entries[key].line
+        notes.add(
+            number,
+            f"[{section.name}] {name[:40]} is given already, in line {earlier}; the later counts",
+            f"twice {section.name}",
+        )
+    section.entries[key] = Entry(section.name, name, value.strip(), number)
+
+
+def whole(digits: str) -> int:
+    """Read a whole number, however long."""
+    digits = digits.lstrip("0") or "0"
+    return MAX_NUMBER + 1 if len(digits) > 9 else min(int(digits), MAX_NUMBER + 1)
