@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import signal
 import subprocess
 import weakref
@@ -18,6 +19,29 @@ from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.filters.base import Stage
 
+
+def own_screen() -> subprocess.Popen[str] | None:
+    """Start a screen for this one of several processes: windows take the keyboard from each other.
+
+    It ends when this process does, however that ends: then nothing holds the pipe open any more.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ or "DISPLAY" not in os.environ:
+        return None
+    if shutil.which("Xvfb") is None:
+        # tests/window.py then skips what opens windows.
+        del os.environ["DISPLAY"]
+        return None
+    script = "Xvfb -displayfd 1 -screen 0 1600x1000x24 2>/dev/null & read -r _; kill $!"
+    pipe = subprocess.PIPE
+    shell = subprocess.Popen(["sh", "-c", script], stdin=pipe, stdout=pipe, text=True)
+    assert shell.stdout is not None
+    os.environ.pop("WAYLAND_DISPLAY", None)
+    os.environ["DISPLAY"] = f":{shell.stdout.readline().strip()}"
+    return shell
+
+
+_screen = own_screen()
+
 # pytest-qt imports Qt at once, and would end every run where Qt's own libraries are missing: it is
 # kept from loading itself (see pyproject.toml), and loaded here where a window can be opened.
 try:
@@ -27,14 +51,6 @@ except MissingLibraryError:
 else:
     os.environ["PYTEST_QT_API"] = os.environ["QT_API"] = "pyside6"
     pytest_plugins = ["pytestqt.plugin"]
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Give all windows to one of several processes: they take the keyboard from each other."""
-    if config.pluginmanager.has_plugin("xdist"):
-        for item in items:
-            if item.path.name.startswith("test_window"):
-                item.add_marker(pytest.mark.xdist_group("window"))
 
 
 @pytest.fixture(autouse=True)

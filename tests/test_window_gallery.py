@@ -16,7 +16,8 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QMessageBox  # noqa: E402
 
 from spacemap_vtk.app.splash import Splash  # noqa: E402
-from spacemap_vtk.scenes import library, thumbnails  # noqa: E402
+from spacemap_vtk.draw import thumbnails  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
 
 
 def place(window: Any, name: str) -> Any:
