@@ -8,11 +8,13 @@ from typing import Any
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
 
-from spacemap_vtk.app.allowed import intervals, settled
 from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.fields.file import FileEditor
-from spacemap_vtk.app.fields.row import ParameterRow
+from spacemap_vtk.app.fields.lines import FileEditor
+from spacemap_vtk.app.fields.loads_editor import LoadsEditor
+from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.scene import SECTIONS
 
 #: Feasible intervals are found no more often, and in no more than this share of the time: during
@@ -63,9 +65,12 @@ class Properties(QScrollArea):
         about.setObjectName("about")
         layout.addWidget(about)
         for name, parameter in cls.parameters.items():
-            row = ParameterRow(parameter)
-            if isinstance(row.editor, FileEditor):
-                row.editor.told = self._document.drafts.told
+            # The one editor that has rows of its own.
+            loads = parameter.kind == "loads"
+            editor = LoadsEditor(parameter) if loads else editor_of(parameter)
+            if isinstance(editor, FileEditor):
+                editor.told = self._document.drafts.told
+            row = ParameterRow(parameter, editor)
             row.edited.connect(self._edited)
             row.held.connect(self.held)
             row.restored.connect(self._restored)
@@ -102,7 +107,7 @@ class Properties(QScrollArea):
     def _show_limits(self) -> None:
         begun = time.thread_time()
         part = getattr(self._document.scene, self.section)
-        feasible, known = intervals(part), settled(part)
+        feasible, known = _intervals(part), _settled(part)
         for name, row in self.rows.items():
             row.settled = known.get(name)
             row.show_feasible(feasible.get(name))
@@ -140,3 +145,30 @@ class Properties(QScrollArea):
         if row.about == "value":  # a run would fail with it again
             row.mark(None)
             self.accepted.emit(0)
+
+
+def _intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
+    """Return the interval in which each parameter may lie, all the others as they are."""
+    try:
+        if hasattr(type(part), "feasible"):
+            return dict(part.feasible)  # type: ignore[attr-defined]
+    except SpacemapError:
+        pass
+    return {}
+
+
+def _settled(part: Parameterised) -> dict[str, Any]:
+    """Return what automatic parameters have settled to."""
+    if not isinstance(part, WeaveSource):
+        return {}
+    try:
+        fabric = part.fabric
+    except SpacemapError:
+        return {}
+    picks, ends = fabric.drawdown.shape
+    known: dict[str, Any] = {"ends": int(ends), "picks": int(picks)}
+    for name in part.parameters:
+        value = getattr(fabric.cloth, "height" if name == "warp_crimp_height" else name, None)
+        if isinstance(value, float):
+            known[name] = value
+    return known

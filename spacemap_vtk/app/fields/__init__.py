@@ -1,1 +1,1 @@
-"""Widgets for parameters, one class for each kind; `make` chooses by the declaration."""
+"""Widgets for parameters, one class for each kind; `row.editor_of` chooses by the declaration."""

@@ -6,21 +6,19 @@ from typing import Any
 
 from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QColorDialog, QHBoxLayout, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QColorDialog, QHBoxLayout, QVBoxLayout, QWidget
 
-from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.editor import LineEditor
 
 _SIDE, _GAP, _IN_A_ROW = 20, 3, 11
 
 
-class ColorsEditor(Editor):
+class ColorsEditor(LineEditor):
     """A swatch for each colour of the series, which opens a dialog, and their digits."""
 
     def __init__(self, parameter: Any) -> None:
         super().__init__(parameter)
         self.swatches = Swatches()
-        self.line = QLineEdit()
-        self.line.setPlaceholderText(parameter.automatic)
         self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
         self._colors: list[str] = []
         row = QHBoxLayout()
@@ -31,22 +29,14 @@ class ColorsEditor(Editor):
         layout.setSpacing(4)
         layout.addLayout(row)
         layout.addWidget(self.line)
-        self.setFocusProxy(self.line)
-        self.line.textEdited.connect(self.is_new)
-        self.line.editingFinished.connect(self._typed)
         self.swatches.chosen.connect(self._choose)
 
     def show_value(self, value: Any) -> None:
         """Show swatches and digits."""
-        self.shown = "" if value is None else self.parameter.show(value)
+        self.show_text("" if value is None else self.parameter.show(value))
         self._colors = self.shown.split(", ") if self.shown else []
         self.swatches.show_colors(self._colors)
-        self.line.setText(self.shown)
         self.line.setCursorPosition(0)
-
-    def _typed(self) -> None:
-        if self.is_new(self.line.text()):
-            self.edited.emit(self.line.text() or None, 0)
 
     def _choose(self, number: int) -> None:
         before = QColor(self._colors[number]) if self._colors else QColor("#2d6a8e")

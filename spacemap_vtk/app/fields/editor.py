@@ -1,12 +1,12 @@
-"""What all editors of a parameter share."""
+"""What all editors of a parameter share, and those that have a line to type in."""
 
 from __future__ import annotations
 
 import tomllib
 from typing import Any
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QWidget
 
 from spacemap_vtk.parameters import Parameter
 
@@ -40,6 +40,39 @@ class Editor(QWidget):
             self.restored.emit()
         return text != self.shown
 
+    def stand_beside(self, *widgets: QWidget) -> None:
+        """Put widgets side by side; a line takes what room there is."""
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for widget in widgets:
+            layout.addWidget(widget, int(isinstance(widget, QLineEdit)))
+
+
+class LineEditor(Editor):
+    """Has a line; Enter or leaving it sets what is typed."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.line = QLineEdit()
+        self.line.setPlaceholderText(parameter.automatic)
+        self.setFocusProxy(self.line)
+        self.line.textEdited.connect(self.is_new)
+        self.line.editingFinished.connect(self._typed)
+
+    def show_text(self, text: str) -> None:
+        """Let the line have the text of the value that holds."""
+        self.shown = text
+        self.line.setText(text)
+
+    def written(self, text: str) -> Any:
+        """Return what a text stands for in a scene file."""
+        return text or None
+
+    def _typed(self) -> None:
+        # Leaving a line that nobody touched is no edit.
+        if self.is_new(self.line.text()):
+            self.edited.emit(self.written(self.line.text()), 0)
+
 
 def written_from(text: str) -> Any:
     """Return what a user's text stands for in a scene file."""
@@ -47,3 +80,18 @@ def written_from(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text.strip()
+
+
+def leave_wheel(widget: QWidget) -> None:
+    """Keep the wheel from a slider or a choice: who scrolls past it would change its value."""
+    widget.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    widget.installEventFilter(_Passing(widget))
+
+
+class _Passing(QObject):
+    def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
+        """Let who stands around the widget have the wheel: it scrolls the page of fields."""
+        if event.type() != QEvent.Type.Wheel:
+            return False
+        event.ignore()
+        return True

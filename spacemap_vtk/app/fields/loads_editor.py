@@ -18,8 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor
-from spacemap_vtk.app.fields.wheel import leave_wheel
+from spacemap_vtk.app.fields.editor import Editor, leave_wheel
+from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
 from spacemap_vtk.parameters import Parameter
 
@@ -107,9 +107,6 @@ class _Card(QFrame):
     restored = Signal()
 
     def __init__(self, number: int, load: Load) -> None:
-        # A row makes its editor, and this is one: imported late.
-        from spacemap_vtk.app.fields.row import ParameterRow
-
         super().__init__()
         self.setObjectName("card")
         self.setFrameShape(QFrame.Shape.StyledPanel)
@@ -136,7 +133,8 @@ class _Card(QFrame):
         layout.addLayout(head)
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
-            row = ParameterRow(Load.parameters[name])
+            parameter = Load.parameters[name]
+            row = ParameterRow(parameter, editor_of(parameter))
             row.reset.setVisible(name in _optional(load))
             row.edited.connect(self._row_edited)
             row.held.connect(self.held)

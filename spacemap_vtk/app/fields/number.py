@@ -1,4 +1,4 @@
-"""Editor of a number: a line that knows units, and a slider."""
+"""Editors of a number, a line that knows units and a slider, and of a vector of them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import itertools
 from typing import Any
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLineEdit, QSlider, QVBoxLayout
+from PySide6.QtWidgets import QGridLayout, QLabel, QSlider, QVBoxLayout
 
-from spacemap_vtk.app.fields.editor import Editor, written_from
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
 from spacemap_vtk.app.fields.span import STEPS, Span, span_of
-from spacemap_vtk.app.fields.wheel import leave_wheel
-from spacemap_vtk.parameters import Parameter, Real
+from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 
 _bursts = itertools.count(1)
 
@@ -21,7 +20,7 @@ def next_burst() -> int:
     return next(_bursts)
 
 
-class NumberEditor(Editor):
+class NumberEditor(LineEditor):
     """A number with its unit; the slider sets it while it is dragged."""
 
     # Also for a series of numbers, whose slider rests while there are several.
@@ -31,8 +30,6 @@ class NumberEditor(Editor):
         self._bare = bare
         component: Any = getattr(parameter, "component", parameter)
         self.real: Real = component
-        self.line = QLineEdit()
-        self.line.setPlaceholderText(parameter.automatic)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         leave_wheel(self.slider)
         self.slider.setRange(0, STEPS)
@@ -42,13 +39,10 @@ class NumberEditor(Editor):
         layout.setSpacing(2)
         layout.addWidget(self.line)
         layout.addWidget(self.slider)
-        self.setFocusProxy(self.line)
         self._value: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: Span | None = None
         self._burst = 0
-        self.line.textEdited.connect(self.is_new)
-        self.line.editingFinished.connect(self._typed)
         self.slider.valueChanged.connect(self._slid)
         self.slider.sliderPressed.connect(self._pressed)
         self.slider.sliderReleased.connect(self._released)
@@ -89,12 +83,10 @@ class NumberEditor(Editor):
         self.slider.setValue(0 if value is None else self._span.step(value))
         self.slider.blockSignals(False)
 
-    def _typed(self) -> None:
-        text = self.line.text()
-        if self.is_new(text):
-            self.line.setModified(False)
-            written = None if text.strip() == "" and self.parameter.optional else written_from(text)
-            self.edited.emit(written, 0)
+    def written(self, text: str) -> Any:
+        """Return a number, or a text with a unit; None where a value can be left out."""
+        self.line.setModified(False)  # it is taken: the line shows what comes of it
+        return None if text.strip() == "" and self.parameter.optional else written_from(text)
 
     def _pressed(self) -> None:
         self._burst = next_burst()
@@ -116,3 +108,51 @@ class NumberEditor(Editor):
         else:
             written = self.real.show(number) if self.real.unit and not self._bare else number
         self.edited.emit(written, self._burst)
+
+
+class VectorEditor(Editor):
+    """A line and a slider for each component; the unit stands once, and others can be typed."""
+
+    def __init__(self, parameter: Vector) -> None:
+        super().__init__(parameter)
+        self.components: list[NumberEditor] = []
+        self._value: tuple[Any, ...] | None = None
+        layout = QGridLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setHorizontalSpacing(6)
+        for column, label in enumerate(parameter.labels):
+            editor = NumberEditor(parameter.component, bare=True)
+            editor.setObjectName(label)
+            editor.edited.connect(self._edited)
+            editor.held.connect(self.held)
+            editor.restored.connect(self._restored)
+            editor.line.setMinimumWidth(34)
+            editor.slider.setMinimumWidth(34)
+            head = f"{label}  [{parameter.unit}]" if parameter.unit else label
+            name = QLabel(head if column == 0 else label)
+            name.setObjectName("about")
+            layout.addWidget(name, 0, column)
+            layout.addWidget(editor, 1, column)
+            layout.setColumnStretch(column, 1)
+            self.components.append(editor)
+        self.setFocusProxy(self.components[0])
+
+    def show_value(self, value: Any) -> None:
+        """Show the components in SI."""
+        self._value = value
+        for number, editor in enumerate(self.components):
+            editor.show_value(None if value is None else value[number])
+
+    def _restored(self) -> None:
+        if all(editor.line.text() == editor.shown for editor in self.components):
+            self.restored.emit()
+
+    def _edited(self, written: object, burst: int) -> None:
+        if self.parameter.is_automatic(written):
+            self.edited.emit(AUTOMATIC, burst)  # all components or none
+            return
+        moved = self.components.index(self.sender())
+        # Of a vector that was automatic, the other components begin at zero.
+        values = list(self._value or [0.0] * len(self.components))
+        values[moved] = 0.0 if written is None else written
+        self.edited.emit(values, burst)

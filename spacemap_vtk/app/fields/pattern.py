@@ -19,9 +19,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, written_from
+from spacemap_vtk.app.fields.editor import Editor, leave_wheel, written_from
 from spacemap_vtk.app.fields.number import next_burst
-from spacemap_vtk.app.fields.wheel import leave_wheel
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.filters.weave_parameters import repeat_of

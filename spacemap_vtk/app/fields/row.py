@@ -1,15 +1,39 @@
-"""A parameter's row among the properties."""
+"""A parameter's row among the properties, and the editor that its kind gets there."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
 
-from spacemap_vtk.app.fields.make import make
+from spacemap_vtk.app.fields.colors_editor import ColorsEditor
+from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.lines import (
+    ChoiceEditor,
+    ColorEditor,
+    FileEditor,
+    FlagEditor,
+    TextEditor,
+)
+from spacemap_vtk.app.fields.number import NumberEditor, VectorEditor
+from spacemap_vtk.app.fields.pattern import PatternEditor
+from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.units import format_quantity
+
+_EDITORS: dict[str, Callable[[Any], Editor]] = {
+    "real": NumberEditor,
+    "integer": NumberEditor,
+    "flag": FlagEditor,
+    "choice": ChoiceEditor,
+    "vector": VectorEditor,
+    "color": ColorEditor,
+    "file": FileEditor,
+    "supports": SupportsEditor,
+    "pattern": PatternEditor,
+}
 
 
 class ParameterRow(QWidget):
@@ -22,10 +46,10 @@ class ParameterRow(QWidget):
     #: As `Editor.restored`.
     restored = Signal()
 
-    def __init__(self, parameter: Parameter[Any]) -> None:
+    def __init__(self, parameter: Parameter[Any], editor: Editor) -> None:
         super().__init__()
         self.parameter = parameter
-        self.editor = make(parameter)
+        self.editor = editor
         self.note = QLabel()
         self.note.setObjectName("note")
         self.note.setWordWrap(True)
@@ -130,6 +154,16 @@ class ParameterRow(QWidget):
             self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
         else:
             self.editor.setFocus()
+
+
+def editor_of(parameter: Parameter[Any]) -> Editor:
+    """Return a new editor for any kind but loads, whose editor is made of rows."""
+    component: Any = getattr(parameter, "component", None)
+    if parameter.kind == "series" and component.kind in ("real", "integer"):
+        return NumberEditor(parameter)
+    if parameter.kind == "series" and component.kind == "color":
+        return ColorsEditor(parameter)
+    return _EDITORS.get(parameter.kind, TextEditor)(parameter)
 
 
 def _plain(value: Any, text: str) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
-from PySide6.QtWidgets import QGridLayout, QLineEdit, QPushButton, QVBoxLayout
+from PySide6.QtWidgets import QGridLayout, QPushButton, QVBoxLayout
 
-from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.editor import LineEditor
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.supports import SIDES, parse
 from spacemap_vtk.parameters import Parameter
@@ -23,13 +24,12 @@ _WORDS = {
 assert set(_WORDS) == set(SIDES)
 
 
-class SupportsEditor(Editor):
+class SupportsEditor(LineEditor):
     """A button for each side of the box, and a line for all that can be held."""
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.sides: dict[str, QPushButton] = {}
-        self.line = QLineEdit()
         self.line.setPlaceholderText("nothing is held")
         grid = QGridLayout()
         grid.setSpacing(4)
@@ -46,15 +46,11 @@ class SupportsEditor(Editor):
         layout.setSpacing(4)
         layout.addLayout(grid)
         layout.addWidget(self.line)
-        self.setFocusProxy(self.line)
-        self.line.textEdited.connect(self.is_new)
-        self.line.editingFinished.connect(self._typed)
         self.show_value(())
 
     def show_value(self, value: Any) -> None:
         """Press the buttons of the sides that are held."""
-        self.shown = " ".join(value or ())
-        self.line.setText(self.shown)
+        self.show_text(" ".join(value or ()))
         held = {support.place: support for support in parse(self.shown)}
         for side, button in self.sides.items():
             button.setChecked(side in held)
@@ -69,12 +65,9 @@ class SupportsEditor(Editor):
             kept.append(side)
         self.edited.emit(" ".join(kept), 0)
 
-    def _typed(self) -> None:
-        if self.is_new(self.line.text()):
-            try:
-                parse(self.line.text())
-            except InputError:
-                pass  # whoever takes it says what is wrong
-            else:
-                self.shown = self.line.text()
-            self.edited.emit(self.line.text(), 0)
+    def written(self, text: str) -> str:
+        """Return the text; one that can be read is what the buttons change from now on."""
+        with suppress(InputError):  # whoever takes it says what is wrong
+            parse(text)
+            self.shown = text
+        return text

@@ -1,0 +1,120 @@
+"""Editors of one line: text, a choice, true and false, a colour, a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QPushButton
+
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
+from spacemap_vtk.parameters import Choice, Parameter
+
+
+class TextEditor(LineEditor):
+    """A line of text, as a scene file would have it: for any kind of parameter."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.stand_beside(self.line)
+
+    def show_value(self, value: Any) -> None:
+        """Show it with its unit."""
+        self.show_text("" if value is None else _bare(self.parameter.show(value)))
+
+    def written(self, text: str) -> Any:
+        """Return a number, a list or a string; None where a value can be left out."""
+        return None if text == "" and self.parameter.optional else written_from(text)
+
+
+class ChoiceEditor(Editor):
+    """A combo box with the declared words."""
+
+    def __init__(self, parameter: Choice) -> None:
+        super().__init__(parameter)
+        self.box = QComboBox()
+        leave_wheel(self.box)
+        self.box.addItems(parameter.choices)
+        self.stand_beside(self.box)
+        self.setFocusProxy(self.box)
+        self.box.textActivated.connect(self._chosen)
+
+    def show_value(self, value: Any) -> None:
+        """Choose it."""
+        self.box.setCurrentText(str(value))
+
+    def _chosen(self, text: str) -> None:
+        self.edited.emit(text, 0)
+
+
+class FlagEditor(Editor):
+    """A check box."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.box = QCheckBox("On")
+        self.stand_beside(self.box)
+        self.setFocusProxy(self.box)
+        self.box.clicked.connect(self._clicked)
+
+    def show_value(self, value: Any) -> None:
+        """Check or clear the box."""
+        self.box.setChecked(bool(value))
+
+    def _clicked(self, checked: bool) -> None:
+        self.edited.emit(checked, 0)
+
+
+class ColorEditor(LineEditor):
+    """A patch of the colour, which opens a dialog, and its digits."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.button = QPushButton()
+        self.button.setFixedWidth(40)
+        self.button.setToolTip("Choose a colour")
+        self.stand_beside(self.button, self.line)
+        self.button.clicked.connect(self._choose)
+
+    def show_value(self, value: Any) -> None:
+        """Show patch and digits."""
+        self.show_text("" if value is None else self.parameter.show(value))
+        fill = self.shown or "transparent"
+        self.button.setStyleSheet(
+            f"background-color: {fill}; border: 1px solid #8a94a3; border-radius: 4px;"
+        )
+
+    def _choose(self) -> None:
+        color = QColorDialog.getColor(QColor(self.shown), self, self.parameter.label)
+        if color.isValid():
+            self.edited.emit(color.name(), 0)
+
+
+class FileEditor(LineEditor):
+    """A path, and a button that opens a dialog."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.button = QPushButton("Browse…")
+        #: What to call a file.
+        self.told: Callable[[Path], str] = str
+        self.stand_beside(self.line, self.button)
+        self.button.clicked.connect(self._browse)
+
+    def show_value(self, value: Any) -> None:
+        """Show the path."""
+        self._file = "" if value is None else str(value)
+        self.show_text("" if value is None else self.told(value))
+
+    def _browse(self) -> None:
+        file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)
+        if file:
+            self.edited.emit(file, 0)
+
+
+def _bare(text: str) -> str:
+    """Leave out quotes round the whole: people do not type them."""
+    quoted = len(text) >= 2 and text[0] == text[-1] == '"' and '"' not in text[1:-1]
+    return text[1:-1] if quoted else text
