@@ -55,8 +55,6 @@ PENDING: dict[str, str] = {
     "datasets.outline -> filters.patch_tessellator": "E",
     "fabric.settle -> io.wif": "A",
     "io.export -> scenes.scene": "B",
-    "app.document <-> app.edit": "E",
-    "app.error_bar <-> app.exports <-> app.files <-> app.main_window <-> app.menus": "E",
     "scenes.footprint <-> scenes.scene": "C",
     "_Prepared in filters.barycentric_warp, filters.modal_response, filters.patch_tessellator": "C",
     "fabric.weave is long": "A",

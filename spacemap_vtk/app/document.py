@@ -6,13 +6,13 @@ import os
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import tomlkit
 from PySide6.QtCore import QObject, QTimer, Signal
 from tomlkit.items import AoT, Array
 
-from spacemap_vtk.app.edit import Edit, History
+from spacemap_vtk.app.edit import Edit, History, Version
 from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import whole_folder
@@ -38,16 +38,6 @@ def values_of(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".wif":
         return {"weave": {"draft": str(path)}}
     return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
-class Version(NamedTuple):
-    """A text that a document had: what its paths mean depends on when that was."""
-
-    text: str
-    folder: Path
-    """Relative paths count from it."""
-    overwritten: int
-    """How many drafts had been written over."""
 
 
 class Document(QObject):
@@ -226,7 +216,7 @@ class Document(QObject):
             raise
         if self.text != before.text:
             names = name or ", ".join(f"{section}.{key}" for key in written)
-            self.undo.push(Edit(self, names, before, self.version, burst))
+            self.undo.push(Edit(self.restore, names, before, self.version, burst))
             self.changed.emit()
 
     def catch_up(self) -> None:

@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
-import weakref
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+from weakref import WeakMethod
 
 from PySide6.QtGui import QUndoCommand, QUndoStack
 
-if TYPE_CHECKING:
-    from spacemap_vtk.app.document import Document, Version
+
+class Version(NamedTuple):
+    """A text that a document had: what its paths mean depends on when that was."""
+
+    text: str
+    folder: Path
+    """Relative paths count from it."""
+    overwritten: int
+    """How many drafts had been written over."""
 
 
 class Edit(QUndoCommand):
     """A change, kept as the text before and after: comments come back exactly."""
 
     def __init__(
-        self, document: Document, name: str, before: Version, after: Version, burst: int
+        self,
+        restore: Callable[[Version], None],
+        name: str,
+        before: Version,
+        after: Version,
+        burst: int,
     ) -> None:
         super().__init__(name)
-        self._document = weakref.ref(document)
+        # Weak: the document has the stack that this lies on.
+        self._restore = WeakMethod(restore)
         self._before, self._after, self._burst = before, after, burst
         self._done = True
 
@@ -38,18 +53,18 @@ class Edit(QUndoCommand):
     def redo(self) -> None:
         """Do it again; the first time it is done already."""
         if not self._done:
-            self._restore(self._after)
+            self._go_to(self._after)
         self._done = True
 
     def undo(self) -> None:
         """Go back."""
-        self._restore(self._before)
+        self._go_to(self._before)
         self._done = False
 
-    def _restore(self, version: Version) -> None:
-        document = self._document()
-        if document is not None:
-            document.restore(version)
+    def _go_to(self, version: Version) -> None:
+        restore = self._restore()
+        if restore is not None:
+            restore(version)
 
 
 class History(QUndoStack):

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from typing import Any
 
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton, QWidget
 
 from spacemap_vtk.errors import SpacemapError, shown
-
-if TYPE_CHECKING:
-    from spacemap_vtk.app.main_window import MainWindow
 
 
 class ErrorBar(QWidget):
     """Hidden while all is well."""
 
     # What it says stays until that is put right, another takes its place, or the user closes it.
+
+    #: What is wrong, and the error.
+    reported = Signal(str, object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,6 +43,14 @@ class ErrorBar(QWidget):
         self.told: Callable[[str], str] = str
         self.hide()
 
+    def watch(self, about: str, failing: Iterable[Any], righting: Iterable[Any]) -> None:
+        """Report what some signals bring, and clear it at others."""
+        matter = _Matter(about, self)
+        for signal in failing:
+            signal.connect(matter.report)
+        for signal in righting:
+            signal.connect(matter.clear)
+
     def say(self, error: BaseException, about: str) -> None:
         """Show an error."""
         self.warn(_words(error), about)
@@ -66,20 +74,20 @@ class ErrorBar(QWidget):
         return "" if self.isHidden() else self.label.text()
 
 
-class Matter(QObject):
+class _Matter(QObject):
     """Something that can go wrong. Not a `partial`, which would keep the window."""
 
-    def __init__(self, about: str, window: MainWindow) -> None:
-        super().__init__(window)
+    def __init__(self, about: str, bar: ErrorBar) -> None:
+        super().__init__(bar)
         self._about = about
 
     def report(self, error: BaseException) -> None:
         """Tell what has gone wrong."""
-        self.parent().report(self._about, error)
+        self.parent().reported.emit(self._about, error)
 
     def clear(self) -> None:
         """It goes well."""
-        self.parent().errors.clear(self._about)
+        self.parent().clear(self._about)
 
 
 def _words(error: BaseException) -> str:

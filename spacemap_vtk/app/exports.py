@@ -7,20 +7,20 @@ import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, Signal
-from PySide6.QtWidgets import QFileDialog, QProgressDialog
+from PySide6.QtWidgets import QFileDialog, QProgressDialog, QWidget
 
 from spacemap_vtk.app.ask_file import ended
+from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.export_dialog import ExportDialog
+from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.view import View3D
 from spacemap_vtk.draw.background import Order
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.filters.base import Cancelled
 from spacemap_vtk.io.output import check_output, whole_folder
-
-if TYPE_CHECKING:
-    from spacemap_vtk.app.main_window import MainWindow
 
 #: Endings, by what is written.
 _ENDINGS = {
@@ -43,9 +43,9 @@ class Exports(QObject):
     written = Signal(str)
     failed = Signal(object)
 
-    def __init__(self, window: MainWindow) -> None:
+    def __init__(self, window: QWidget, document: Document, times: TimeBar, view: View3D) -> None:
         super().__init__(window)
-        self._window = window
+        self._window, self._document, self._times, self._view = window, document, times, view
         self._process: QProcess | None = None
         self._progress: QProgressDialog | None = None
         self._files: ExitStack | None = None
@@ -91,7 +91,7 @@ class Exports(QObject):
         camera: dict[str, Any] | None = None,
     ) -> None:
         """Begin to write."""
-        document, times = self._window.document, self._window.times
+        document, times = self._document, self._times
         endings = _ENDINGS.get(kind) or dict.fromkeys(DATA[kind][1], DATA[kind][0])
         try:
             if self._process is not None:
@@ -152,16 +152,16 @@ class Exports(QObject):
             process.waitForFinished(5000)
 
     def _drawn(self, kind: str, filters: str, proposal: str) -> None:
-        window = self._window
-        size = tuple(window.document.scene.view.size)
-        dialog = ExportDialog(window, kind, proposal, filters, size)
+        scene, view = self._document.scene, self._view
+        size = tuple(scene.view.size)
+        dialog = ExportDialog(self._window, kind, proposal, filters, size)
         if dialog.exec():
             panels = camera = None
             if dialog.as_window:
-                look = window.view.look
-                fabric = look.fabric or not window.document.scene.moves
+                look = view.look
+                fabric = look.fabric or not scene.moves
                 panels = ["both" if fabric and look.cage else "fabric" if fabric else "cage"]
-                camera = window.view.place
+                camera = view.place
             self.start(kind, dialog.file, dialog.size_chosen, panels, camera)
 
     def _show_progress(self, kind: str) -> None:

@@ -24,7 +24,7 @@ from spacemap_vtk.app.director import Director
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.error_bar import ErrorBar, Matter
+from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.frame import Frame
@@ -81,9 +81,11 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
         self.files = Files(self, self.document, self.errors)
-        self.exports = Exports(self)
+        self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
-        self.menus = Menus(self)
+        self.menus = Menus(
+            self, self.document, self.files, self.exports, self.times, self.tools, self.view
+        )
         UndoKeys(self)
         self._connect()
         self.setAcceptDrops(True)
@@ -234,7 +236,7 @@ class MainWindow(QMainWindow):
             ("run", [self.director.failed], []),  # until a frame is drawn
             (
                 "value",
-                [self.properties.refused, document.failed, draft.failed],
+                [self.properties.refused, document.failed, draft.failed, self.menus.refused],
                 [self.properties.accepted, document.changed, draft.accepted],
             ),
             ("time", [self.times.refused], [self.times.chosen]),
@@ -243,11 +245,8 @@ class MainWindow(QMainWindow):
             ("plot file", [plots.unwritten], [plots.written]),
             ("export", [self.exports.failed], [self.exports.written]),
         ):
-            matter = Matter(about, self)
-            for signal in failing:
-                signal.connect(matter.report)
-            for signal in righting:
-                signal.connect(matter.clear)
+            self.errors.watch(about, failing, righting)
+        self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
 
     def _recolor(self, color: str) -> None:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, QSettings
+from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
-from PySide6.QtWidgets import QApplication, QMenu, QMessageBox
+from PySide6.QtWidgets import QApplication, QMainWindow, QMenu, QMessageBox
 
 from spacemap_vtk.app.as_text import as_command, as_script
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.exports import Exports
+from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.theme import apply_theme
+from spacemap_vtk.app.time_bar import TimeBar
+from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library
-
-if TYPE_CHECKING:
-    from spacemap_vtk.app.main_window import MainWindow
-
 
 #: Letters of the help's first column.
 _COLUMN = 16
@@ -36,10 +38,23 @@ MOUSE = "\n".join(
 class Menus(QObject):
     """Fills a window's menu bar."""
 
-    def __init__(self, window: MainWindow) -> None:
+    #: Why something cannot be done.
+    refused = Signal(object)
+
+    def __init__(
+        self,
+        window: QMainWindow,
+        document: Document,
+        files: Files,
+        exports: Exports,
+        times: TimeBar,
+        tools: ViewBar,
+        view: View3D,
+    ) -> None:
         super().__init__(window)
+        self._document, self._files, self._times = document, files, times
+        self._tools, self._view = tools, view
         self.actions: dict[str, QAction] = {}
-        files, document, times = window.files, window.document, window.times
         keys = QKeySequence.StandardKey
         menu = self._menu("&File")
         self._add(menu, "New", keys.New, files.new)
@@ -54,9 +69,9 @@ class Menus(QObject):
         self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
         menu.addSeparator()
         self._add(menu, "Save what is seen…", "Ctrl+P", self._save_picture)
-        self._add(menu, "Export picture…", "Ctrl+Shift+P", window.exports.picture)
-        self._add(menu, "Export film…", "Ctrl+Shift+F", window.exports.film)
-        self._add(menu, "Export data…", "Ctrl+E", window.exports.data)
+        self._add(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
+        self._add(menu, "Export film…", "Ctrl+Shift+F", exports.film)
+        self._add(menu, "Export data…", "Ctrl+E", exports.data)
         menu.addSeparator()
         self._add(menu, "Close", keys.Close, window.close, keys.Quit)
         menu = self._menu("&Edit")
@@ -80,7 +95,6 @@ class Menus(QObject):
         self._add(menu, "A frame back", ",", times.step_back)
         self._add(menu, "A frame on", ".", times.step_on)
         menu = self._menu("&View")
-        tools = window.tools
         menu.addActions([*tools.shown.values()])
         menu.addSeparator()
         menu.addActions(tools.keys.looks)
@@ -110,7 +124,7 @@ class Menus(QObject):
         """The keys of the menus, and those of the view."""
         menus, view = (
             "\n".join(_told(action) for action in actions if action.shortcuts())
-            for actions in (self.actions.values(), self.parent().tools.choices)
+            for actions in (self.actions.values(), self._tools.choices)
         )
         return menus, view
 
@@ -136,36 +150,31 @@ class Menus(QObject):
 
     def _fill_recent(self) -> None:
         self.recent.clear()
-        for name in self.parent().files.recent:
+        for name in self._files.recent:
             action = self.recent.addAction(name)
             action.setData(name)
             action.triggered.connect(self._open_named)
         self.recent.setToolTipsVisible(True)
 
     def _open_named(self) -> None:
-        self.parent().files.leave_for(self.sender().data())
+        self._files.leave_for(self.sender().data())
 
     def _save_picture(self) -> None:
-        self.parent().files.save_picture(self.parent().view)
+        self._files.save_picture(self._view)
 
     def _copy_command(self) -> None:
-        window = self.parent()
-        if self._can_copy():
-            QGuiApplication.clipboard().setText(as_command(window.document, window.times.time))
+        self._copy(as_command)
 
     def _copy_script(self) -> None:
-        window = self.parent()
-        if self._can_copy():
-            QGuiApplication.clipboard().setText(as_script(window.document, window.times.time))
+        self._copy(as_script)
 
-    def _can_copy(self) -> bool:
-        """Whether the scene is made of files that will be there later."""
-        window = self.parent()
-        if not window.document.drafts.holds(window.document.scene.weave.draft):
-            return True
-        words = "The draft is edited and in no file yet: save the scene, then copy."
-        window.errors.warn(words, "value")
-        return False
+    def _copy(self, text_of: Callable[[Document, float], str]) -> None:
+        """Copy the scene, if it is made of files that will be there later."""
+        if self._document.drafts.holds(self._document.scene.weave.draft):
+            words = "The draft is edited and in no file yet: save the scene, then copy"
+            self.refused.emit(InputError(words))
+            return
+        QGuiApplication.clipboard().setText(text_of(self._document, self._times.time))
 
     def _theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
