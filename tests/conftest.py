@@ -23,7 +23,7 @@ from spacemap_vtk.filters.base import Stage
 def own_screen() -> subprocess.Popen[str] | None:
     """Start a screen for this one of several processes: windows take the keyboard from each other.
 
-    It ends when this process does, however that ends: then nothing holds the pipe open any more.
+    It ends with this process, however that ends: then nothing holds the pipe open any more.
     """
     if "PYTEST_XDIST_WORKER" not in os.environ or "DISPLAY" not in os.environ:
         return None
@@ -41,6 +41,12 @@ def own_screen() -> subprocess.Popen[str] | None:
 
 
 _screen = own_screen()
+
+
+def pytest_unconfigure() -> None:
+    if _screen is not None:
+        _screen.communicate()
+
 
 # pytest-qt imports Qt at once, and would end every run where Qt's own libraries are missing: it is
 # kept from loading itself (see pyproject.toml), and loaded here where a window can be opened.
