@@ -1,7 +1,13 @@
-"""Run array work in a few threads.
+"""Array work in a few threads, and in compiled loops where there is a compiler.
 
 NumPy and SciPy release the interpreter's lock inside their loops, so plain threads use all cores as
 long as each call has some thousand elements to work on.
+
+What NumPy does to a large fabric is bound by its intermediate results, which go to memory and come
+back. A loop that Numba compiles (``pip install 'spacemap_vtk[fast]'``) keeps them in registers and
+touches each byte once. Only what is the same in every time step of a large fabric has such a loop,
+and beside it stands the NumPy code that gives the same numbers within rounding. Small fabrics never
+wait for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds.
 """
 
 from __future__ import annotations
@@ -9,13 +15,19 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from importlib import import_module
+from types import ModuleType
+from typing import Any, TypeVar
 
 Job = TypeVar("Job")
+Function = TypeVar("Function", bound=Callable[..., object])
 
 #: Multiplications that OpenBLAS does in the calling thread. From about there on it starts threads
 #: of its own, which fight with ours: seconds, not ms.
 BLAS_SERIAL = 2**18
+
+#: Points of a surface, or points that ride along, from which a compiler pays, as threads do.
+WORTHWHILE = 100_000
 
 # The work is bound by memory: more threads than this only wait for each other.
 _MOST_THREADS = 8
@@ -58,3 +70,26 @@ def for_each(
         run()
         for other in others:
             other.result()
+
+
+def compiled(function: Function) -> Function:
+    """Have a function compiled at its first call, for the types of its arguments."""
+    # The machine code is kept on disk, so that the compiler runs once on a machine.
+    from numba import njit
+
+    # A division by zero is infinite, as in NumPy; a product and a sum may be rounded once.
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    try:
+        made: Function = njit(**options, cache=True)(function)
+    except RuntimeError:  # there is no folder to keep machine code in
+        made = njit(**options)(function)
+    return made
+
+
+def loops(name: str) -> ModuleType | None:
+    """Return a module of compiled loops, if there is a compiler."""
+    try:
+        from numba import config
+    except ImportError:
+        return None
+    return None if config.DISABLE_JIT else import_module(name)

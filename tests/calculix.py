@@ -12,8 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
-from spacemap_vtk.mechanics.elements import shape_functions
+from spacemap_vtk.mechanics.elements import shape_functions, with_midpoints
 from spacemap_vtk.mechanics.tetrahedra import volumes
 
 CCX = shutil.which("ccx")

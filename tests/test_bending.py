@@ -10,9 +10,9 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, TetraCage
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.mechanics.bending import layers_through_thickness, locking
 from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.model import Model
 

@@ -23,6 +23,7 @@ from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters.patch_tessellator import polygons_of
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -184,7 +185,7 @@ def test_nothing_is_left_where_the_user_works(
 
 def test_ftetwild_is_ended_with_the_process_that_waits_for_it(tmp_path: Path) -> None:
     pytest.importorskip("pytetwild")
-    program = "import sys, numpy as np; from spacemap_vtk.filters import tetwild\n"
+    program = "import sys, numpy as np; from spacemap_vtk.cage import tetwild\n"
     program += "tetwild._PROGRAM = 'import time; time.sleep(60)'  # a large surface\n"
     program += "tetwild.filled(np.eye(3), np.array([[0, 1, 2]]), 0.1)"
     given = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -219,7 +220,7 @@ def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     one = pv.Plane(i_size=1.0, j_size=1.0)
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
-    shape = outline(crossed)
+    shape = outline(crossed, polygons_of(crossed))
     points, triangles = envelope(shape, 0.1)
     skin = pv.PolyData.from_regular_faces(points, triangles)
     assert skin.is_manifold

@@ -10,12 +10,12 @@ import pytest
 from test_tessellation import random_patches
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.embedding import interpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.fabric import tessellation
 from spacemap_vtk.fabric.tessellation import Tessellation
+from spacemap_vtk.mechanics.elements import with_midpoints
 
 pytest.importorskip("numba")
 
@@ -169,7 +169,7 @@ def test_all_runs_without_a_compiler(without):
 {without}
 import numpy as np
 from spacemap_vtk import WeaveSource, PatchTessellator
-from spacemap_vtk.compiled import loops
+from spacemap_vtk.parallel import loops
 from spacemap_vtk.fabric.tessellation import WORTHWHILE
 assert loops("spacemap_vtk.fabric.patch_loops") is None
 weave, surface = WeaveSource(ends=20, picks=20), PatchTessellator(subdivisions=4)
@@ -184,7 +184,7 @@ def test_no_folder_for_machine_code(tmp_path):
     """Where nothing can be kept, as of a program without a file, the loops still run."""
     program = """
 import numpy as np
-from spacemap_vtk.compiled import compiled
+from spacemap_vtk.parallel import compiled
 
 @compiled
 def total(values):

@@ -52,7 +52,6 @@ FILES = {
 TWICE: dict[str, str] = {}
 #: What is not yet so, by the engineer's letter who has the room; to be emptied.
 PENDING: dict[str, str] = {
-    "datasets.outline -> filters.patch_tessellator": "E",
     "fabric.settle -> io.wif": "A",
     "io.export -> scenes.scene": "B",
     "scenes.footprint <-> scenes.scene": "C",
@@ -62,20 +61,13 @@ PENDING: dict[str, str] = {
     "scenes.scene is long": "C",
     "app.undo_keys is short": "E",
     "app.plots.save is short": "E",
-    "child is short": "E",
     "draw.labels is short": "D",
     "filters.response_parameters is short": "C",
-    "embedding.quadratic_weights is short": "E",
     "fabric.bicubic is short": "A",
-    "embedding.averaging is short": "E",
     "io.table_file is short": "B",
     "mechanics.stress is short": "C",
     "filters.solver_parameters is short": "C",
-    "cage.midpoints is short": "E",
-    "cage.bounds is short": "E",
     "mechanics.weak_values is short": "C",
-    "paraview.patches is short": "E",
-    "paraview.display is short": "E",
 }
 
 

@@ -11,10 +11,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import eigen
 from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.model import Model

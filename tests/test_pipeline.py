@@ -39,7 +39,7 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
 from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
 from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
-from spacemap_vtk.paraview.patches import arrays_to_points
+from spacemap_vtk.paraview.hosted import arrays_to_points
 
 
 class Chain:

@@ -15,11 +15,9 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk import BarycentricWarp, ModalResponse, ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.datasets.arrays import add_array
-from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weights
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.embedding.quadratic_weights import quadratic_weights
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.eigen import solve_modes
 from spacemap_vtk.mechanics.elasticity import (
@@ -30,6 +28,7 @@ from spacemap_vtk.mechanics.elasticity import (
     stiffness_and_mass,
     volumes,
 )
+from spacemap_vtk.mechanics.elements import with_midpoints
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

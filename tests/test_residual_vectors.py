@@ -10,10 +10,10 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.harmonic import steady
 from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation, strains
 from spacemap_vtk.mechanics.materials import isotropic

@@ -16,12 +16,12 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
 from spacemap_vtk.datasets.arrays import to_cells, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_model import model_of
 from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.scenes.scene import Scene
 
 RAMP = {"time": "ramp", "rise": "10 ms"}

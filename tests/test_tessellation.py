@@ -18,7 +18,7 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import tessellation as module
 from spacemap_vtk.fabric.bezier import arc_handle, bernstein, quadrilateral_order
 from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.recycler import Recycler
+from spacemap_vtk.memory import Recycler
 
 
 def random_patches(count, p, q, seed=0, shared=True):
@@ -417,7 +417,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
-from spacemap_vtk.recycler import Recycler
+from spacemap_vtk.memory import Recycler
 
 sys.setswitchinterval(1e-5)
 recycler, over = Recycler(), threading.Event()

@@ -25,7 +25,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from spacemap_vtk.app.engine import Engine  # noqa: E402
 from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E402
 from spacemap_vtk.app.job import Job  # noqa: E402
-from spacemap_vtk.child import run_child  # noqa: E402
+from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import SECTIONS, Scene  # noqa: E402
 

@@ -32,6 +32,8 @@ SPLIT = np.stack((_EVEN, _ODD))
 # of fewer units in the last place than this. Barycentric coordinates in it would be noise.
 _FLAT = 1e-12
 _LEAST_ULPS = 16
+#: Thickness given to a flat object's box, as a share of its largest side.
+_FLAT_SHARE = 0.05
 
 
 def lattice(
@@ -156,3 +158,27 @@ def _axes(bounds: Sequence[float], divisions: tuple[int, int, int]) -> list[NDAr
                 cure="Give the cage padding, or an object that has thickness",
             )
     return axes
+
+
+def padded_bounds(bounds: Sequence[float], padding: float) -> tuple[float, ...]:
+    """Return a bounding box with room on each side, and with a volume.
+
+    Parameters
+    ----------
+    bounds : sequence of 6 float
+        xmin, xmax, ymin, ymax, zmin, zmax in m.
+    padding : float
+        Room on each side as a share of that side's length.
+
+    Returns
+    -------
+    tuple of 6 float
+        The larger box. A side without length, as of a planar mesh, gets a twentieth of the
+        largest one, since tetrahedra need a volume.
+    """
+    low, high = np.reshape(bounds, (3, 2)).astype(np.float64).T
+    extent = high - low
+    room = padding * extent
+    flat = extent < 1e-9 * extent.max()
+    room[flat] = _FLAT_SHARE / 2 * extent.max()
+    return tuple(float(v) for v in np.column_stack([low - room, high + room]).ravel())

@@ -13,8 +13,11 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk import cache
-from spacemap_vtk.child import run_child
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
 #: makes ten times as many tetrahedra near flat faces as a cage needs.
 _EPSILON = 4e-3
+
+#: Seconds between looks: in between them the waiting thread can be stopped.
+_LOOK = 0.05
 
 _PROGRAM = """
 import sys
@@ -120,3 +125,24 @@ def _run(**surface: Any) -> dict[str, NDArray[Any]]:
             raise GeometryError(f"fTetWild failed: {reason}", cure=_CURE)
         with np.load(folder / "mesh.npz", allow_pickle=False) as mesh:
             return dict(mesh)
+
+
+def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end; it goes when whoever waits for it is stopped."""
+    # ``subprocess.run`` waits inside one call of the system's, where no exception that another
+    # thread raises in this one arrives.
+    # Files, not pipes: a pipe that nobody reads stops the program when it is full.
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as told:
+        process = subprocess.Popen(command, cwd=folder, stdout=out, stderr=told)
+        try:
+            while process.poll() is None:
+                time.sleep(_LOOK)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        texts = []
+        for file in (out, told):
+            file.seek(0)
+            texts.append(file.read().decode(errors="replace"))
+        return subprocess.CompletedProcess(command, process.returncode, *texts)

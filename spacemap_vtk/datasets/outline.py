@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
-from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.cage.carve import grown, touched
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 
 Outline = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -22,9 +20,8 @@ Outline = tuple[NDArray[np.float64], NDArray[np.int64]]
 _MOST_VOXELS = 160
 
 
-def outline(data: vtkDataSet) -> Outline:
-    """Return all points of an object, its triangles and its segments."""
-    surface = _polygons(data)
+def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
+    """Return all points of an object, and the triangles and segments of its surface."""
     cutter = vtkTriangleFilter()
     cutter.SetInputData(surface)
     cutter.Update()
@@ -85,22 +82,6 @@ def edge_faults(triangles: NDArray[np.int64], points: NDArray[np.float64]) -> tu
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     counts = np.unique(edges, axis=0, return_counts=True)[1] if len(edges) else np.empty(0)
     return int((counts == 1).sum()), int((counts > 2).sum())
-
-
-def _polygons(data: vtkDataSet) -> vtkPolyData:
-    if isinstance(data, vtkPolyData):
-        return data
-    if data.GetNumberOfCells() == 0:
-        return vtkPolyData()
-    if data.IsA("vtkPointSet"):
-        stage = PatchTessellator(subdivisions=2)
-        stage.SetInputDataObject(data)
-        stage.update()
-        return stage.GetOutputDataObject(0)
-    maker = vtkDataSetSurfaceFilter()
-    maker.SetInputData(data)
-    maker.Update()
-    return maker.GetOutput()
 
 
 def _own_points(data: Any) -> NDArray[np.float64]:

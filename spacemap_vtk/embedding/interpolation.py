@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.compiled import WORTHWHILE, loops
 from spacemap_vtk.embedding.locate import Location
-from spacemap_vtk.embedding.quadratic_weights import quadratic_weights
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parallel import BLAS_SERIAL, for_each
-from spacemap_vtk.recycler import Recycler
+from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
+from spacemap_vtk.memory import Recycler
+from spacemap_vtk.parallel import BLAS_SERIAL, WORTHWHILE, for_each, loops
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
@@ -287,3 +286,20 @@ class _Compiled(_Product):
     ) -> None:
         """Write both in one pass."""
         self._ride.displace(*self._tables, values, np.ascontiguousarray(points), moved, shift)
+
+
+def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weights of a quadratic tetrahedron's ten nodes from those of its corners."""
+    # Inside they are the shape functions. Outside, a quadratic would turn back on itself before
+    # long: there the field goes on from the border as its tangent does, so that an affine motion is
+    # reproduced at any distance.
+    outside = np.flatnonzero((weights < 0).any(axis=1))
+    if not len(outside):
+        return shape_functions(weights)
+    inside = weights.copy()
+    inside[outside] = np.maximum(weights[outside], 0.0)
+    inside[outside] /= inside[outside].sum(axis=1, keepdims=True)
+    result = shape_functions(inside)
+    away = weights[outside] - inside[outside]
+    result[outside] += np.einsum("nai,ni->na", shape_slopes(inside[outside]), away)
+    return result

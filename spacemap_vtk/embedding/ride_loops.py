@@ -1,6 +1,6 @@
 """Points that ride along with a mesh, in compiled loops: one pass over the memory.
 
-Needs Numba; see `spacemap_vtk.compiled`.
+Needs Numba; see `spacemap_vtk.parallel`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.compiled import compiled
+from spacemap_vtk.parallel import compiled
 
 
 @compiled

@@ -7,7 +7,7 @@ samples where one matrix product takes 768. What is left is memory: of 35 ms tha
 take in one thread, gathering takes 14, writing 11 and all arithmetic 2. The innermost loops are
 long, x, y and z in one, for each costs as much to enter as a hundred multiplications.
 
-Needs Numba; see `spacemap_vtk.compiled`.
+Needs Numba; see `spacemap_vtk.parallel`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.compiled import compiled
+from spacemap_vtk.parallel import compiled
 
 _GROUP = 32  # patches; 16 and 64 are slower
 _ROW = 3 * _GROUP  # their x, y and z

@@ -23,12 +23,12 @@ from spacemap_vtk.datasets.arrays import (
     to_points,
 )
 from spacemap_vtk.datasets.geometry_cache import Geometry
-from spacemap_vtk.embedding.averaging import vertex_averages
 from spacemap_vtk.embedding.gradients import (
     QuadraticGradients,
     cofactors,
     deformation_gradients,
     turned_normals,
+    vertex_averages,
 )
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate

@@ -10,12 +10,14 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     vtkCellArray,
+    vtkDataSet,
     vtkDataSetAttributes,
     vtkFieldData,
     vtkPointSet,
     vtkPolyData,
     vtkUnstructuredGrid,
 )
+from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.datasets.arrays import (
     cell_types,
@@ -115,6 +117,34 @@ class PatchTessellator(Stage):
         if self._kept is None or not self._kept.serves(grid, self.subdivisions):
             self._kept = _Prepared(grid, self.subdivisions)
         return self._kept
+
+
+def polygons_of(data: vtkDataSet) -> vtkPolyData:
+    """Return the surface of any object, curved patches in few polygons.
+
+    Parameters
+    ----------
+    data : vtkDataSet
+        Points, lines, polygons, patches, a grid or an image.
+
+    Returns
+    -------
+    vtkPolyData
+        `data` itself where it is one.
+    """
+    if isinstance(data, vtkPolyData):
+        return data
+    if data.GetNumberOfCells() == 0:
+        return vtkPolyData()
+    if data.IsA("vtkPointSet"):
+        stage = PatchTessellator(subdivisions=2)
+        stage.SetInputDataObject(data)
+        stage.update()
+        return stage.GetOutputDataObject(0)
+    maker = vtkDataSetSurfaceFilter()
+    maker.SetInputData(data)
+    maker.Update()
+    return maker.GetOutput()
 
 
 def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:

@@ -11,10 +11,8 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.cage.bounds import padded_bounds
 from spacemap_vtk.cage.carve import grown, pieces, touched
-from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice
-from spacemap_vtk.cage.midpoints import with_midpoints
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
 from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.cage.tetwild import filled
 from spacemap_vtk.datasets.arrays import to_cells, to_points
@@ -23,7 +21,9 @@ from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outlin
 from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merged, read_blocks
+from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
@@ -164,7 +164,7 @@ class TetraCage(Stage):
             return vertices, tetrahedra
         kept = np.zeros(divisions[::-1], dtype=bool)
         if data.GetNumberOfPoints():  # a process may have nothing to do
-            points, triangles = outline(data)
+            points, triangles = outline(data, polygons_of(data))
             spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
             kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
         if self._processes is not None:
@@ -189,7 +189,7 @@ class TetraCage(Stage):
         return vertices[used], numbers.reshape(-1, 4)
 
     def _wild(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        points, triangles = outline(data)
+        points, triangles = outline(data, polygons_of(data))
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")

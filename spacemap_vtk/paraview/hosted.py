@@ -11,17 +11,23 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector, vtkOutputWindow
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
+    vtkDataObject,
+    vtkDataSetAttributes,
+)
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
+from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.base import Cancelled, Stage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.paraview.patches import arrays_to_points
 from spacemap_vtk.paraview.property_xml import command, property_of
 from spacemap_vtk.paraview.proxies import FileType, proxy_xml
 from spacemap_vtk.paraview.scene_reader import SceneReader
@@ -82,6 +88,34 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
         info.Get(vtkDataObject.DATA_OBJECT()).ShallowCopy(self._last)
         info.Remove(_NOT_GENERATED)
         return 1
+
+
+def arrays_to_points(data: Any) -> None:
+    """Move the cell arrays of Bézier patches to the points, where patches that share one agree."""
+    # To cut a curved quadrilateral VTK splits it into flat ones, and copies the row of its cell
+    # arrays once for each of these. Then it reads that copy at the number of the cell, not of the
+    # flat one: of all but the first few cells, past its end (vtkHigherOrderQuadrilateral::Contour
+    # and Clip, so in VTK 9.2 and still in 9.7). ParaView's *Slice*, *Clip* and *Contour* show
+    # nonsense, or crash where that memory is no one's; with more patches that is more likely, with
+    # 200,000 it is certain. Arrays of points are copied whole, and read right.
+    # Those of yarns do; `PatchTessellator` hands them to its polygons. An array in which neighbours
+    # differ stays where it is.
+    if not data.IsA("vtkUnstructuredGrid") or cell_types(data) != [VTK_BEZIER_QUADRILATERAL]:
+        return
+    cells, points = data.GetCellData(), data.GetPointData()
+    patches = None
+    for name in [cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())]:
+        array = cells.GetArray(name) if name else None
+        if array is None or points.HasArray(name) or name == vtkDataSetAttributes.GhostArrayName():
+            continue
+        if patches is None:
+            patches = cells_of(data, VTK_BEZIER_QUADRILATERAL, "Bézier quadrilaterals")
+        values = vtk_to_numpy(array)
+        moved = np.zeros((data.GetNumberOfPoints(), *values.shape[1:]), values.dtype)
+        moved[patches] = values[:, np.newaxis]
+        if (moved[patches] == values[:, np.newaxis]).all():
+            add_array(points, name, moved)
+            cells.RemoveArray(name)
 
 
 def say(stage: Stage, error: BaseException | None) -> None:

@@ -25,12 +25,12 @@ if "spacemap_vtk" not in sys.modules:
 
 # Only now can it be imported.
 from spacemap_vtk import __version__  # noqa: E402
-from spacemap_vtk.paraview import client, display, own_colors  # noqa: E402
+from spacemap_vtk.paraview import client, rendering  # noqa: E402
 from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
 
 client.prepare()
-own_colors.show_colors()
-display.guard_pictures()
+rendering.show_colors()
+rendering.guard_pictures()
 
 # ParaView reads these names, and looks for classes with XML among the module's attributes.
 paraview_plugin_name = "Space mapping"

@@ -18,6 +18,7 @@ from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.outline import edge_faults, outline
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.embedding.triangles import FACES
+from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.scenes.scene import Scene
 
 #: Who knows the names of types of cells: another class since VTK 9.6.
@@ -30,7 +31,7 @@ def body(scene: Scene) -> dict[str, Any]:
     data, picture = scene.source.GetOutputDataObject(0), scene.object.picture
     places = points_of(data).astype(np.float64, copy=False)
     low, high = places.min(axis=0), places.max(axis=0)
-    points, triangles = outline(data)
+    points, triangles = outline(data, polygons_of(data))
     triangles = triangles[triangles[:, 1] != triangles[:, 2]]
     open_, branching = edge_faults(triangles, points)
     figures: dict[str, Any] = {

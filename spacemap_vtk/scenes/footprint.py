@@ -10,11 +10,11 @@ from __future__ import annotations
 from math import exp
 from typing import TYPE_CHECKING
 
-from spacemap_vtk.compiled import WORTHWHILE
 from spacemap_vtk.errors import SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.weave import Counts
 from spacemap_vtk.filters import barycentric_warp, patch_tessellator
 from spacemap_vtk.memory import require
+from spacemap_vtk.parallel import WORTHWHILE
 from spacemap_vtk.scenes.colorings import COLORINGS
 
 if TYPE_CHECKING:

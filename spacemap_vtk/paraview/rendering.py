@@ -1,11 +1,16 @@
-"""Yarns in their own colours: ParaView's *Map Scalars* follows the array that is coloured by.
+"""ParaView's pictures: yarns in their own colours, and no picture of a batch without a display.
 
-With it ticked, as it is by default, ParaView 5.11 sends colours through a colour map like any other
-numbers. What else it has does not do: a colour map in VTK's vector mode RGBCOLORS does not know
-that mode's name, and ends ParaView at the next choice of an array.
+ParaView's *Map Scalars* follows the array that is coloured by: with it ticked, as it is by default,
+ParaView 5.11 sends colours through a colour map like any other numbers. What else it has does not
+do: a colour map in VTK's vector mode RGBCOLORS does not know that mode's name, and ends ParaView at
+the next choice of an array.
 
 ParaView shows a legend for every array that it colours by. One of colours that go through no colour
 map would tell the sizes of red, green and blue taken as a vector: it stays hidden.
+
+Without a display ParaView 5.11 itself ends with a print of its stack. Of several processes the
+first may wait for ever: to draw the yarns' own colours it wants the data of all in order of depth,
+while the others, which have found that there is no display, take no part in the picture.
 """
 
 from __future__ import annotations
@@ -17,6 +22,7 @@ from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
 
 _NAME = 4  # place of the array's name in the property ColorArrayName
 _followed: set[int] = set()
+_guarded: set[int] = set()
 
 
 def show_colors() -> None:
@@ -128,3 +134,40 @@ def _has_colors(representation: Any) -> bool:
         and array.GetNumberOfComponents() == 3
         for array in found
     )
+
+
+def guard_pictures() -> None:
+    """From now on no view of a batch begins to draw unless all its processes can."""
+    try:
+        from paraview.modules.vtkRemotingCore import vtkProcessModule
+        from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
+    except ImportError:  # a server built without a client's libraries
+        return
+    if vtkProcessModule.GetProcessType() == vtkProcessModule.PROCESS_BATCH:
+        manager = vtkSMProxyManager.GetProxyManager()
+        manager.AddObserver("RegisterEvent", lambda caller, event: _guard_new(caller))
+
+
+def _guard_new(manager: Any) -> None:
+    session = manager.GetActiveSessionProxyManager()
+    if session is None:
+        return
+    for view in registered(session, "views"):
+        if view.GetGlobalID() not in _guarded:
+            _guarded.add(view.GetGlobalID())
+            view.AddObserver("StartEvent", _require_display)
+
+
+def _require_display(view: Any, event: str) -> None:
+    from paraview.modules.vtkRemotingCore import vtkPVSession
+    from paraview.modules.vtkRemotingViews import vtkPVRenderingCapabilitiesInformation
+
+    # what all processes can
+    found = vtkPVRenderingCapabilitiesInformation()
+    view.GetSession().GatherInformation(vtkPVSession.RENDER_SERVER, found, 0)
+    if not found.Supports(vtkPVRenderingCapabilitiesInformation.RENDERING):
+        # out of an observer, too, Python ends with it; mpirun then ends the other processes
+        raise SystemExit(
+            "spacemap: ParaView has no display to draw on. Set DISPLAY for each of its processes, "
+            'or start it under "xvfb-run -a"; one that is built with EGL or OSMesa needs neither.'
+        )
