@@ -69,6 +69,7 @@ def work(size: int, folder: Path) -> None:
         SpacemapWarning,
         TetraCage,
         WeaveSource,
+        connect,
     )
     from spacemap_vtk.datasets.processes import Piece, Processes
 
@@ -80,12 +81,7 @@ def work(size: int, folder: Path) -> None:
     weave = WeaveSource(ends=size, picks=size)
     cage, modal = TetraCage(divisions=CAGE), ModalSolver(modes=MODES, youngs_modulus=1e4)
     response, warp, surface = ModalResponse(), BarycentricWarp(), PatchTessellator(subdivisions=1)
-    stages = [weave, cage, modal, response, warp, surface]
-    for stage, source in zip(stages[1:4], stages[:3], strict=True):
-        stage.SetInputConnection(source.GetOutputPort())
-    warp.SetInputConnection(0, weave.GetOutputPort())
-    warp.SetInputConnection(1, response.GetOutputPort())
-    surface.SetInputConnection(warp.GetOutputPort())
+    connect((weave, connect(weave, cage, modal, response)), warp, surface)
     base = resident("VmRSS")
     for name, stage in (
         ("weave", weave),

@@ -21,9 +21,10 @@ from spacemap_vtk import (
     PatchTessellator,
     TetraCage,
     WeaveSource,
+    connect,
 )
-from spacemap_vtk.compiled import loops
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parallel import loops
 
 STEPS = 15
 
@@ -34,12 +35,7 @@ def chain(yarns: int, subdivisions: int) -> list[Stage]:
     modal = ModalSolver(youngs_modulus="1.3 kPa", modes=180)
     response, warp = ModalResponse(alpha=10.0), BarycentricWarp()
     surface = PatchTessellator(subdivisions=subdivisions)
-    cage.SetInputConnection(weave.GetOutputPort())
-    modal.SetInputConnection(cage.GetOutputPort())
-    response.SetInputConnection(modal.GetOutputPort())
-    warp.SetInputConnection(0, weave.GetOutputPort())
-    warp.SetInputConnection(1, response.GetOutputPort())
-    surface.SetInputConnection(warp.GetOutputPort())
+    connect((weave, connect(weave, cage, modal, response)), warp, surface)
     return [weave, cage, modal, response, warp, surface]
 
 

@@ -12,14 +12,13 @@ import pyvista as pv
 from PIL import Image
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
-from spacemap_vtk import ModalSolver, PatchTessellator, WeaveSource
+from spacemap_vtk import ModalSolver, PatchTessellator, WeaveSource, connect
 from spacemap_vtk.draw.film import write_film
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
-surface.SetInputConnection(weave.GetOutputPort())
-surface.update()
-swing = pv.wrap(surface.GetOutputDataObject(0)).spacemap.modal(
+connect(weave, surface).update()
+swing = pv.wrap(surface.output).spacemap.modal(
     divisions=(5, 5, 1), order=2, modes=60, youngs_modulus="4 kPa", alpha=0.0, gravity=(0, -2, 2)
 )
 modal = next(stage for stage in swing.upstream() if isinstance(stage, ModalSolver))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import BarycentricWarp, MotionReader, PatchTessellator, WeaveSource
+from spacemap_vtk import BarycentricWarp, MotionReader, PatchTessellator, WeaveSource, connect
 
 RESULT = Path(__file__).resolve().parents[1] / "scenes" / "calculix" / "sheet.pvd"
 
@@ -18,12 +18,7 @@ motion = MotionReader(file=RESULT, array="U")  # CalculiX's name of the displace
 warp = BarycentricWarp(outside="error", smooth=True)
 surface = PatchTessellator(subdivisions=4)
 
-warp.SetInputConnection(0, weave.GetOutputPort())
-warp.SetInputConnection(1, motion.GetOutputPort())
-try:
-    warp >> surface  # VTK 9.4 and newer
-except TypeError:
-    surface.SetInputConnection(warp.GetOutputPort())
+connect((weave, motion), warp, surface)  # from VTK 9.4 on also (weave, motion) >> warp >> surface
 
 
 def end_length() -> float:

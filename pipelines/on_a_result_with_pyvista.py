@@ -11,15 +11,14 @@ import numpy as np
 import pyvista as pv
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
-from spacemap_vtk import PatchTessellator, WeaveSource
+from spacemap_vtk import PatchTessellator, WeaveSource, connect
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 RESULT = Path(__file__).resolve().parents[1] / "scenes" / "calculix" / "sheet.pvd"
 
 weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator(subdivisions=4)
-surface.SetInputConnection(weave.GetOutputPort())
-surface.update()
-fabric = pv.wrap(surface.GetOutputDataObject(0))
+connect(weave, surface).update()
+fabric = pv.wrap(surface.output)
 
 reader = pv.get_reader(RESULT)
 reader.set_active_time_value(0.026)

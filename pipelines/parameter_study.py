@@ -6,17 +6,20 @@ Only what depends on a parameter runs again: the cloth is woven once for four mo
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import BarycentricWarp, ModalResponse, ModalSolver, TetraCage, WeaveSource
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    TetraCage,
+    WeaveSource,
+    connect,
+)
 
 weave, cage = WeaveSource(ends=9, picks=9), TetraCage(divisions=(6, 6, 1), order=2)
 modal = ModalSolver(modes=24, fixed="+y")
 response = ModalResponse(initial="equilibrium", gravity=(0.0, 0.0, -9.81))
 warp = BarycentricWarp()
-cage.SetInputConnection(weave.GetOutputPort())
-modal.SetInputConnection(cage.GetOutputPort())
-response.SetInputConnection(modal.GetOutputPort())
-warp.SetInputConnection(0, weave.GetOutputPort())
-warp.SetInputConnection(1, response.GetOutputPort())
+connect((weave, connect(weave, cage, modal, response)), warp)
 
 moduli = np.array([0.5e6, 1e6, 2e6, 4e6])
 sags, frequencies = [], []

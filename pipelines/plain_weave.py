@@ -19,6 +19,7 @@ from spacemap_vtk import (
     SpacemapWarning,
     TetraCage,
     WeaveSource,
+    connect,
 )
 
 # One layer of linear tetrahedra is too stiff; this modulus makes up for it.
@@ -30,24 +31,19 @@ response = ModalResponse(alpha="10 Hz", gravity=(0.0, -6.9, 6.9))
 warp = BarycentricWarp()
 surface = PatchTessellator(subdivisions=6)
 
-cage.SetInputConnection(weave.GetOutputPort())
-modal.SetInputConnection(cage.GetOutputPort())
-response.SetInputConnection(modal.GetOutputPort())
-warp.SetInputConnection(0, weave.GetOutputPort())
-warp.SetInputConnection(1, response.GetOutputPort())
-surface.SetInputConnection(warp.GetOutputPort())
+connect((weave, connect(weave, cage, modal, response)), warp, surface)
 
 # Only the last three stages run again for a new time.
 times = np.linspace(0.0, 0.04, 9)
 reach = []
 for time in times:
     surface.update(time=time)
-    cloth = pv.wrap(surface.GetOutputDataObject(0))
+    cloth = pv.wrap(surface.output)
     reach.append(cloth["displacement"][:, 2].max())
     print(f"t = {time * 1e3:4.0f} ms   the lower edge is {reach[-1] * 1e3:.3f} mm in front")
 
 # It is out farthest after half a period of the first mode.
-frequency = pv.wrap(modal.GetOutputDataObject(0)).field_data["frequencies"][0]
+frequency = pv.wrap(modal.output).field_data["frequencies"][0]
 print(f"first mode: {frequency:.2f} Hz, half a period: {0.5e3 / frequency:.1f} ms")
 assert abs(times[np.argmax(reach)] - 0.5 / frequency) < times[1]
 assert [stage.executions for stage in (weave, cage, modal, response, warp)] == [1, 1, 1, 9, 9]

@@ -15,20 +15,18 @@ from spacemap_vtk import (
     PatchTessellator,
     TetraCage,
     WeaveSource,
+    connect,
 )
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 weave = WeaveSource(ends=7, picks=7, warp_diameter="0.25 mm", weft_diameter="0.25 mm")
 cage, modal = TetraCage(divisions=(5, 5, 1), order=2), ModalSolver(youngs_modulus="8 kPa", modes=60)
 response, warp, surface = ModalResponse(alpha=10.0), BarycentricWarp(), PatchTessellator()
-for stage, source in ((cage, weave), (modal, cage), (response, modal), (warp, weave)):
-    stage.SetInputConnection(source.GetOutputPort())
-warp.SetInputConnection(1, response.GetOutputPort())
-surface.SetInputConnection(warp.GetOutputPort())
+connect((weave, connect(weave, cage, modal, response)), warp, surface)
 
 # At rest the cloth is as thick as one end and one pick: they touch and do not overlap.
 surface.update(time=0.0)
-rest = pv.wrap(surface.GetOutputDataObject(0))
+rest = pv.wrap(surface.output)
 thickness = rest.bounds[5] - rest.bounds[4]
 print(f"{rest.n_cells} polygons, {thickness * 1e3:.4f} mm thick")
 assert abs(thickness - 0.5e-3) < 1e-3 * 0.5e-3

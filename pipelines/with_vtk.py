@@ -14,6 +14,7 @@ from spacemap_vtk import (
     PatchTessellator,
     TetraCage,
     WeaveSource,
+    connect,
 )
 
 weave = WeaveSource(ends=7, picks=7)
@@ -23,15 +24,8 @@ response = ModalResponse(alpha=0.0, gravity=(0.0, 0.0, -1.0))
 warp = BarycentricWarp()
 surface = PatchTessellator(subdivisions=3)
 
-try:
-    weave >> cage >> modal >> response  # VTK 9.4 and newer
-except TypeError:
-    cage.SetInputConnection(weave.GetOutputPort())
-    modal.SetInputConnection(cage.GetOutputPort())
-    response.SetInputConnection(modal.GetOutputPort())
-warp.SetInputConnection(0, weave.GetOutputPort())
-warp.SetInputConnection(1, response.GetOutputPort())
-surface.SetInputConnection(warp.GetOutputPort())
+# From VTK 9.4 on (weave, weave >> cage >> modal >> response) >> warp >> surface does the same.
+connect((weave, connect(weave, cage, modal, response)), warp, surface)
 
 
 def lowest() -> float:

@@ -13,6 +13,7 @@ from spacemap_vtk.errors import SpacemapWarning
 
 if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+    from spacemap_vtk.filters.base import connect
     from spacemap_vtk.filters.modal_response import ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver
     from spacemap_vtk.filters.motion_reader import MotionReader
@@ -33,22 +34,26 @@ __all__ = [
     "SpacemapWarning",
     "TetraCage",
     "WeaveSource",
+    "connect",
 ]
 
-#: The filters, and the modules they are in.
+#: The filters, and the modules they are in: all that the program knows of them. Scenes, the window,
+#: the command line and ParaView's plugin are made from this table, by what each class declares; of
+#: several with the same role a scene takes the first, unless it has the section of another.
 FILTERS = {
-    "BarycentricWarp": "barycentric_warp",
-    "ModalResponse": "modal_response",
-    "ModalSolver": "modal_solver",
-    "MotionReader": "motion_reader",
-    "ObjectSource": "object_source",
-    "PatchTessellator": "patch_tessellator",
-    "TetraCage": "tetra_cage",
-    "WeaveSource": "weave_source",
+    "WeaveSource": "spacemap_vtk.filters.weave_source",
+    "ObjectSource": "spacemap_vtk.filters.object_source",
+    "TetraCage": "spacemap_vtk.filters.tetra_cage",
+    "ModalSolver": "spacemap_vtk.filters.modal_solver",
+    "ModalResponse": "spacemap_vtk.filters.modal_response",
+    "MotionReader": "spacemap_vtk.filters.motion_reader",
+    "BarycentricWarp": "spacemap_vtk.filters.barycentric_warp",
+    "PatchTessellator": "spacemap_vtk.filters.patch_tessellator",
 }
 
 
 def __getattr__(name: str) -> object:
-    if name in FILTERS:
-        return getattr(importlib.import_module(f"spacemap_vtk.filters.{FILTERS[name]}"), name)
+    module = {**FILTERS, "connect": "spacemap_vtk.filters.base"}.get(name)
+    if module is not None:
+        return getattr(importlib.import_module(module), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

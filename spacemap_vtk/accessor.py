@@ -18,7 +18,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import InputError, UnknownNameError
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Stage, connect
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.tetra_cage import TetraCage
@@ -87,11 +87,7 @@ class SpacemapAccessor:
         moving = vtkUnstructuredGrid()
         moving.ShallowCopy(volume.grid)
         add_array(moving.GetPointData(), "displacement", np.array(values, dtype=np.float64))
-        stage = BarycentricWarp(**warp)
-        stage.SetInputDataObject(0, _with_points(self._mesh))
-        stage.SetInputDataObject(1, moving)
-        stage.update()
-        return pv.wrap(stage.GetOutputDataObject(0))
+        return pv.wrap(BarycentricWarp(**warp)(_with_points(self._mesh), moving))
 
     def modal(self, **parameters: Any) -> BarycentricWarp:
         """Return a live pipeline in which the mesh swings in a cage round it.
@@ -118,7 +114,8 @@ class SpacemapAccessor:
         SpacemapError
             If a stage refuses its input.
         """
-        stages: list[Stage] = [TetraCage(), ModalSolver(), ModalResponse(), BarycentricWarp()]
+        warp = BarycentricWarp()
+        stages: list[Stage] = [TetraCage(), ModalSolver(), ModalResponse(), warp]
         for name, value in parameters.items():
             owners = [stage for stage in stages if name in stage.parameters]
             if not owners:
@@ -130,17 +127,9 @@ class SpacemapAccessor:
                     cure=suggestion(name, known),
                 )
             owners[0].configure(**{name: value})
-        cage, modal, response, warp = stages
         source = vtkTrivialProducer()
         source.SetOutput(_with_points(self._mesh))
-        cage.SetInputConnection(source.GetOutputPort())
-        modal.SetInputConnection(cage.GetOutputPort())
-        response.SetInputConnection(modal.GetOutputPort())
-        warp.SetInputConnection(0, source.GetOutputPort())
-        warp.SetInputConnection(1, response.GetOutputPort())
-        warp.update(time=0.0)
-        assert isinstance(warp, BarycentricWarp)
-        return warp
+        return connect((source, connect(source, *stages[:-1])), warp).update(time=0.0)
 
 
 def _with_points(mesh: Any) -> Any:

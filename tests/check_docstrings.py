@@ -35,8 +35,9 @@ HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
 SCIENCE = {"fabric", "cage", "mechanics", "embedding"}
 #: Modules of which a user, or who writes a stage, meets every public name.
-USERS = {"accessor", "errors", "parameterised", "parameters", "filters.base", "filters.load"}
-USERS |= {f"filters.{module}" for module in spacemap_vtk.FILTERS.values()}
+USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
+USERS |= {"filters.base", "filters.load"}
+USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 
 Named = ast.FunctionDef | ast.ClassDef
 
@@ -96,7 +97,7 @@ def faults() -> Iterator[str]:
 def _inherited(module: str, owner: str, name: str) -> bool:
     cls = getattr(importlib.import_module(f"spacemap_vtk.{module}"), owner)
     bases = [b for b in cls.__mro__[1:] if b.__module__.startswith("spacemap_vtk")]
-    return any(hasattr(base, name) for base in bases)
+    return any(name in vars(base) for base in bases)
 
 
 def _one(module: str, name: str, node: Named, full: bool) -> Iterator[str]:

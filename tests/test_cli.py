@@ -21,7 +21,8 @@ from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.export import content
 from spacemap_vtk.io.wif import read_wif
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.scene import Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 SMALL = ["--size", "160x120"]
@@ -280,7 +281,7 @@ def test_materials_name_their_source_and_what_it_leaves_open(
 def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("keys") == 0
     out = capsys.readouterr().out
-    for section, cls in SECTIONS.items():
+    for section, cls in sections().items():
         assert f"[{section}]" in out
         for name in cls.parameters:
             assert f"\n{name} " in out
@@ -297,8 +298,8 @@ def test_keys_prints_a_scene_file_of_defaults(capsys: pytest.CaptureFixture[str]
     file = "\n".join(re.sub(r"^(\[\w+\]).*", r"\1", x) for x in lines if re.match(r"\S", x))
     values = tomllib.loads(file)
     assert values.pop("title") == "..."
-    assert list(values) == list(SECTIONS)
-    for section, cls in SECTIONS.items():
+    assert list(values) == list(sections())
+    for section, cls in sections().items():
         assert cls(**values[section]).settings == cls().settings
     assert 'Counts where method is "carved".' in " ".join(" ".join(lines).split())
 

@@ -37,7 +37,8 @@ from spacemap_vtk import (
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
-from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
+from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
 from spacemap_vtk.paraview.hosted import arrays_to_points
 

@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
 
 def executions(window: Any) -> dict[str, int]:
@@ -35,13 +35,13 @@ def test_the_stages_tell_their_state_time_and_runs(open_window: Any) -> None:
         assert window.stages.items[section].text(2) == "1"
 
 
-@pytest.mark.parametrize("section", list(SECTIONS))
+@pytest.mark.parametrize("section", list(sections()))
 def test_every_declared_parameter_has_its_field(open_window: Any, section: str) -> None:
     window = open_window(wait=False)
     window.stages.choose(section)
     rows = window.properties.rows
-    assert list(rows) == list(SECTIONS[section].parameters)
-    for name, parameter in SECTIONS[section].parameters.items():
+    assert list(rows) == list(sections()[section].parameters)
+    for name, parameter in sections()[section].parameters.items():
         assert parameter.help in rows[name].toolTip()
         assert (rows[name].automatic is not None) == bool(parameter.automatic)
 

@@ -27,7 +27,7 @@ from spacemap_vtk.app.interrupt import GRACE, Interrupt, Interrupted  # noqa: E4
 from spacemap_vtk.app.job import Job  # noqa: E402
 from spacemap_vtk.cage.tetwild import run_child  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
-from spacemap_vtk.scenes.scene import SECTIONS, Scene  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def slack() -> float:
@@ -253,7 +253,7 @@ def a_job(divisions: int, generation: int = 1) -> Job:
     return Job(
         values=values,
         base=Path(),
-        settings={name: getattr(scene, name).settings for name in SECTIONS},
+        settings={name: part.settings for name, part in scene.parts.items()},
         stages=tuple(stage.section for stage in scene.stages),
         generation=generation,
         time=0.0,

@@ -16,7 +16,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QColorDialog  # noqa: E402
 
 from spacemap_vtk.scenes import library  # noqa: E402
-from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
 
 def editor(window: Any, section: str, name: str) -> Any:
@@ -166,7 +166,7 @@ def test_a_changed_load_keeps_the_comments_round_it(open_window: Any) -> None:
     assert changed[0][1].endswith("# from behind")
 
 
-@pytest.mark.parametrize("section", list(SECTIONS))
+@pytest.mark.parametrize("section", list(sections()))
 def test_reset_brings_back_every_default(open_window: Any, section: str) -> None:
     window = open_window("gust" if section == "response" else "plain_weave")
     window.stages.choose(section)
@@ -205,7 +205,7 @@ def test_what_does_not_count_is_hidden_or_says_why(open_window: Any) -> None:
     assert "margin" in shown()
 
 
-@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("section", sections())
 def test_a_page_shows_what_its_stage_asks_for(open_window: Any, section: str) -> None:
     window = open_window()
     window.properties.choose(section)

@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtWidgets import QStyle, QStyleOptionSlider  # noqa: E402
 
-from spacemap_vtk.scenes.scene import SECTIONS  # noqa: E402
+from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
@@ -158,7 +158,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any) -> None:
             drag(dice.choice(sliders), dice.choice([-6, -2, 2, 6]))
 
     def write() -> None:
-        section = dice.choice(list(SECTIONS))
+        section = dice.choice(list(sections()))
         window.stages.choose(section)
         rows = list(window.properties.rows.values())
         lines = [x for r in rows if (x := getattr(r.editor, "line", None)) and x.isVisible()]

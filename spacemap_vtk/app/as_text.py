@@ -12,7 +12,7 @@ from typing import Any
 from spacemap_vtk.app.document import Document, values_of
 from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes.scene import Scene
 
 
 def as_command(document: Document, time: float) -> str:
@@ -22,9 +22,9 @@ def as_command(document: Document, time: float) -> str:
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
     before, here = Scene.read(name), document.scene
     was_written, written = values_of(library.find(name)), document.values
-    for section, cls in SECTIONS.items():
-        for key, parameter in cls.parameters.items():
-            value = getattr(getattr(here, section), key)
+    for section, part in here.parts.items():
+        for key, parameter in part.parameters.items():
+            value = getattr(part, key)
             said = key in written.get(section, {}) or key in was_written.get(section, {})
             if not said or value == getattr(getattr(before, section), key):
                 continue

@@ -12,7 +12,7 @@ from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes.scene import Scene
 
 #: Milliseconds after the last coarse frame until a smooth one is asked for.
 _REST = 220
@@ -70,7 +70,7 @@ class Director(QObject):
         self._asked = Job(
             values=document.values,
             base=document.base,
-            settings={name: getattr(scene, name).settings for name in SECTIONS},
+            settings={name: part.settings for name, part in scene.parts.items()},
             stages=tuple(stage.section for stage in scene.stages),
             generation=self.generation,
             time=self._times.time,
@@ -159,7 +159,7 @@ class Director(QObject):
             return
         scene = self._document.scene
         # What a swing does not need has not run for it.
-        skipped = [scene.response, scene.warp] if frame.swing is not None else []
+        skipped = scene.moving if frame.swing is not None else []
         for stage in scene.stages:
             if stage in skipped:
                 continue

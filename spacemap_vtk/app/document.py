@@ -19,7 +19,7 @@ from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.scenes.scene import Scene
 
 #: A longer list is written with a line for each value.
 _LINE = 8
@@ -255,14 +255,14 @@ class Document(QObject):
 
     def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
         """Whether a scene surely takes values that are not yet in it."""
-        if section not in SECTIONS or None in written.values():
+        if section not in self.scene.parts or None in written.values():
             return False
         values = self._values if self._values is not None else self._toml.unwrap()
         if section not in values:
             return False  # it may exclude another one
         try:
             for key, value in written.items():
-                parameter = SECTIONS[section].parameter(key)
+                parameter = self.scene.parts[section].parameter(key)
                 parameter.check(parameter.within(value, self._folder))
         except InputError:
             return False
@@ -280,7 +280,7 @@ class Document(QObject):
 
     def _settings(self) -> dict[str, dict[str, Any]]:
         """Return the values of every section, by which it is told whether anything is unsaved."""
-        settings = {name: dict(getattr(self.scene, name).settings) for name in SECTIONS}
+        settings = {name: dict(part.settings) for name, part in self.scene.parts.items()}
         draft = settings["weave"]["draft"]
         settings["weave"]["draft"] = draft and draft.resolve()
         return settings
@@ -321,8 +321,8 @@ class Document(QObject):
         record = next(
             (
                 p.record
-                for cls in SECTIONS.values()
-                for k, p in cls.parameters.items()
+                for part in self.scene.parts.values()
+                for k, p in part.parameters.items()
                 if k == key and hasattr(p, "record")
             ),
             None,
@@ -357,7 +357,7 @@ class Document(QObject):
             return
         for section, table in self.values.items():
             for key, value in table.items() if isinstance(table, dict) else ():
-                moved = _moved(value, SECTIONS[section].parameters.get(key), old, new)
+                moved = _moved(value, self.scene.parts[section].parameters.get(key), old, new)
                 if moved != value:
                     self._put(section, key, moved)
 

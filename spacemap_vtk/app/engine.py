@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, QThread, Signal
 from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.job import Job
 from spacemap_vtk.app.pipeline import Pipeline
-from spacemap_vtk.filters.base import Cancelled
+from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes.scene import Scene
 
 #: A run that takes longer is given up for a newer wish; a shorter one ends, or a drag whose

@@ -19,7 +19,7 @@ from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.draw.background import Order
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
-from spacemap_vtk.filters.base import Cancelled
+from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import check_output, whole_folder
 
 #: Endings, by what is written.

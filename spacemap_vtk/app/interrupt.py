@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from spacemap_vtk.filters.base import Cancelled
+from spacemap_vtk.filters.algorithm import Cancelled
 
 T = TypeVar("T")
 

@@ -41,7 +41,7 @@ from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.scenes.scene import SECTIONS
+from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.settings import View
 
 #: Milliseconds that a deed is told.
@@ -108,7 +108,7 @@ class MainWindow(QMainWindow):
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: its slider would go from under the hand.
             section = error.section or ""
-            elsewhere = section in SECTIONS and section != self.properties.section
+            elsewhere = section in sections() and section != self.properties.section
             if elsewhere and not self.director.held:
                 self.stages.choose(section)
             self.properties.mark(error, about)
@@ -314,7 +314,7 @@ class MainWindow(QMainWindow):
             self.properties.clear("run")
         if not (frame.coarse and self.director.held):
             # While time runs, too: only a drag has other modes at every frame.
-            self.modes.show_modes(frame.cage, self.document.scene.response)
+            self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
         if not frame.coarse:
             warnings = self.document.drafts.told("\n".join(frame.warnings))
             note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
@@ -334,7 +334,7 @@ class MainWindow(QMainWindow):
         for widget in (self.bar, self.cancel, self.running):
             widget.setVisible(bool(section))
         if section:
-            self.running.setText(words_of(SECTIONS[section].__name__))
+            self.running.setText(words_of(sections()[section].__name__))
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))

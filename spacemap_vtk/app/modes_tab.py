@@ -25,8 +25,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_model import rounding_of
-from spacemap_vtk.filters.modal_response import ModalResponse
+from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 
 _HEADINGS = ("Mode", "Frequency", "Damping", "Regime")
@@ -104,12 +105,12 @@ class ModesTab(QWidget):
         """The mode that swings, if one does."""
         return self._mode
 
-    def show_modes(self, cage: vtkUnstructuredGrid | None, response: ModalResponse) -> None:
+    def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
         """Fill the table, if modes or damping are others."""
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
         values = np.zeros(0) if array is None else vtk_to_numpy(array)
         try:
-            damping = response.damping
+            damping = mover.damping if isinstance(mover, Damped) else Damping()
         except InputError:
             return  # two ways that contradict each other: the run says so
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])

@@ -17,9 +17,10 @@ from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
 from spacemap_vtk.draw.coloring import add_measure
-from spacemap_vtk.draw.load_arrows import load_arrows
+from spacemap_vtk.draw.load_arrows import Loaded, load_arrows
+from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Cancelled, Stage
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.memory import require
@@ -65,18 +66,19 @@ class Pipeline:
         scene = self.prepared(job)
         *stages, surface = scene.stages
         # A swing replaces the motion, which need not be known for it.
-        swing = job.swing if scene.modal in stages else None
-        skipped = [scene.response, scene.warp] if swing else []
+        solver, mover = scene.stage("solver"), scene.stage("mover")
+        swing = job.swing if solver else None
+        skipped = scene.moving if swing else []
         # What lies above is fresh, and each update asks all the stages above, which takes its time.
-        first = min(self._first, stages.index(scene.mover)) if scene.moves else self._first
+        first = min(self._first, stages.index(mover)) if mover else self._first
         for stage in stages[first:]:
             if stage not in skipped:
                 self._update(scene, stage, job.time)
         self._first = len(stages)
         source: Stage = stages[-1]
         cage = None
-        if scene.moves:
-            cage = copied((scene.modal if swing else scene.mover).GetOutputDataObject(0))
+        if mover:
+            cage = copied(solver.output if swing and solver else scene.deformed_cage)
         if swing and cage is not None:
             _add_swing(cage, swing)
             source = self._swung(scene, cage)
@@ -91,8 +93,8 @@ class Pipeline:
         self._require_drawn(drawn)
         add_measure(drawn, color)
         arrows = None
-        if cage is not None and swing is None and scene.mover is scene.response:
-            arrows = load_arrows(scene.response, cage, job.time)
+        if cage is not None and swing is None and isinstance(mover, Loaded):
+            arrows = load_arrows(mover, cage, job.time)
         return Frame(
             time=job.time,
             surface=drawn,
@@ -122,7 +124,7 @@ class Pipeline:
             for section, settings in job.settings.items():
                 if settings != self._settings[section]:
                     # An equal value changes nothing: only what lies downstream of a change runs.
-                    part = getattr(here, section)
+                    part = here.parts[section]
                     part.configure(**settings)
                     if part in here.stages:
                         self._first = min(self._first, here.stages.index(part))

@@ -15,7 +15,7 @@ from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
-from spacemap_vtk.scenes.scene import SECTIONS
+from spacemap_vtk.scenes.chain import sections
 
 #: Feasible intervals are found no more often, and in no more than this share of the time: during
 #: a drag, finding them costs as much as a few frames.
@@ -59,7 +59,7 @@ class Properties(QScrollArea):
         page = QWidget()
         layout = QVBoxLayout(page)
         layout.setContentsMargins(10, 6, 10, 10)
-        cls = SECTIONS[section]
+        cls = sections()[section]
         about = QLabel((cls.__doc__ or "").strip().splitlines()[0])
         about.setWordWrap(True)
         about.setObjectName("about")
@@ -84,7 +84,7 @@ class Properties(QScrollArea):
         """Show what the document says."""
         if not self.section:
             return
-        part = getattr(self._document.scene, self.section)
+        part = self._document.scene.parts[self.section]
         written = self._document.values.get(self.section, {})
         # A drag elsewhere changes nothing here.
         known_state = self.section, written, part.settings
@@ -106,7 +106,7 @@ class Properties(QScrollArea):
 
     def _show_limits(self) -> None:
         begun = time.thread_time()
-        part = getattr(self._document.scene, self.section)
+        part = self._document.scene.parts[self.section]
         feasible, known = _intervals(part), _settled(part)
         for name, row in self.rows.items():
             row.settled = known.get(name)

@@ -6,7 +6,9 @@ from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
-from spacemap_vtk.scenes.scene import SECTIONS, Scene
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.scene import Scene
 
 #: Colour of the dot for each state, and the words for it.
 STATES = {
@@ -48,7 +50,7 @@ class StageList(QTreeWidget):
         self._flush.setSingleShot(True)
         self._flush.setInterval(250)
         self._flush.timeout.connect(self.flush)
-        for section, cls in SECTIONS.items():
+        for section, cls in sections().items():
             item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
             item.setData(0, _KEY, section)
             item.setToolTip(0, (cls.__doc__ or "").strip().splitlines()[0])
@@ -68,7 +70,7 @@ class StageList(QTreeWidget):
         self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)
         connected = {stage.section for stage in scene.stages}
         for section, item in self.items.items():
-            stage = hasattr(SECTIONS[section], "executions")
+            stage = isinstance(scene.parts[section], Stage)
             item.setText(1, "")
             item.setText(2, "")
             self.set_state(

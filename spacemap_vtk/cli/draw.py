@@ -152,10 +152,10 @@ def storyboard(
         )
     if times is not None:
         moments = _times(times)
-    elif opened_scene.mover is opened_scene.response:
+    elif opened_scene.stage("solver"):
         moments = _one_swing(opened_scene)
     else:
-        first, last = opened_scene.motion.time_range([]) or (0.0, 0.0)
+        first, last = opened_scene.deforming.time_range([]) or (0.0, 0.0)
         moments = _seven(first, last)
     from spacemap_vtk.draw.film import write_picture
     from spacemap_vtk.draw.picture import storyboard as drawn

@@ -222,22 +222,23 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
     [section]; on the command line it is --set section.key=value.
     """
     from spacemap_vtk.parameters import suggestion
-    from spacemap_vtk.scenes.scene import SECTIONS
+    from spacemap_vtk.scenes.chain import sections
 
-    if section is not None and section not in SECTIONS:
+    known = sections()
+    if section is not None and section not in known:
         raise InputError(
             "no such section",
             key="keys",
             value=section,
-            allowed=", ".join(SECTIONS),
-            cure=suggestion(section, SECTIONS),
+            allowed=", ".join(known),
+            cure=suggestion(section, known),
         )
     if section is None:
         print('title = "..."\n    Name of the scene; stands above all sections.\n')
-    for name in SECTIONS if section is None else [section]:
-        summary = (SECTIONS[name].__doc__ or "").strip().splitlines()[0]
+    for name in known if section is None else [section]:
+        summary = (known[name].__doc__ or "").strip().splitlines()[0]
         print(f"[{name}]  {summary}\n")
-        for key, parameter in SECTIONS[name].parameters.items():
+        for key, parameter in known[name].parameters.items():
             print(f"{key} = {_toml(parameter)}")
             when = f" Counts where {parameter.counts}." if parameter.counts else ""
             print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))

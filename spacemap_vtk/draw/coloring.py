@@ -29,8 +29,8 @@ def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     """Return the number at each point of a surface that its colour shows."""
     if color == "clearance":
         return _clearance(surface)
-    array = surface.GetPointData().GetArray(COLORINGS[color].carried or color)
-    if array is None or not COLORINGS[color].moves:
+    array = surface.GetPointData().GetArray(COLORINGS[color].array)
+    if array is None or not COLORINGS[color].scaled:
         return None
     values = vtk_to_numpy(array)
     if color == "strain":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import elements_of, points_of
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.mechanics import loads as forces
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +54,16 @@ class Arrows(NamedTuple):
     """(m, 3), both ends of all arrows while their loads are strongest, one way and the other."""
 
 
-def load_arrows(response: ModalResponse, cage: vtkUnstructuredGrid, time: float) -> Arrows:
+@runtime_checkable
+class Loaded(Protocol):
+    """What moves a cage by loads that it knows."""
+
+    gravity: tuple[float, ...]
+    loads: tuple[Load, ...]
+    duration: float
+
+
+def load_arrows(response: Loaded, cage: vtkUnstructuredGrid, time: float) -> Arrows:
     """Return what acts on a cage."""
     rest = points_of(cage).astype(np.float64)
     moved = rest + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))

@@ -27,7 +27,7 @@ from spacemap_vtk.draw.glyphs import (
     rest_of,
 )
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.load_arrows import Arrows, load_arrows
+from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import (
@@ -240,7 +240,7 @@ class Picture:
             edges = _cage_edges(scene)
             self._followers.append(edges)
             signs.append(_lines(edges, view.line_color, point))
-            if view.supports and scene.mover is scene.response:
+            if view.supports and "fixed" in scene.arrays:
                 signs.append(_supports(scene, view.support_color, point))
             cut += signs
         if self._plane is not None:
@@ -310,9 +310,10 @@ def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float
 
 def _arrows(scene: Scene, time: float) -> Arrows | None:
     """Return what acts on a scene's cage; None where that is not known."""
-    if not scene.moves or scene.mover is not scene.response:
+    mover = scene.stage("mover")
+    if not isinstance(mover, Loaded):
         return None
-    return load_arrows(scene.response, scene.deformed_cage, time)
+    return load_arrows(mover, scene.deformed_cage, time)
 
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -358,7 +359,7 @@ def _solid(point: float) -> SurfaceActor:
 
 def _cage_edges(scene: Scene) -> vtkAlgorithm:
     moved = vtkWarpVector()
-    moved.SetInputConnection(scene.mover.GetOutputPort())
+    moved.SetInputConnection(scene.deforming.GetOutputPort())
     moved.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
     edges = vtkExtractEdges()
     edges.SetInputConnection(moved.GetOutputPort())
@@ -380,7 +381,7 @@ def _lines(edges: vtkAlgorithm, color: Sequence[int], point: float) -> vtkActor:
 
 def _supports(scene: Scene, color: Sequence[int], point: float) -> SupportActor:
     actor = SupportActor()
-    actor.show(scene.modal.GetOutputDataObject(0))
+    actor.show(scene.deformed_cage)
     actor.GetProperty().SetColor(*(c / 255 for c in color))
     actor.GetProperty().SetPointSize(DOT * point)
     return actor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,8 @@ from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import SAME_AS_INPUT, Stage
+from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
@@ -64,7 +65,10 @@ class BarycentricWarp(Stage):
     """
 
     section = "warp"
+    role = "warp"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    takes = ("object", "cage")
+    provides: ClassVar = {"displacement": Provided("point", "m")}
     whole_inputs = (1,)
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT

@@ -1,140 +1,77 @@
-"""What the six filters share: parameters on a VTK algorithm, counted runs, errors that arrive.
-
-Invariants:
-
-- An exception never crosses VTK's C++ frames, where it would be printed and lost. It is kept on
-  the stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
-- A stage that is asked for a piece asks for the same piece above it, so that no two consumers ask
-  for different ones and run it twice. What cannot be cut (a cage) is whole in every piece, and
-  marked as a duplicate in all but the first.
-- No stage holds a reference to itself or to a stage above it, not even through an observer or a
-  stored bound method: on VTK 9.2 such an object is never freed.
-- What a stage keeps for its next run, and may hold VTK objects, is an attribute that its class
-  declares as None: before VTK 9.7 it must go with the last reference from Python.
-"""
+"""What the filters share: what they are in a pipeline, and how Python runs and connects them."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
-from vtkmodules.util.misc import calldata_type
-from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.util.vtkConstants import VTK_STRING
-from vtkmodules.vtkCommonCore import (
-    vtkGarbageCollector,
-    vtkInformation,
-    vtkInformationVector,
-    vtkVersion,
-)
+from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkDataObject
-from vtkmodules.vtkCommonExecutionModel import (
-    vtkAlgorithm,
-    vtkDemandDrivenPipeline,
-    vtkStreamingDemandDrivenPipeline,
-)
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
-from spacemap_vtk.datasets.extent import mark_owner
-from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world
-from spacemap_vtk.errors import InputError, SpacemapError, warn_user
-from spacemap_vtk.parameters import Parameterised
+from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.algorithm import PIECE, UPDATE_TIME, Algorithm
 
 if TYPE_CHECKING:
     from typing import Self  # Python 3.10, which some ParaViews bring, has none
 
-_TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
-_TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-_UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-_PIECE = (
-    vtkStreamingDemandDrivenPipeline.UPDATE_PIECE_NUMBER(),
-    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_PIECES(),
-    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
-)
+#: What a stage can be in a scene's pipeline, in its order: a scene has one of each, but of those
+#: that are `OPTIONAL` only what it names.
+ROLES = ("source", "cage", "solver", "mover", "rotation", "crimp", "warp", "surface")
+OPTIONAL = ("rotation", "crimp")
+
+#: The two kinds of data that a pipeline carries from stage to stage.
+Kind = Literal["object", "cage"]
 
 
-#: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
-#: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
-#: there are VTK objects among them, the table is corrupted, and the program crashes later.
-_GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
+class Provided(NamedTuple):
+    """An array that a stage adds to what it is given."""
 
-#: For `Stage.output_type`: the output is of the type of the data on input port 0.
-SAME_AS_INPUT = "vtkPointSet"
-
-
-class Cancelled(SpacemapError, RuntimeError):
-    """The user stopped a run (VTK's AbortExecute)."""
+    association: Literal["point", "cell", "field"]
+    """What has a value each: points or cells, or the data as a whole."""
+    unit: str = ""
+    """SI unit of the numbers."""
+    when: Mapping[str, Sequence[Any]] = MappingProxyType({})
+    """For which values of parameters it is there, see `Parameter`."""
 
 
-class Stage(Parameterised, VTKPythonAlgorithmBase):
-    """A VTK algorithm with declared parameters; base of the six filters.
+class Stage(Algorithm):
+    """A VTK algorithm with declared parameters; base of all filters.
 
-    A subclass names its input and output types and implements `run`.
+    A subclass names its input and output types, says what it is in a scene's pipeline, and
+    implements `run`. A scene finds it in the table `spacemap_vtk.FILTERS`.
     """
 
-    #: Required data type of each input port.
-    inputs: ClassVar[tuple[str, ...]] = ()
-    #: Name of each input port, where a window asks for inputs by name.
-    input_names: ClassVar[tuple[str, ...]] = ("Input",)
-    #: Data type of the output.
-    output_type: ClassVar[str] = "vtkUnstructuredGrid"
-    #: Input ports that need the whole data set, whichever piece is asked for.
-    whole_inputs: ClassVar[tuple[int, ...]] = ()
-    #: Whether the output is whole in each piece.
-    replicated: bool = False
-    #: Whether pieces of the output share no points, so that they need no ghosts.
-    seamless: bool = False
-
-    # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
-    InputType: str = ""
-    OutputType: str = ""
-
-    _executions: int
-    _warnings: list[str]
-    _said: set[str]
-    _vtk_messages: list[str]
-    _error: BaseException | None
-    _piece: Piece = WHOLE
-    _processes: Processes | None = None
-    _untold: BaseException | None = None
-
-    def __init__(self, **values: Any) -> None:
-        VTKPythonAlgorithmBase.__init__(
-            self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output_type
-        )
-        self._executions = 0
-        self._warnings = []
-        self._said = set()
-        self._error = None
-        self._vtk_messages = []
-        # VTK would print these; `update` raises them. The observer knows the list, not the stage.
-        observer = _collector(self._vtk_messages)
-        self.AddObserver("ErrorEvent", observer)
-        self.GetExecutive().AddObserver("ErrorEvent", observer)
-        Parameterised.__init__(self, **values)
-
-    if _GHOSTS_ARE_FRAGILE:
-
-        def __del__(self) -> None:
-            values = self.__dict__
-            for name in [name for name in values if getattr(type(self), name, name) is None]:
-                del values[name]
+    #: What it is in a scene's pipeline, one of `ROLES`.
+    role: ClassVar[str] = ""
+    #: What each input port takes, and what the output is: by these a scene connects its stages.
+    takes: ClassVar[tuple[Kind, ...]] = ()
+    makes: ClassVar[Kind] = "object"
+    #: The arrays that it adds, by name; those of present parameters are `arrays`.
+    provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
 
     @property
-    def executions(self) -> int:
-        """How many times this stage has run."""
-        return self._executions
+    def arrays(self) -> dict[str, Provided]:
+        """The arrays that the next run adds, by name."""
+        return {
+            name: array
+            for name, array in self.provides.items()
+            if all(getattr(self, key) in values for key, values in array.when.items())
+        }
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the last run has to say about its own trustworthiness."""
-        return tuple(self._warnings)
+    def check(self) -> None:
+        """Check what can be checked without running; nothing by default.
 
-    @property
-    def piece(self) -> Piece:
-        """What part of the output was asked for last."""
-        return self._piece
+        Raises
+        ------
+        SpacemapError
+            If the next run would refuse its parameters.
+        """
 
     @property
     def output(self) -> Any:
@@ -183,8 +120,8 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             # a thread that has Python's waits for the collector's: both would stand for ever.
             if time is not None:
                 wishes = vtkInformation()
-                wishes.Set(_UPDATE_TIME, float(time))
-                for key, value in zip(_PIECE, piece or self._requested(), strict=True):
+                wishes.Set(UPDATE_TIME, float(time))
+                for key, value in zip(PIECE, piece or self._requested(), strict=True):
                     wishes.Set(key, value)
                 done = self.Update(wishes)
             elif piece is not None:
@@ -205,7 +142,7 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
 
     def __call__(self, *data: Any) -> Any:
         """Update, and return the output's data, which a later update leaves as they are."""
-        self._require_ports(len(data))
+        _require_ports(self, len(data))
         former = []
         for port, item in enumerate(data):
             outputs = [
@@ -234,16 +171,10 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
             return super().__rrshift__(producers)
         from vtkmodules.util.execution_model import Pipeline, select_ports
 
-        self._require_ports(len(producers))
+        _require_ports(self, len(producers))
         for port, producer in reversed(list(enumerate(producers))):
             made = Pipeline(producer, select_ports(port, self) if port else self)
         return made
-
-    def _require_ports(self, count: int) -> None:
-        if count > len(self.inputs):
-            raise InputError(
-                f"too many inputs for {type(self).__name__}: {count}", allowed=str(len(self.inputs))
-            )
 
     def upstream(self) -> Iterator[vtkAlgorithm]:
         """Yield this stage and all above it, each once, consumers before producers.
@@ -266,266 +197,49 @@ class Stage(Parameterised, VTKPythonAlgorithmBase):
                     waiting.append(stage.GetInputConnection(port, index).GetProducer())
         yield from seen
 
-    def run(self, inputs: list[Any], output: Any, time: float) -> None:
-        """Fill the output from the inputs.
 
-        Parameters
-        ----------
-        inputs : list of vtkDataObject
-            The first connection of each input port.
-        output : vtkDataObject
-            To be filled.
-        time : float
-            The requested time in s; 0 where none was requested.
-        """
-        raise NotImplementedError
+def connect(*stages: Any) -> Any:
+    """Connect stages, or any algorithms of VTK, each to the next: `>>` for every VTK.
 
-    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
-        """Return first and last time in s, or None for a stage that is still.
+    Parameters
+    ----------
+    *stages : vtkAlgorithm, vtkDataObject, or sequence of these
+        The output of each is the input of the one that follows; those of a sequence are the inputs
+        on its ports, as in ``connect((weave, cage), warp, surface)``.
 
-        Parameters
-        ----------
-        inputs : list of vtkInformation
-            Pipeline information of each input.
+    Returns
+    -------
+    vtkAlgorithm
+        The last, for ``connect(weave, surface).update()``.
 
-        Returns
-        -------
-        tuple of float or None
-            By default the union of the inputs' ranges: VTK itself passes on only port 0's.
-        """
-        ranges = [info.Get(_TIME_RANGE) for info in inputs if info.Has(_TIME_RANGE)]
-        if not ranges:
-            return None
-        return min(r[0] for r in ranges), max(r[1] for r in ranges)
+    Raises
+    ------
+    InputError
+        If there are more inputs than input ports.
 
-    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
-        """Return the times that data exist for, in s; empty where any time will do.
+    Examples
+    --------
+    >>> from spacemap_vtk import PatchTessellator, WeaveSource, connect
+    >>> connect(WeaveSource(ends=1, picks=1), PatchTessellator()).update().executions
+    1
+    """
+    for before, stage in pairwise(stages):
+        inputs = before if isinstance(before, Sequence) else (before,)
+        _require_ports(stage, len(inputs))
+        for port, item in enumerate(inputs):
+            if isinstance(item, vtkDataObject):
+                stage.SetInputDataObject(port, item)
+            else:
+                stage.SetInputConnection(port, item.GetOutputPort())
+    return stages[-1]
 
-        Parameters
-        ----------
-        inputs : list of vtkInformation
-            Pipeline information of each input.
 
-        Returns
-        -------
-        list of float
-            By default the union of the inputs' steps, ascending.
-        """
-        return sorted(
-            {step for info in inputs if info.Has(_TIME_STEPS) for step in info.Get(_TIME_STEPS)}
+def _require_ports(stage: vtkAlgorithm, count: int) -> None:
+    if count > stage.GetNumberOfInputPorts():
+        raise InputError(
+            f"too many inputs for {type(stage).__name__}: {count}",
+            allowed=str(stage.GetNumberOfInputPorts()),
         )
-
-    def report(self, fraction: float) -> None:
-        """Tell observers how far the run is, and stop it if they ask for that.
-
-        Parameters
-        ----------
-        fraction : float
-            From 0 to 1.
-
-        Raises
-        ------
-        Cancelled
-            If AbortExecute was set.
-        """
-        self.UpdateProgress(fraction)
-        if self.GetAbortExecute():
-            raise Cancelled(f"{type(self).__name__} was stopped")
-
-    def warn(self, text: str) -> None:
-        """Add a sentence to `warnings`; meant to be called from `run`.
-
-        After the run each new one is issued as a `SpacemapWarning` of Python's, too.
-
-        Parameters
-        ----------
-        text : str
-            One sentence.
-        """
-        self._warnings.append(text)
-
-    # --- VTK's side -------------------------------------------------------------------------
-
-    def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
-        """State the required type of an input port."""
-        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self.inputs[port])
-        return 1
-
-    def ProcessRequest(
-        self,
-        request: vtkInformation,
-        in_info: tuple[vtkInformationVector, ...],
-        out_info: vtkInformationVector,
-    ) -> int:
-        """Answer a request of the executive; an exception is kept for `update`."""
-        try:
-            if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()):
-                self._request_data_object(in_info, out_info)
-            elif request.Has(vtkDemandDrivenPipeline.REQUEST_INFORMATION()):
-                self._untold = None
-                self._request_information(in_info, out_info)
-            elif request.Has(vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()):
-                self._request_update_extent(in_info, out_info)
-            elif request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
-                self._request_data(in_info, out_info)
-        except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
-            if isinstance(error, SpacemapError):
-                error.section = self.section
-                parameter = self.parameters.get(error.key or "")
-                if isinstance(error.value, float) and parameter is not None and parameter.unit:
-                    error.value = parameter.show(error.value)  # with its unit
-            if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
-                # The others would wait for this process in vain: it is told when all run.
-                self._untold = error
-                return 1
-            self._error = error
-            # Without this mark the next update would hand out the empty output as a good one.
-            out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
-            return 0
-        return 1
-
-    def _request_data_object(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
-        if self.output_type != SAME_AS_INPUT:
-            return  # the executive makes an object of the stated type
-        source = in_info[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
-        info = out_info.GetInformationObject(0)
-        made = info.Get(vtkDataObject.DATA_OBJECT())
-        if made is None or made.GetClassName() != source.GetClassName():
-            info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
-
-    def _request_information(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
-        inputs = [vector.GetInformationObject(0) for vector in in_info]
-        span = self.time_range(inputs)
-        info = out_info.GetInformationObject(0)
-        if span is None:
-            info.Remove(_TIME_RANGE)
-        else:
-            info.Set(_TIME_RANGE, span, 2)
-        if not self.inputs:
-            info.Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
-        steps = self.time_steps(inputs)
-        if steps:
-            info.Set(_TIME_STEPS, steps, len(steps))
-        else:
-            info.Remove(_TIME_STEPS)
-
-    def _request_data(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
-        self._error = None
-        self._warnings.clear()
-        self._executions += 1
-        info = out_info.GetInformationObject(0)
-        self._piece = _piece_of(info)
-        self._processes = Processes.of(self._piece)
-        # Before the first request for a time there is none.
-        time = info.Get(_UPDATE_TIME) if info.Has(_UPDATE_TIME) else 0.0
-        inputs = [
-            vector.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) for vector in in_info
-        ]
-        output = info.Get(vtkDataObject.DATA_OBJECT())
-        if self._processes is None:
-            self._run(inputs, output, time)
-        else:
-            try:
-                self._run(inputs, output, time)
-            except PeerError:
-                raise
-            except BaseException as error:
-                self._processes.fail(error)
-                raise
-            self._warnings = self._processes.finish(self._warnings)
-            self._issue()  # those of the other processes
-
-    def _issue(self) -> None:
-        """Tell each new warning once: an animation would repeat it with every frame."""
-        for text in self._warnings:
-            if text not in self._said:
-                if self._processes is None or is_first():
-                    self._tell(text)
-                self._said.add(text)
-
-    def _tell(self, text: str) -> None:
-        """Issue a warning, while the user's call is still on the stack; it may be raised."""
-        warn_user(text)
-
-    def _run(self, inputs: list[Any], output: Any, time: float) -> None:
-        if self._untold is not None:
-            raise self._untold
-        self.run(inputs, output, time)
-        for name, value in self._values.items():
-            # A zero, or what is off, contradicts nothing.
-            if value and (why := self.idle(name)):
-                counts = self.parameter(name).counts
-                self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
-        if self.replicated and self._piece.of > 1:
-            mark_owner(output, self._piece)
-        self._issue()
-
-    def _request_update_extent(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
-        """Ask for the same piece above, as the executive has, with ghosts; for all where needed."""
-        piece = _piece_of(out_info.GetInformationObject(0))
-        if piece.of == 1:
-            return
-        for port, vector in enumerate(in_info):
-            for key, value in zip(_PIECE, self.input_piece(port, piece), strict=True):
-                vector.GetInformationObject(0).Set(key, value)
-
-    def input_piece(self, port: int, piece: Piece) -> Piece:
-        """Return what part of an input is needed for a piece of the output.
-
-        Parameters
-        ----------
-        port : int
-            The input.
-        piece : Piece
-            Of the output; one of several.
-
-        Returns
-        -------
-        Piece
-            With a layer of ghost cells, which tells a face between pieces from an outer one,
-            where there can be such faces.
-        """
-        if self._comes_from(port, "replicated"):
-            return piece
-        if port in self.whole_inputs:
-            return WHOLE
-        if self._comes_from(port, "seamless"):
-            return piece  # another number of ghosts would run what is above once more
-        return piece._replace(ghosts=max(piece.ghosts, 1))
-
-    def _comes_from(self, port: int, kind: str) -> bool:
-        """Return whether a stage of a kind is above an input: what it makes stays of that kind."""
-        waiting = [self.GetInputConnection(port, 0).GetProducer()]
-        while waiting:
-            stage = waiting.pop()
-            if isinstance(stage, Stage) and getattr(stage, kind):
-                return True
-            for index in range(stage.GetNumberOfInputPorts()):
-                for number in range(stage.GetNumberOfInputConnections(index)):
-                    waiting.append(stage.GetInputConnection(index, number).GetProducer())
-        return False
-
-    def _requested(self) -> Piece:
-        info = self.GetOutputInformation(0)
-        return _piece_of(info) if info.Has(_PIECE[1]) else WHOLE
-
-    def _parameter_changed(self) -> None:
-        self.Modified()
-
-
-def _piece_of(info: vtkInformation) -> Piece:
-    # Update, called without a piece, asks for none.
-    if not info.Has(_PIECE[1]) or info.Get(_PIECE[1]) <= 1:
-        return WHOLE
-    return Piece(*(info.Get(key) for key in _PIECE))
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:
@@ -537,13 +251,3 @@ def _check_connected(stage: vtkAlgorithm) -> None:
                 f" has nothing connected to input port {port}",
                 cure=f"Call SetInputConnection({port}, source.GetOutputPort()) first.",
             )
-
-
-def _collector(messages: list[str]) -> Callable[[Any, str, str], None]:
-    """Return an observer that appends VTK's message to a list in place of printing it."""
-
-    @calldata_type(VTK_STRING)
-    def collect(caller: Any, event: str, text: str) -> None:
-        messages.append(" ".join(text.split()))
-
-    return collect

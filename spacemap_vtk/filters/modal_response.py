@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, vectors_of
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.cage_modes import Basis, CageModes, LoadVector
 from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.modal_model import rounding_of
@@ -35,6 +35,10 @@ ROUNDING = 1e-4
 ENOUGH = 0.9
 
 
+#: The field arrays of energies.
+ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+#: What is there only where it is computed.
+_STRESS = {"stress": (True,)}
 #: alpha and beta damp where no ratio is asked for.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
@@ -70,7 +74,20 @@ class ModalResponse(Stage):
     """
 
     section = "response"
+    role = "mover"
     inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides: ClassVar = {
+        "displacement": Provided("point", "m"),
+        "velocity": Provided("point", "m/s"),
+        "acceleration": Provided("point", "m/s2"),
+        "strain": Provided("cell", "", _STRESS),
+        "stress": Provided("cell", "Pa", _STRESS),
+        "von_mises": Provided("cell", "Pa", _STRESS),
+        "modal_coordinates": Provided("field"),
+        **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
+    }
     whole_inputs = (0,)
     replicated = True
 
@@ -148,6 +165,10 @@ class ModalResponse(Stage):
 
     _kept_modes: tuple[int, CageModes] | None = None
     _kept_motion: tuple[tuple[int, int], _Prepared] | None = None
+
+    def check(self) -> None:
+        """Check how much is damped."""
+        _ = self.damping
 
     @property
     def damping(self) -> Damping:
@@ -227,8 +248,7 @@ class ModalResponse(Stage):
                     "dissipated_energy and external_work are not a number; take an earlier time, "
                     "or longer periods"
                 )
-            names = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
-            for name, value in zip(names, energies, strict=True):
+            for name, value in zip(ENERGIES, energies, strict=True):
                 add_array(field, name, np.array([value]))
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.modal_model import attach
 from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
@@ -88,7 +89,18 @@ class ModalSolver(Stage):
     """
 
     section = "modal"
+    role = "solver"
     inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides: ClassVar = {
+        "fixed": Provided("point"),
+        "fixed_components": Provided("point"),
+        "nodal_mass": Provided("point", "kg"),
+        "eigenvalues": Provided("field", "1/s2"),
+        "frequencies": Provided("field", "Hz"),
+        "eigenvalue_rounding": Provided("field"),
+    }
     whole_inputs = (0,)
     replicated = True
 
@@ -216,6 +228,10 @@ class ModalSolver(Stage):
         self._warn_of_stiffness(model)
         if linear:
             self._warn_of_volume(elasticity)
+
+    def check(self) -> None:
+        """Check the material."""
+        self.constants(1.0)
 
     def constants(self, extent: float) -> tuple[FloatArray, float]:
         """Return the material's constants.

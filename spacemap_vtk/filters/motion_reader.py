@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from spacemap_vtk.datasets.arrays import (
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.volume import Volume, tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.io.series import KINDS, MeshSeries, open_series
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
@@ -49,6 +49,9 @@ class MotionReader(Stage):
     """
 
     section = "motion"
+    role = "mover"
+    makes = "cage"
+    provides: ClassVar = {"displacement": Provided("point", "m")}
     replicated = True
 
     file = FilePath(

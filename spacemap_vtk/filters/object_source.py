@@ -46,6 +46,7 @@ class ObjectSource(Stage):
     """
 
     section = "object"
+    role = "source"
     output_type = "vtkPointSet"
 
     file = FilePath(None, "The mesh to read.", automatic="no file")
@@ -97,6 +98,10 @@ class ObjectSource(Stage):
                 self._kept = key, read_object(self.file, self.texture)
             self._kind = key, self._kept[1].data.GetClassName()
         return self._kept[1].data
+
+    def check(self) -> None:
+        """Read the file."""
+        self.load()
 
     @property
     def picture(self) -> vtkImageData | None:

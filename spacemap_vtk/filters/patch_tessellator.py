@@ -61,7 +61,9 @@ class PatchTessellator(Stage):
     """
 
     section = "surface"
+    role = "surface"
     inputs = ("vtkPointSet",)
+    takes = ("object",)
     output_type = "vtkPolyData"
 
     subdivisions = Integer(

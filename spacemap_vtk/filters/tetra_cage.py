@@ -57,7 +57,10 @@ class TetraCage(Stage):
     """
 
     section = "cage"
+    role = "cage"
     inputs = ("vtkDataSet",)
+    takes = ("object",)
+    makes = "cage"
     replicated = True
 
     method = Choice(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
@@ -26,7 +26,7 @@ from spacemap_vtk.fabric.settle import (
     settled_measures,
 )
 from spacemap_vtk.fabric.wishes import Wishes
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
 from spacemap_vtk.io.as_wif import as_wif
 from spacemap_vtk.io.draft_file import read_draft
@@ -60,6 +60,12 @@ class WeaveSource(Stage):
     """
 
     section = "weave"
+    role = "source"
+    provides: ClassVar = {
+        "yarn": Provided("cell"),
+        "family": Provided("cell"),
+        "color": Provided("cell"),
+    }
     seamless = True
 
     _settled: tuple[tuple[Any, ...], Fabric] | None = None

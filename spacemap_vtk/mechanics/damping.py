@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,15 @@ class Damping(NamedTuple):
             In 1/s.
         """
         return 0.5 * (self.alphas(eigenvalues) + self.beta * eigenvalues)
+
+
+@runtime_checkable
+class Damped(Protocol):
+    """What says how much modes are damped."""
+
+    @property
+    def damping(self) -> Damping:
+        """Of the modes; an InputError where parameters contradict each other."""
 
 
 def rayleigh(pairs: Sequence[tuple[float, float]]) -> Damping:

@@ -25,12 +25,12 @@ import spacemap_vtk
 from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.base import Cancelled, Stage
-from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.paraview import scene_reader
 from spacemap_vtk.paraview.property_xml import command, property_of
 from spacemap_vtk.paraview.proxies import FileType, proxy_xml
-from spacemap_vtk.paraview.scene_reader import SceneReader
 
 _REQUEST_DATA = vtkDemandDrivenPipeline.REQUEST_DATA()
 _NOT_GENERATED = vtkDemandDrivenPipeline.DATA_NOT_GENERATED()
@@ -157,11 +157,20 @@ def _name(stage: Stage) -> str:
     return type(stage).__name__
 
 
-#: Every proxy of the plugin by name.
-PROXIES: dict[str, type[Hosted]] = {
-    **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
-    "WIFReader": hosted(WeaveSource, "WIFReader", FileType("draft", "wif", "Weaver's draft")),
-    "SceneReader": hosted(SceneReader, file=FileType("file", "toml", "Space mapping scene")),
-}
+#: What ParaView calls a scene file.
+SCENE = "Space mapping scene"
+
+
+def proxies() -> dict[str, type[Hosted]]:
+    """Return every proxy of the plugin by name."""
+    draft, scene = FileType("draft", "wif", "Weaver's draft"), FileType("file", "toml", SCENE)
+    return {
+        **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
+        "WIFReader": hosted(spacemap_vtk.WeaveSource, "WIFReader", draft),
+        "SceneReader": hosted(scene_reader.SceneReader, file=scene),
+    }
+
+
+PROXIES = proxies()
 # ParaView finds a class by module and name.
 globals().update(PROXIES)

@@ -52,12 +52,12 @@ def body(scene: Scene) -> dict[str, Any]:
         "time_range": None,
     }
     if scene.moves:
-        from_file = scene.mover is scene.motion
-        stage = scene.motion if from_file else scene.cage
+        made = scene.stage("cage")
+        stage = made or scene.deforming
         scene.update_stage(stage)
-        figures["cage"] = _cage(stage.GetOutputDataObject(0), places)
-        if from_file:
-            times = scene.motion.time_steps([])
+        figures["cage"] = _cage(stage.output, places)
+        if made is None:
+            times = stage.time_steps([])
             figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
     figures["warnings"] = scene.warnings
     return figures

@@ -15,21 +15,20 @@ class Coloring(NamedTuple):
     label: str
     #: SI unit of the numbers.
     unit: str = ""
-    #: Array of the cage that must ride along for it.
-    carried: str = ""
-    #: Whether it takes yarns; whether it takes a cage that moves.
-    weave: bool = False
-    moves: bool = False
+    #: Array that it shows, or without which it is nothing: one that a stage must provide.
+    array: str = ""
+    #: Whether the array is one of the surface's points, whose size is shown on a scale.
+    scaled: bool = False
 
 
 #: By the word that a scene file has for it.
 COLORINGS = {
     "own": Coloring("Own colours"),
-    "family": Coloring("Warp and weft", weave=True),
-    "yarn": Coloring("Yarn by yarn", weave=True),
-    "displacement": Coloring("Displacement", "m", moves=True),
-    "velocity": Coloring("Velocity", "m/s", "velocity", moves=True),
-    "strain": Coloring("Strain, largest principal", "", "strain", moves=True),
-    "stress": Coloring("Stress, von Mises", "Pa", "von_mises", moves=True),
-    "clearance": Coloring("Clearance", "m", weave=True),
+    "family": Coloring("Warp and weft", "", "family"),
+    "yarn": Coloring("Yarn by yarn", "", "yarn"),
+    "displacement": Coloring("Displacement", "m", "displacement", True),
+    "velocity": Coloring("Velocity", "m/s", "velocity", True),
+    "strain": Coloring("Strain, largest principal", "", "strain", True),
+    "stress": Coloring("Stress, von Mises", "Pa", "von_mises", True),
+    "clearance": Coloring("Clearance", "m", "yarn"),
 }

@@ -65,7 +65,7 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
         if frames > 1:
             total += 48 * counts.points + (24 + 4 * columns) * points
         total += _GHOST * points * view.ghost
-    total += _NUMBER * points * COLORINGS[view.color].moves
+    total += _NUMBER * points * COLORINGS[view.color].scaled
     total += _CLEARANCE * points * (view.color == "clearance")
     total += _CUT * points * (view.clip_normal is not None)
     return total

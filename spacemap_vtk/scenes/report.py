@@ -19,6 +19,7 @@ from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_cl
 from spacemap_vtk.filters.cage_modes import CageModes
 from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.io.as_wif import loom_of
+from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
 
@@ -47,18 +48,19 @@ _NO_CRIMP = dict.fromkeys(
 
 def modes(scene: Scene) -> dict[str, Any]:
     """Return the modes of a scene's cage."""
-    if not scene.moves or scene.mover is not scene.response:
+    solver, mover = scene.stage("solver"), scene.stage("mover")
+    if solver is None:
         missing, cure = "a motion out of a file", "Put [modal] in place of [motion]."
         if not scene.moves:
             missing = "no cage"
             cure = 'Add a section [modal], or "--set cage.divisions=[5,5,1]".'
         raise InputError(f"{scene.file}: this scene has {missing}, so no modes", cure=cure)
     scene.check()  # before the modes are solved: how they are damped
-    scene.update_stage(scene.modal)
-    grid = scene.modal.GetOutputDataObject(0)
+    scene.update_stage(solver)
+    grid = solver.output
     eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", "modes")
     rounding = rounding_of(grid)
-    damping = scene.response.damping
+    damping = mover.damping if isinstance(mover, Damped) else Damping()
     rates = damping.alphas(eigenvalues), damping.beta
     cage = CageModes(grid)
     masses, movable = cage.effective_masses, cage.movable_mass

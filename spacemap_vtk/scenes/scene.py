@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from vtkmodules.vtkCommonDataModel import (
     vtkImageData,
@@ -25,7 +25,7 @@ from spacemap_vtk.errors import (
     naming_section,
 )
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import ROLES, Provided, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
@@ -37,30 +37,12 @@ from spacemap_vtk.io.reading import OBJECT_ENDINGS
 from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.settings import Animation, View
 
-#: Every section of a scene file, in the order of the pipeline.
-SECTIONS: dict[str, type[Parameterised]] = {
-    cls.section: cls
-    for cls in (
-        WeaveSource,
-        ObjectSource,
-        TetraCage,
-        ModalSolver,
-        ModalResponse,
-        MotionReader,
-        BarycentricWarp,
-        PatchTessellator,
-        View,
-        Animation,
-    )
-}
-#: The sections that make a scene move; one of them is enough.
-_MOTION = {"cage", "modal", "response", "motion", "warp"}
-#: What a motion out of a file takes the place of.
-_COMPUTED = ("cage", "modal", "response")
+P = TypeVar("P", bound=Parameterised)
 
 
 class Scene:
@@ -94,34 +76,29 @@ class Scene:
 
     def __init__(self, values: Mapping[str, Any], file: Path | None = None) -> None:
         self.file = file
-        self.weave = WeaveSource()
-        self.object = ObjectSource()
-        self.cage = TetraCage()
-        self.modal = ModalSolver()
-        self.response = ModalResponse()
-        self.motion = MotionReader()
-        self.warp = BarycentricWarp()
-        self.surface = PatchTessellator()
-        self.view = View()
-        self.animation = Animation()
+        #: What each section of the file configures, in the order of the pipeline.
+        self.parts: dict[str, Parameterised] = {name: cls() for name, cls in sections().items()}
+        # Those that come with the program, connected or not.
+        self.weave, self.object = self.part(WeaveSource), self.part(ObjectSource)
+        self.cage, self.modal = self.part(TetraCage), self.part(ModalSolver)
+        self.response, self.motion = self.part(ModalResponse), self.part(MotionReader)
+        self.warp, self.surface = self.part(BarycentricWarp), self.part(PatchTessellator)
+        self.view, self.animation = self.part(View), self.part(Animation)
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
         #: Sections and keys that `set` has changed: the file does not say these.
         self._assigned: set[tuple[str | None, str | None]] = set()
-        self.moves = bool(_MOTION & values.keys())
-        #: What is deformed: `weave`, or `object` where the scene has that section.
-        self.source: Stage = self.object if "object" in values else self.weave
-        #: What moves the cage: `response`, or `motion` where the scene has that section.
-        self.mover: Stage = self.motion if "motion" in values else self.response
+        #: The sections that it has; `set` adds more.
+        self._sections = set(values)
+        #: The stages that are connected, from source to surface.
+        self.stages: list[Stage] = []
         with self._naming_file():
-            _refuse_both(values, "object", ("weave",))
-            _refuse_both(values, "motion", _COMPUTED)
+            refuse_replaced(self._all_stages, self._sections)
             for name, value in values.items():
                 if name == "title":
                     self._set_title(value)
                 else:
                     self._configure(name, value)
-        self._carry()
         self._connect()
 
     @classmethod
@@ -166,7 +143,7 @@ class Scene:
                 why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
             raise InputError(
                 f"{path}: not a scene: {why}",
-                allowed="a TOML text in UTF-8 with sections " + ", ".join(SECTIONS),
+                allowed="a TOML text in UTF-8 with sections " + ", ".join(sections()),
                 cure=cure,
             ) from None
         except OSError as error:
@@ -174,12 +151,62 @@ class Scene:
         return cls(values, path)
 
     @property
-    def stages(self) -> list[Stage]:
-        """The stages that are connected, from source to surface."""
-        if not self.moves:
-            return [self.source, self.surface]
-        computed = [self.cage, self.modal] if self.mover is self.response else []
-        return [self.source, *computed, self.mover, self.warp, self.surface]
+    def _all_stages(self) -> list[Stage]:
+        return [part for part in self.parts.values() if isinstance(part, Stage)]
+
+    def part(self, cls: type[P]) -> P:
+        """Return what the section of a class configures.
+
+        Parameters
+        ----------
+        cls : type
+            With a section, as `spacemap_vtk.WeaveSource`.
+
+        Returns
+        -------
+        Parameterised
+            This scene's own, connected or not.
+        """
+        part = self.parts[cls.section]
+        assert isinstance(part, cls)
+        return part
+
+    def stage(self, role: str) -> Stage | None:
+        """Return the connected stage of a role.
+
+        Parameters
+        ----------
+        role : str
+            One of `spacemap_vtk.filters.base.ROLES`.
+
+        Returns
+        -------
+        Stage or None
+            None where the scene has none.
+        """
+        assert role in ROLES, role
+        return next((stage for stage in self.stages if stage.role == role), None)
+
+    @property
+    def source(self) -> Stage:
+        """What is deformed."""
+        return self.stages[0]
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is a cage that moves."""
+        return self.stage("mover") is not None
+
+    @property
+    def moving(self) -> list[Stage]:
+        """The stages from what moves the cage to what lets the object ride along."""
+        first = ROLES.index("mover")
+        return [stage for stage in self.stages if stage.role in ROLES[first:-1]]
+
+    @property
+    def arrays(self) -> dict[str, Provided]:
+        """The arrays that the connected stages add, by name."""
+        return {name: array for stage in self.stages for name, array in stage.arrays.items()}
 
     @property
     def warnings(self) -> list[str]:
@@ -210,20 +237,12 @@ class Scene:
             value = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             value = text.strip()
-        part = self._part(section)
+        part = self._known(section)
         with naming_section(section):
             part.configure(**{key: value})
         self._assigned.add((section, key))
-        self._carry()
-        if part is self.object and self.source is not part:
-            self.source = self.object
-            self._connect()
-        if part is self.motion and self.mover is not part:
-            self.mover = self.motion
-            self._connect()
-        if section in _MOTION and not self.moves:
-            self.moves = True
-            self._connect()
+        self._sections.add(section)
+        self._connect()
 
     def color_by(self, color: str) -> None:
         """Choose what the surface's colours show.
@@ -296,16 +315,12 @@ class Scene:
             is none, the damping contradicts itself, or the animation has no frames.
         """
         with self._naming_file():
-            if self.source is self.object:
-                with naming_section("object"):
-                    self.object.load()
-            else:
+            if self.source is self.weave:
                 self._check_weave()
             self._check_color()
-            with naming_section("modal"):
-                self.modal.constants(1.0)
-            with naming_section("response"):
-                _ = self.response.damping
+            for stage in self.stages:
+                with naming_section(stage.section):
+                    stage.check()
             with naming_section("animation"):
                 self.animation.frame_times()
 
@@ -330,15 +345,9 @@ class Scene:
     @property
     def colorings(self) -> list[str]:
         """What the surface's colours can show: keys of `COLORINGS`."""
-        lacking = set() if self.mover is self.response else {"velocity", "strain", "stress"}
-        if self.mover is self.response and not self.response.stress:
-            lacking = {"strain", "stress"}
+        there = self.arrays
         return [
-            name
-            for name, coloring in COLORINGS.items()
-            if (self.moves or not coloring.moves)
-            and (self.source is self.weave or not coloring.weave)
-            and name not in lacking
+            name for name, color in COLORINGS.items() if not color.array or color.array in there
         ]
 
     def _check_color(self) -> None:
@@ -353,8 +362,9 @@ class Scene:
 
     def _carry(self) -> None:
         """Let ride along what the colours show."""
-        array, carried = COLORINGS[self.view.color].carried, self.warp.carried
-        if array and self.view.color in self.colorings and array not in carried.split():
+        array, carried = COLORINGS[self.view.color].array, self.warp.carried
+        of_cage = {name for stage in self.stages if stage.makes == "cage" for name in stage.arrays}
+        if array in of_cage - self.warp.arrays.keys() and array not in carried.split():
             self.warp.carried = f"{carried} {array}".strip()
 
     def obstacle(self) -> GeometryError | SizeError | None:
@@ -410,18 +420,24 @@ class Scene:
     @property
     def patches(self) -> vtkPointSet:
         """The Bézier patches or the object, moved if the scene moves, as of the last update."""
-        return (self.warp if self.moves else self.source).GetOutputDataObject(0)
+        return (self.stage("warp") or self.source).output
+
+    @property
+    def deforming(self) -> Stage:
+        """The stage from which the warp takes the cage."""
+        for stage in reversed(self.stages):
+            if stage.makes == "cage":
+                return stage
+        raise InputError(
+            "this scene has no cage",
+            key="cage",
+            cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
+        )
 
     @property
     def deformed_cage(self) -> vtkUnstructuredGrid:
         """The cage with its displacement, as of the last update; its points are at rest."""
-        if not self.moves:
-            raise InputError(
-                "this scene has no cage",
-                key="cage",
-                cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
-            )
-        return self.mover.GetOutputDataObject(0)
+        return self.deforming.output
 
     @property
     def draft(self) -> WifDraft:
@@ -439,7 +455,7 @@ class Scene:
     @property
     def polygons(self) -> vtkPolyData:
         """The surface, as of the last update."""
-        return self.surface.GetOutputDataObject(0)
+        return self.surface.output
 
     def _set_title(self, value: Any) -> None:
         if not isinstance(value, str):
@@ -447,7 +463,7 @@ class Scene:
         self.title = value
 
     def _configure(self, section: str, values: Any) -> None:
-        part = self._part(section)
+        part = self._known(section)
         if not isinstance(values, Mapping):
             raise InputError(
                 "not a section",
@@ -460,27 +476,22 @@ class Scene:
             for key, value in values.items():
                 part.configure(**{key: part.parameter(key).within(value, folder)})
 
-    def _part(self, section: str) -> Parameterised:
-        if section not in SECTIONS:
+    def _known(self, section: str) -> Parameterised:
+        if section not in self.parts:
             raise UnknownNameError(
                 "a scene has no section of that name",
                 key=section,
-                allowed=", ".join(["title", *(f"[{name}]" for name in SECTIONS)]),
-                cure=suggestion(section, SECTIONS),
+                allowed=", ".join(["title", *(f"[{name}]" for name in self.parts)]),
+                cure=suggestion(section, self.parts),
             )
-        return getattr(self, section)
+        return self.parts[section]
 
     def _connect(self) -> None:
-        if not self.moves:
-            self.surface.SetInputConnection(self.source.GetOutputPort())
-            return
-        if self.mover is self.response:
-            self.cage.SetInputConnection(self.source.GetOutputPort())
-            self.modal.SetInputConnection(self.cage.GetOutputPort())
-            self.response.SetInputConnection(self.modal.GetOutputPort())
-        self.warp.SetInputConnection(0, self.source.GetOutputPort())
-        self.warp.SetInputConnection(1, self.mover.GetOutputPort())
-        self.surface.SetInputConnection(self.warp.GetOutputPort())
+        stages = chain(self._all_stages, self._sections)
+        if stages != self.stages:
+            self.stages = stages
+            connect_chain(stages)
+        self._carry()
 
     @contextmanager
     def _naming_file(self) -> Iterator[None]:
@@ -491,14 +502,3 @@ class Scene:
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
-
-
-def _refuse_both(values: Mapping[str, Any], section: str, others: Iterable[str]) -> None:
-    """Refuse sections that would have no effect beside another."""
-    for other in others:
-        if section in values and other in values:
-            raise InputError(
-                f"a scene with [{section}] has no [{other}]",
-                key=other,
-                cure=f"Remove one of the two: [{section}] takes the place of [{other}].",
-            )

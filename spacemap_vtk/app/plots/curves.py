@@ -64,7 +64,7 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     times = np.linspace(wish.start, wish.stop, SAMPLES)
     if not scene.moves:
         return None
-    if isinstance(scene.mover, MotionReader):
+    if scene.stage("solver") is None:
         return (yield from _read(scene, wish, times))
     response = scene.response
     modes = response.cage_modes()

@@ -1,0 +1,392 @@
+"""A VTK algorithm in Python: requests answered, runs counted, errors and pieces that arrive.
+
+Invariants:
+
+- An exception never crosses VTK's C++ frames, where it would be printed and lost. It is kept on
+  the stage that raised it, the output is marked as not generated, and `Stage.update` raises it.
+- A stage that is asked for a piece asks for the same piece above it, so that no two consumers ask
+  for different ones and run it twice. What cannot be cut (a cage) is whole in every piece, and
+  marked as a duplicate in all but the first.
+- No stage holds a reference to itself or to a stage above it, not even through an observer or a
+  stored bound method: on VTK 9.2 such an object is never freed.
+- What a stage keeps for its next run, and may hold VTK objects, is an attribute that its class
+  declares as None: before VTK 9.7 it must go with the last reference from Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from vtkmodules.util.misc import calldata_type
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.util.vtkConstants import VTK_STRING
+from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector, vtkVersion
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonExecutionModel import (
+    vtkAlgorithm,
+    vtkDemandDrivenPipeline,
+    vtkStreamingDemandDrivenPipeline,
+)
+
+from spacemap_vtk.datasets.extent import mark_owner
+from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world
+from spacemap_vtk.errors import SpacemapError, warn_user
+from spacemap_vtk.parameters import Parameterised
+
+_TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
+_TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+PIECE = (
+    vtkStreamingDemandDrivenPipeline.UPDATE_PIECE_NUMBER(),
+    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_PIECES(),
+    vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
+)
+
+#: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
+#: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
+#: there are VTK objects among them, the table is corrupted, and the program crashes later.
+_GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
+
+#: For `Stage.output_type`: the output is of the type of the data on input port 0.
+SAME_AS_INPUT = "vtkPointSet"
+
+
+class Cancelled(SpacemapError, RuntimeError):
+    """The user stopped a run (VTK's AbortExecute)."""
+
+
+class Algorithm(Parameterised, VTKPythonAlgorithmBase):
+    """VTK's side of a stage: it answers requests, and counts its runs."""
+
+    #: Required data type of each input port.
+    inputs: ClassVar[tuple[str, ...]] = ()
+    #: Name of each input port, where a window asks for inputs by name.
+    input_names: ClassVar[tuple[str, ...]] = ("Input",)
+    #: Data type of the output.
+    output_type: ClassVar[str] = "vtkUnstructuredGrid"
+    #: Input ports that need the whole data set, whichever piece is asked for.
+    whole_inputs: ClassVar[tuple[int, ...]] = ()
+    #: Whether the output is whole in each piece.
+    replicated: bool = False
+    #: Whether pieces of the output share no points, so that they need no ghosts.
+    seamless: bool = False
+
+    # VTKPythonAlgorithmBase sets these two on the instance; unknown names would be refused.
+    InputType: str = ""
+    OutputType: str = ""
+
+    _executions: int
+    _warnings: list[str]
+    _said: set[str]
+    _vtk_messages: list[str]
+    _error: BaseException | None
+    _piece: Piece = WHOLE
+    _processes: Processes | None = None
+    _untold: BaseException | None = None
+
+    def __init__(self, **values: Any) -> None:
+        VTKPythonAlgorithmBase.__init__(
+            self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output_type
+        )
+        self._executions = 0
+        self._warnings = []
+        self._said = set()
+        self._error = None
+        self._vtk_messages = []
+        # VTK would print these; `update` raises them. The observer knows the list, not the stage.
+        observer = _collector(self._vtk_messages)
+        self.AddObserver("ErrorEvent", observer)
+        self.GetExecutive().AddObserver("ErrorEvent", observer)
+        Parameterised.__init__(self, **values)
+
+    if _GHOSTS_ARE_FRAGILE:
+
+        def __del__(self) -> None:
+            values = self.__dict__
+            for name in [name for name in values if getattr(type(self), name, name) is None]:
+                del values[name]
+
+    @property
+    def executions(self) -> int:
+        """How many times this stage has run."""
+        return self._executions
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last run has to say about its own trustworthiness."""
+        return tuple(self._warnings)
+
+    @property
+    def piece(self) -> Piece:
+        """What part of the output was asked for last."""
+        return self._piece
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        """Fill the output from the inputs.
+
+        Parameters
+        ----------
+        inputs : list of vtkDataObject
+            The first connection of each input port.
+        output : vtkDataObject
+            To be filled.
+        time : float
+            The requested time in s; 0 where none was requested.
+        """
+        raise NotImplementedError
+
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:
+        """Return first and last time in s, or None for a stage that is still.
+
+        Parameters
+        ----------
+        inputs : list of vtkInformation
+            Pipeline information of each input.
+
+        Returns
+        -------
+        tuple of float or None
+            By default the union of the inputs' ranges: VTK itself passes on only port 0's.
+        """
+        ranges = [info.Get(_TIME_RANGE) for info in inputs if info.Has(_TIME_RANGE)]
+        if not ranges:
+            return None
+        return min(r[0] for r in ranges), max(r[1] for r in ranges)
+
+    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
+        """Return the times that data exist for, in s; empty where any time will do.
+
+        Parameters
+        ----------
+        inputs : list of vtkInformation
+            Pipeline information of each input.
+
+        Returns
+        -------
+        list of float
+            By default the union of the inputs' steps, ascending.
+        """
+        return sorted(
+            {step for info in inputs if info.Has(_TIME_STEPS) for step in info.Get(_TIME_STEPS)}
+        )
+
+    def report(self, fraction: float) -> None:
+        """Tell observers how far the run is, and stop it if they ask for that.
+
+        Parameters
+        ----------
+        fraction : float
+            From 0 to 1.
+
+        Raises
+        ------
+        Cancelled
+            If AbortExecute was set.
+        """
+        self.UpdateProgress(fraction)
+        if self.GetAbortExecute():
+            raise Cancelled(f"{type(self).__name__} was stopped")
+
+    def warn(self, text: str) -> None:
+        """Add a sentence to `warnings`; meant to be called from `run`.
+
+        After the run each new one is issued as a `SpacemapWarning` of Python's, too.
+
+        Parameters
+        ----------
+        text : str
+            One sentence.
+        """
+        self._warnings.append(text)
+
+    def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
+        """State the required type of an input port."""
+        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), self.inputs[port])
+        return 1
+
+    def ProcessRequest(
+        self,
+        request: vtkInformation,
+        in_info: tuple[vtkInformationVector, ...],
+        out_info: vtkInformationVector,
+    ) -> int:
+        """Answer a request of the executive; an exception is kept for `update`."""
+        try:
+            if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()):
+                self._request_data_object(in_info, out_info)
+            elif request.Has(vtkDemandDrivenPipeline.REQUEST_INFORMATION()):
+                self._untold = None
+                self._request_information(in_info, out_info)
+            elif request.Has(vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()):
+                self._request_update_extent(in_info, out_info)
+            elif request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
+                self._request_data(in_info, out_info)
+        except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
+            if isinstance(error, SpacemapError):
+                error.section = self.section
+                parameter = self.parameters.get(error.key or "")
+                if isinstance(error.value, float) and parameter is not None and parameter.unit:
+                    error.value = parameter.show(error.value)  # with its unit
+            if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
+                # The others would wait for this process in vain: it is told when all run.
+                self._untold = error
+                return 1
+            self._error = error
+            # Without this mark the next update would hand out the empty output as a good one.
+            out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+            return 0
+        return 1
+
+    def _request_data_object(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        if self.output_type != SAME_AS_INPUT:
+            return  # the executive makes an object of the stated type
+        source = in_info[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+        info = out_info.GetInformationObject(0)
+        made = info.Get(vtkDataObject.DATA_OBJECT())
+        if made is None or made.GetClassName() != source.GetClassName():
+            info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
+
+    def _request_information(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        inputs = [vector.GetInformationObject(0) for vector in in_info]
+        span = self.time_range(inputs)
+        info = out_info.GetInformationObject(0)
+        if span is None:
+            info.Remove(_TIME_RANGE)
+        else:
+            info.Set(_TIME_RANGE, span, 2)
+        if not self.inputs:
+            info.Set(vtkAlgorithm.CAN_HANDLE_PIECE_REQUEST(), 1)
+        steps = self.time_steps(inputs)
+        if steps:
+            info.Set(_TIME_STEPS, steps, len(steps))
+        else:
+            info.Remove(_TIME_STEPS)
+
+    def _request_data(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        self._error = None
+        self._warnings.clear()
+        self._executions += 1
+        info = out_info.GetInformationObject(0)
+        self._piece = _piece_of(info)
+        self._processes = Processes.of(self._piece)
+        # Before the first request for a time there is none.
+        time = info.Get(UPDATE_TIME) if info.Has(UPDATE_TIME) else 0.0
+        inputs = [
+            vector.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) for vector in in_info
+        ]
+        output = info.Get(vtkDataObject.DATA_OBJECT())
+        if self._processes is None:
+            self._run(inputs, output, time)
+        else:
+            try:
+                self._run(inputs, output, time)
+            except PeerError:
+                raise
+            except BaseException as error:
+                self._processes.fail(error)
+                raise
+            self._warnings = self._processes.finish(self._warnings)
+            self._issue()  # those of the other processes
+
+    def _issue(self) -> None:
+        """Tell each new warning once: an animation would repeat it with every frame."""
+        for text in self._warnings:
+            if text not in self._said:
+                if self._processes is None or is_first():
+                    self._tell(text)
+                self._said.add(text)
+
+    def _tell(self, text: str) -> None:
+        """Issue a warning, while the user's call is still on the stack; it may be raised."""
+        warn_user(text)
+
+    def _run(self, inputs: list[Any], output: Any, time: float) -> None:
+        if self._untold is not None:
+            raise self._untold
+        self.run(inputs, output, time)
+        for name, value in self._values.items():
+            # A zero, or what is off, contradicts nothing.
+            if value and (why := self.idle(name)):
+                counts = self.parameter(name).counts
+                self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
+        if self.replicated and self._piece.of > 1:
+            mark_owner(output, self._piece)
+        self._issue()
+
+    def _request_update_extent(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        """Ask for the same piece above, as the executive has, with ghosts; for all where needed."""
+        piece = _piece_of(out_info.GetInformationObject(0))
+        if piece.of == 1:
+            return
+        for port, vector in enumerate(in_info):
+            for key, value in zip(PIECE, self.input_piece(port, piece), strict=True):
+                vector.GetInformationObject(0).Set(key, value)
+
+    def input_piece(self, port: int, piece: Piece) -> Piece:
+        """Return what part of an input is needed for a piece of the output.
+
+        Parameters
+        ----------
+        port : int
+            The input.
+        piece : Piece
+            Of the output; one of several.
+
+        Returns
+        -------
+        Piece
+            With a layer of ghost cells, which tells a face between pieces from an outer one,
+            where there can be such faces.
+        """
+        if self._comes_from(port, "replicated"):
+            return piece
+        if port in self.whole_inputs:
+            return WHOLE
+        if self._comes_from(port, "seamless"):
+            return piece  # another number of ghosts would run what is above once more
+        return piece._replace(ghosts=max(piece.ghosts, 1))
+
+    def _comes_from(self, port: int, kind: str) -> bool:
+        """Return whether a stage of a kind is above an input: what it makes stays of that kind."""
+        waiting = [self.GetInputConnection(port, 0).GetProducer()]
+        while waiting:
+            stage = waiting.pop()
+            if isinstance(stage, Algorithm) and getattr(stage, kind):
+                return True
+            for index in range(stage.GetNumberOfInputPorts()):
+                for number in range(stage.GetNumberOfInputConnections(index)):
+                    waiting.append(stage.GetInputConnection(index, number).GetProducer())
+        return False
+
+    def _requested(self) -> Piece:
+        info = self.GetOutputInformation(0)
+        return _piece_of(info) if info.Has(PIECE[1]) else WHOLE
+
+    def _parameter_changed(self) -> None:
+        self.Modified()
+
+
+def _piece_of(info: vtkInformation) -> Piece:
+    # Update, called without a piece, asks for none.
+    if not info.Has(PIECE[1]) or info.Get(PIECE[1]) <= 1:
+        return WHOLE
+    return Piece(*(info.Get(key) for key in PIECE))
+
+
+def _collector(messages: list[str]) -> Callable[[Any, str, str], None]:
+    """Return an observer that appends VTK's message to a list in place of printing it."""
+
+    @calldata_type(VTK_STRING)
+    def collect(caller: Any, event: str, text: str) -> None:
+        messages.append(" ".join(text.split()))
+
+    return collect

@@ -1,0 +1,67 @@
+"""Which stages a scene has, and how they are connected: both from what the classes declare."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import spacemap_vtk
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import OPTIONAL, ROLES, Stage, connect
+from spacemap_vtk.parameters import Parameterised
+from spacemap_vtk.scenes.settings import Animation, View
+
+
+def sections() -> dict[str, type[Parameterised]]:
+    """Return the class of each section of a scene file, in the order of the pipeline."""
+    stages: list[type[Stage]] = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
+    stages.sort(key=lambda stage: ROLES.index(stage.role))
+    classes: list[type[Parameterised]] = [*stages, View, Animation]
+    return {cls.section: cls for cls in classes}
+
+
+def moves(stages: Iterable[Stage], given: Collection[str]) -> bool:
+    """Return whether a scene that has some sections moves: a section of a cage's stage will do."""
+    still = ("source", "surface")
+    return any(stage.section in given and stage.role not in still for stage in stages)
+
+
+def chain(stages: Iterable[Stage], given: Collection[str]) -> list[Stage]:
+    """Return those of all stages that make up a scene that has some sections, in order."""
+    stages = list(stages)
+    still = not moves(stages, given)
+    chosen: dict[str, Stage] = {}
+    for stage in stages:
+        wanted = stage.role not in (ROLES[1:-1] if still else OPTIONAL)
+        if stage.section in given or (wanted and stage.role not in chosen):
+            chosen[stage.role] = stage
+    found: list[Stage] = []
+    for stage in chosen.values():
+        # What makes a cage out of none takes the place of all that made one before.
+        if stage.makes not in stage.takes:
+            found = [other for other in found if other.makes != stage.makes]
+        found.append(stage)
+    return found
+
+
+def refuse_replaced(stages: Iterable[Stage], given: Collection[str]) -> None:
+    """Refuse sections that would have no effect beside another."""
+    found = chain(stages, given)
+    for stage in stages:
+        if stage.section in given and stage not in found:
+            alike = [other for other in found if other.role == stage.role]
+            alike += [other for other in found if other.makes == stage.makes]
+            section = alike[0].section
+            raise InputError(
+                f"a scene with [{section}] has no [{stage.section}]",
+                key=stage.section,
+                cure=f"Remove one of the two: [{section}] takes the place of [{stage.section}].",
+            )
+
+
+def connect_chain(stages: Iterable[Stage]) -> None:
+    """Connect stages: each port to the last stage before that makes what it takes."""
+    made: dict[str, Stage] = {}
+    for stage in stages:
+        if stage.takes:
+            connect(tuple(made[kind] for kind in stage.takes), stage)
+        made[stage.makes] = stage

@@ -1,0 +1,263 @@
+"""What a stage says of itself is all that scenes, command line and ParaView's plugin know of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import pyvista as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+import spacemap_vtk
+from spacemap_vtk import connect
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import add_array, points_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
+from spacemap_vtk.filters.base import ROLES, Provided, Stage
+from spacemap_vtk.parameters import Real
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.scene import Scene
+
+SMALL = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
+
+
+class Shear(Stage):
+    """Shear a cage, more and more."""
+
+    section = "shear"
+    role = "mover"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides: ClassVar = {"displacement": Provided("point", "m")}
+
+    rate = Real(0.5, "How fast it shears.", unit="1/s", minimum=0.0)
+
+    def time_range(self, inputs: list[Any]) -> tuple[float, float]:
+        return 0.0, 1.0
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        output.ShallowCopy(inputs[0])
+        moved = np.zeros((output.GetNumberOfPoints(), 3))
+        moved[:, 2] = self.rate * time * points_of(output)[:, 1]
+        add_array(output.GetPointData(), "displacement", moved)
+
+
+class Doubled(Stage):
+    """Double what the cage does."""
+
+    section = "doubled"
+    role = "rotation"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        output.ShallowCopy(inputs[0])
+        moved = vtk_to_numpy(inputs[0].GetPointData().GetArray("displacement"))
+        add_array(output.GetPointData(), "displacement", 2.0 * moved)
+
+
+class Tightened(Stage):
+    """Look at the cage, and hand the object on."""
+
+    section = "tightened"
+    role = "crimp"
+    inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    input_names = ("Input", "Cage")
+    takes = ("object", "cage")
+    output_type = SAME_AS_INPUT
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        assert inputs[1].GetPointData().GetArray("displacement") is not None
+        output.ShallowCopy(inputs[0])
+
+
+class PatchTessellator(spacemap_vtk.PatchTessellator):
+    """Turn patches into polygons, and shift them."""
+
+    shift = Real(0.0, "How far the surface is shifted along z.", unit="m")
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        super().run(inputs, output, time)
+        vtk_to_numpy(output.GetPoints().GetData())[:, 2] += self.shift
+
+
+@pytest.fixture
+def toys(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line of the program's table for each toy."""
+    for toy in (Shear, Doubled, Tightened, PatchTessellator):
+        monkeypatch.setitem(spacemap_vtk.FILTERS, toy.__name__, __name__)
+
+
+def height(scene: Scene) -> np.ndarray:
+    return vtk_to_numpy(scene.polygons.GetPointData().GetArray("displacement"))[:, 2]
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_mover_added_in_one_place_is_a_section_of_scenes(tmp_path: Path) -> None:
+    file = tmp_path / "sheared.toml"
+    file.write_text('[weave]\nends = 2\npicks = 2\n[shear]\nrate = "2 Hz"\n', "utf-8")
+    scene = Scene.read(file)
+    assert scene.stage("mover") is scene.part(Shear)
+    scene.update(time=0.5)
+    moved = scene.polygons
+    rest = points_of(moved) - vtk_to_numpy(moved.GetPointData().GetArray("displacement"))
+    np.testing.assert_allclose(height(scene), rest[:, 1], atol=1e-9)
+    assert "displacement" in scene.colorings
+    assert not {"velocity", "strain", "stress"} & set(scene.colorings)
+    scene.set("shear.rate=4")
+    scene.update()
+    np.testing.assert_allclose(height(scene), 2 * rest[:, 1], atol=1e-9)
+    with pytest.raises(InputError, match=r"a scene with \[shear\] has no \[response\]"):
+        Scene({"shear": {}, "response": {}})
+    with pytest.raises(InputError, match=r"\[shear\]"):
+        Scene({"sheer": {}})
+    with pytest.raises(InputError, match=r"shear\.rate.*at least 0"):
+        scene.set("shear.rate=-1")
+
+
+@pytest.mark.usefixtures("toys")
+def test_stages_added_in_one_place_are_told_by_the_command_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def said(*words: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 0, capsys.readouterr().err
+        return capsys.readouterr().out
+
+    assert "[shear]  Shear a cage, more and more." in said("keys")
+    assert 'rate = "0.5 1/s"\n    How fast it shears.' in said("keys", "shear")
+    assert "shift = " in said("keys", "surface")
+    output = str(tmp_path / "sheared.vtp")
+    words = [f"--set={word}" for word in ("shear.rate=2", "surface.shift=1 m", "weave.ends=2")]
+    said("export", "plain_weave", *words, "--set=weave.picks=2", "--time=1", "-o", output, "-q")
+    low, high = pv.read(output).bounds[4:]
+    assert low > 0.9
+    assert high < 1.1
+
+
+@pytest.mark.usefixtures("toys")
+def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
+    from spacemap_vtk.paraview.hosted import proxies
+
+    made = proxies()
+    xml = made["Shear"]._pvsm_proxy_xml
+    assert 'name="Shear"' in xml
+    assert 'command="set_rate"' in xml
+    assert "How fast it shears." in xml
+    assert "TimeRangeInformationHelper" in xml
+    assert 'command="set_shift"' in made["PatchTessellator"]._pvsm_proxy_xml
+    assert 'name="Cage"' in made["Tightened"]._pvsm_proxy_xml
+
+
+@pytest.mark.usefixtures("toys")
+def test_optional_stages_stand_where_their_roles_say() -> None:
+    scene = Scene({**SMALL, "shear": {}, "doubled": {}, "tightened": {}})
+    kinds = [type(stage).__name__ for stage in scene.stages]
+    assert kinds == [
+        *("WeaveSource", "TetraCage", "ModalSolver", "Shear", "Doubled", "Tightened"),
+        *("BarycentricWarp", "PatchTessellator"),
+    ]
+    scene.update(time=1.0)
+    assert [stage.executions for stage in scene.stages] == [1] * 8
+    simple = Scene({**SMALL, "shear": {}})
+    simple.update(time=1.0)
+    np.testing.assert_allclose(height(scene), 2 * height(simple), atol=1e-9)
+    assert scene.deformed_cage is scene.part(Doubled).output
+    scene.update(time=0.5)
+    assert [stage.executions for stage in scene.stages] == [1, 1, 1, 2, 2, 2, 2, 2]
+
+
+def test_a_scene_has_the_stages_that_its_sections_name() -> None:
+    still = Scene(SMALL)
+    assert [stage.role for stage in still.stages] == ["source", "surface"]
+    assert not still.moves
+    assert still.stage("mover") is None
+    still.set("modal.modes=6")
+    assert [stage.role for stage in still.stages] == [
+        role for role in ROLES if role not in ("rotation", "crimp")
+    ]
+    still.set("motion.file=sheet.pvd")
+    assert [stage.section for stage in still.stages] == ["weave", "motion", "warp", "surface"]
+    still.set("object.file=model.ply")
+    assert still.source is still.object
+    assert "yarn" not in still.arrays
+
+
+def test_every_stage_of_the_table_says_what_it_is() -> None:
+    for name in spacemap_vtk.FILTERS:
+        stage = getattr(spacemap_vtk, name)
+        assert stage.role in ROLES, name
+        assert sections()[stage.section] is stage
+        assert len(stage.takes) == len(stage.inputs) == len(stage.input_names) * bool(stage.inputs)
+
+
+@pytest.fixture(scope="module")
+def updated() -> dict[str, Stage]:
+    """Every stage of the table, run."""
+    root = Path(__file__).parent.parent / "scenes"
+    swing = Scene(SMALL | {"response": {}})
+    swing.update(time=0.1)
+    read = Scene({"object": {}, "motion": {"array": "U"}})
+    read.object.file = next((root / "objects").glob("*.ply"))
+    read.motion.file = root / "calculix" / "sheet.pvd"
+    read.object.update()
+    read.motion.update(time=0.01)
+    stages = [*swing.stages, read.object, read.motion]
+    return {type(stage).__name__: stage for stage in stages}
+
+
+@pytest.mark.parametrize("name", spacemap_vtk.FILTERS)
+def test_what_a_stage_provides_is_in_its_output(updated: dict[str, Stage], name: str) -> None:
+    stage = updated[name]
+    data = {
+        "point": stage.output.GetPointData(),
+        "cell": stage.output.GetCellData(),
+        "field": stage.output.GetFieldData(),
+    }
+    for array, provided in stage.arrays.items():
+        assert data[provided.association].GetAbstractArray(array) is not None, array
+    # Colourings name arrays that there are, in their own units.
+    for word, coloring in COLORINGS.items():
+        if coloring.scaled and coloring.array in stage.arrays:
+            assert stage.arrays[coloring.array].unit == coloring.unit, word
+
+
+@pytest.mark.parametrize("name", spacemap_vtk.FILTERS)
+def test_pyvista_wraps_each_output(updated: dict[str, Stage], name: str) -> None:
+    wrapped = pv.wrap(updated[name].output)
+    assert isinstance(wrapped, pv.DataSet)
+    assert wrapped.n_points == updated[name].output.GetNumberOfPoints() > 0
+
+
+def test_arrays_follow_the_parameters_that_they_need() -> None:
+    response = spacemap_vtk.ModalResponse(stress=False)
+    assert "stress" not in response.arrays
+    assert "kinetic_energy" in response.arrays
+    response.configure(stress=True, energy=False)
+    assert "von_mises" in response.arrays
+    assert "kinetic_energy" not in response.arrays
+
+
+def test_connect_joins_stages_and_any_algorithm() -> None:
+    ball, surface = vtkSphereSource(), spacemap_vtk.PatchTessellator()
+    cage = spacemap_vtk.TetraCage(divisions=(1, 1, 1))
+    modal, response = spacemap_vtk.ModalSolver(modes=6), spacemap_vtk.ModalResponse()
+    warp = spacemap_vtk.BarycentricWarp()
+    last = connect((ball, connect(ball, cage, modal, response)), warp, surface)
+    assert last is surface
+    surface.update(time=0.1)
+    assert [stage.executions for stage in (cage, modal, response, warp, surface)] == [1] * 5
+    # Data, too; and again, in place of what was there.
+    connect((ball, response.output), warp)
+    assert warp.update().output.GetNumberOfPoints() == ball.GetOutput().GetNumberOfPoints()
+    assert warp.GetNumberOfInputConnections(1) == 1
+    with pytest.raises(InputError, match="too many inputs for TetraCage: 2"):
+        connect((ball, ball), cage)
