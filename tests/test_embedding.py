@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 
 import numpy as np
@@ -377,23 +378,25 @@ def test_refused_names():
         ride.apply(np.zeros((4, 3, 3)))
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("shape", [(), (1,), (3,), (7,)])
-def test_interpolation_is_the_weighted_sum(threads, shape):
+def test_interpolation_is_the_weighted_sum():
     vertices, tetrahedra = lattice(UNIT, (3, 3, 3))
     where = locate(cloud(150_000, 2), vertices, tetrahedra)
-    ride = Interpolation(where, tetrahedra, len(vertices), threads=threads)
-    values = np.random.default_rng(0).normal(size=(len(vertices), *shape))
-    result = ride.apply(values)
-    assert result.dtype == np.float64
-    assert result.shape == (150_000, *shape)
-    expected = np.einsum("ni,ni...->n...", where.weights, values[tetrahedra[where.tetrahedron]])
-    np.testing.assert_allclose(result, expected, atol=1e-12)
-    kept = result.copy()
-    for step in range(1, 4):
-        ride.apply(step * values)
-    np.testing.assert_array_equal(result, kept)
-    np.testing.assert_allclose(ride.apply(values.astype(np.float32)), expected, atol=1e-4)
+    random = np.random.default_rng(0)
+    for threads, shape in itertools.product((1, 3), ((), (1,), (3,), (7,))):
+        ride = Interpolation(where, tetrahedra, len(vertices), threads=threads)
+        values = random.normal(size=(len(vertices), *shape))
+        result = ride.apply(values)
+        assert result.dtype == np.float64
+        assert result.shape == (150_000, *shape)
+        expected = np.einsum("ni,ni...->n...", where.weights, values[tetrahedra[where.tetrahedron]])
+        told = f"{threads} threads, {shape}"
+        np.testing.assert_allclose(result, expected, atol=1e-12, err_msg=told)
+        kept = result.copy()
+        for step in range(1, 4):
+            ride.apply(step * values)
+        np.testing.assert_array_equal(result, kept, err_msg=told)
+        single = ride.apply(values.astype(np.float32))
+        np.testing.assert_allclose(single, expected, atol=1e-4, err_msg=told)
 
 
 def test_speed():

@@ -41,7 +41,11 @@ print(json.dumps([estimate, peak, "llvmpipe" in renderer]))
 @pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
 @pytest.mark.parametrize(
     ("yarns", "subdivisions", "moves", "times"),
-    [(120, 2, False, [0.0]), (120, 2, True, [0.1, 0.2]), (200, 1, False, [0.0])],
+    [
+        (120, 2, False, [0.0]),
+        pytest.param(120, 2, True, [0.1, 0.2], marks=pytest.mark.nightly),
+        pytest.param(200, 1, False, [0.0], marks=pytest.mark.nightly),
+    ],
 )
 def test_the_estimate_is_what_a_run_takes(
     yarns: int, subdivisions: int, moves: bool, times: list[float]
