@@ -61,7 +61,6 @@ PENDING: dict[str, str] = {
     "scenes.scene is long": "C",
     "app.undo_keys is short": "E",
     "app.plots.save is short": "E",
-    "draw.labels is short": "D",
     "filters.response_parameters is short": "C",
     "fabric.bicubic is short": "A",
     "io.table_file is short": "B",

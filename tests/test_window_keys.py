@@ -140,7 +140,7 @@ def test_w_shows_facets_and_the_yarns_again(view_of: Any, hand: Press) -> None:
     # A later frame stays one of edges.
     window.times.go(0.1)
     wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
-    assert window.view._fabric.GetProperty().GetRepresentationAsString() == "Wireframe"
+    assert window.view.scene_view.surface.GetProperty().GetRepresentationAsString() == "Wireframe"
     window.times.go(0.02)
     hand("w")
     wait_until(lambda: settled(window) and not window.tools.keys.wireframe.isChecked())
@@ -152,7 +152,8 @@ def test_plus_and_minus_change_lines_of_the_scene(view_of: Any, hand: Press) -> 
     window = view_of()
     document = window.document
     before, scene = image(window), document.text
-    line, dot = (actor.GetProperty() for actor in (window.view._cage, window.view._supports))
+    shown = window.view.scene_view
+    line, dot = (actor.GetProperty() for actor in (shown.cage, shown.supports))
     widths = line.GetLineWidth(), dot.GetPointSize()
     for _ in range(4):
         hand("+")

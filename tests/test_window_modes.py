@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.app.pipeline import displacement_of  # noqa: E402
+from spacemap_vtk.datasets.arrays import array_of  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -44,7 +44,8 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_window: Any) -> None:
 
     def measure(frame: Any) -> None:
         if frame.swing == 2:
-            sizes.append(float(np.linalg.norm(displacement_of(frame.cage), axis=1).max()))
+            moved = array_of(frame.cage.GetPointData(), "displacement", "a swing")
+            sizes.append(float(np.linalg.norm(moved, axis=1).max()))
 
     window.director.drawn.connect(measure)
     window.modes.amplitude.setValue(30)

@@ -106,7 +106,7 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
     # The mouse takes hold of the plane and moves it.
     window.tools.cameras["three-quarter"].trigger()
     QTest.qWait(100)
-    origin = np.array(window.view.clip.plane.GetOrigin())
+    origin = np.array(window.view.scene_view.cut[1])
     widget, at = window.view.plotter, None
     middle = QPoint(widget.width() // 2, widget.height() // 2)
     for step in range(-30, 40, 10):
@@ -117,26 +117,26 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
             QTest.mouseMove(widget, at + QPoint(10 * k, 0))
             QTest.qWait(5)
         QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at + QPoint(70, 0))
-        if np.linalg.norm(np.array(window.view.clip.plane.GetOrigin()) - origin) > 1e-5:
+        if np.linalg.norm(np.array(window.view.scene_view.cut[1]) - origin) > 1e-5:
             break
-    moved = np.array(window.view.clip.plane.GetOrigin())
+    moved = np.array(window.view.scene_view.cut[1])
     assert np.linalg.norm(moved - origin) > 1e-5
     # The scene says where it is: one change, which can be undone.
     wait_until(lambda: window.document.scene.view.clip_origin is not None)
     np.testing.assert_allclose(window.document.scene.view.clip_origin, moved, rtol=1e-4, atol=1e-9)
     window.document.undo.undo()
-    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), origin, atol=1e-9)
+    np.testing.assert_allclose(window.view.scene_view.cut[1], origin, atol=1e-9)
     window.document.undo.redo()
-    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), moved, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(window.view.scene_view.cut[1], moved, rtol=1e-4, atol=1e-9)
     # Whole, and cut where it was.
     window.tools.clip.trigger()
-    assert not window.view.clip.on
+    assert window.view.scene_view.cut is None
     window.tools.clip.trigger()
-    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), moved, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(window.view.scene_view.cut[1], moved, rtol=1e-4, atol=1e-9)
     window.tools.clip_sides[0].trigger()
-    np.testing.assert_allclose(window.view.clip.plane.GetOrigin(), origin, atol=1e-4)
+    np.testing.assert_allclose(window.view.scene_view.cut[1], origin, atol=1e-4)
     window.tools.clip_sides[2].trigger()
-    np.testing.assert_allclose(np.abs(window.view.clip.plane.GetNormal()), [0, 0, 1])
+    np.testing.assert_allclose(np.abs(window.view.scene_view.cut[0]), [0, 0, 1])
     window.tools.clip.trigger()
     window.tools.cameras["front"].trigger()
     assert np.abs(window.view.image().astype(int) - whole).mean() < 1.0
@@ -145,10 +145,10 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
 def test_another_scene_is_whole(open_window: Any) -> None:
     window = open_window()
     window.tools.clip.trigger()
-    assert window.view.clip.on
+    assert window.view.scene_view.cut is not None
     window.document.open("twill_2_2")
     wait_until(lambda: settled(window))
-    assert not window.view.clip.on
+    assert window.view.scene_view.cut is None
     assert not window.tools.clip.isChecked()
 
 

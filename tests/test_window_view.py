@@ -142,7 +142,7 @@ def test_every_colouring_is_another_picture(open_window: Any) -> None:
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         pictures.append(image(window))
         # What stands for a number has a scale, with its unit.
-        bar = window.view._fabric.bar
+        bar = window.view.scene_view.surface.bar
         assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn"))
         assert not bar.GetVisibility() or "[" in bar.GetTitle()
     for k, one in enumerate(pictures):
@@ -155,7 +155,7 @@ def test_every_colouring_is_another_picture(open_window: Any) -> None:
 
 def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> None:
     window = open_window()
-    look = window.view._fabric.GetProperty()
+    look = window.view.scene_view.surface.GetProperty()
     for azimuth in (0, 70, 110):
         window.view.plotter.camera.Azimuth(azimuth)
         window.view.render()
@@ -173,12 +173,12 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
 @pytest.mark.parametrize("color", ["own", "displacement"])
 def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
     window = open_window()
-    view, look = window.view, window.view._fabric.GetProperty()
+    view, look = window.view, window.view.scene_view.surface.GetProperty()
     window.document.set("view", "color", color)
     window.tools.clip.trigger()
-    wait_until(lambda: settled(window) and view.clip.on)
+    wait_until(lambda: settled(window) and view.scene_view.cut)
     # The plane itself is in the way.
-    view.clip._handle.show(False)
+    view.handle.show(False)
     window.tools.cameras["side"].trigger()
     for azimuth in (0, 25, -50):
         view.plotter.camera.Azimuth(azimuth)
@@ -187,9 +187,9 @@ def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
         look.BackfaceCullingOff()
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
         # ... but not without the face of the cut.
-        view._face.VisibilityOff()
+        view.scene_view.face.VisibilityOff()
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > 2e-2
-        view._face.VisibilityOn()
+        view.scene_view.face.VisibilityOn()
         look.BackfaceCullingOn()
 
 
@@ -197,16 +197,16 @@ def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
     window = open_window()
     view = window.view
     window.tools.clip.trigger()
-    wait_until(lambda: settled(window) and view.clip.on)
-    handle = view.clip._handle
-    x = view.clip.plane.GetOrigin()[0] + 7e-4
+    wait_until(lambda: settled(window) and view.scene_view.cut)
+    handle = view.handle
+    x = view.scene_view.cut[1][0] + 7e-4
     handle._shape.SetOrigin(x, 0.0, 0.0)
     handle._widget.InvokeEvent("InteractionEvent")
-    bounds = view._face.GetMapper().GetInput().GetBounds()
+    bounds = view.scene_view.face.GetMapper().GetInput().GetBounds()
     np.testing.assert_allclose(bounds[:2], x, atol=1e-7)
     window.tools.clip.trigger()
-    wait_until(lambda: settled(window) and not view.clip.on)
-    assert not view._face.GetVisibility()
+    wait_until(lambda: settled(window) and not view.scene_view.cut)
+    assert not view.scene_view.face.GetVisibility()
 
 
 def test_every_camera_is_another_picture(open_window: Any) -> None:

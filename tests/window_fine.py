@@ -19,16 +19,17 @@ def main() -> None:
     window.start("plain_weave")
     window.show()
     view, document = window.view, window.document
+    shown = view.scene_view
     document.set("view", "color", "displacement")
     wait_until(lambda: settled(window))
-    view._fabric.VisibilityOff()
+    shown.surface.VisibilityOff()
 
     def pixels(*visible: str) -> int:
         props = {
-            "supports": view._supports,
-            "cage": view._cage,
+            "supports": shown.supports,
+            "cage": shown.cage,
             "pick": view.marks,
-            "letters": view._fabric.bar,
+            "letters": shown.surface.bar,
         }
         images = []
         for on in (True, False):
@@ -41,14 +42,14 @@ def main() -> None:
         return int(((change.max(axis=2) > 40) & grey).sum())
 
     counts = {name: pixels(name) for name in ("supports", "cage", "letters")}
-    view._fabric.VisibilityOn()
+    shown.surface.VisibilityOn()
     for x in range(-60, 61, 12):
         at = view.plotter.rect().center().toPointF()
         at.setX(at.x() + x)
         view.click(at)
         if view.picks:
             break
-    view._fabric.VisibilityOff()
+    shown.surface.VisibilityOff()
     counts["pick"] = pixels("pick")
     print(json.dumps(counts))
     window.discard()

@@ -15,12 +15,11 @@ from PySide6.QtWidgets import QWidget
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkRenderingCore import (
     vtkCamera,
-    vtkRenderer,
     vtkRenderWindow,
     vtkRenderWindowInteractor,
 )
 
-from spacemap_vtk.draw.camera import add_lights, front_of
+from spacemap_vtk.draw.camera import front_of, lit_renderer
 
 # pyvistaqt would take any Qt binding that it finds; this program is written for one.
 os.environ["QT_API"] = "pyside6"
@@ -68,9 +67,7 @@ class Canvas(_Widget):
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._painting = False
-        self.renderer = vtkRenderer()
-        self.renderer.AutomaticLightCreationOff()
-        add_lights(self.renderer)
+        self.renderer = lit_renderer()
         self.render_window: vtkRenderWindow = self.GetRenderWindow()
         self.render_window.SetMultiSamples(0)
         # VTK would copy what it has drawn into a second buffer; Qt gets it from the first.

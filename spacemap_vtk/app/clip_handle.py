@@ -1,4 +1,4 @@
-"""What the mouse takes hold of to move and turn a plane."""
+"""What the mouse takes hold of to move and turn the plane that cuts the view open."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class ClipHandle:
             for event in ("InteractionEvent", "EndInteractionEvent")
         ]
 
-    def place(self, cut: Cut, points: NDArray[np.float64], pixels: float = 1.0) -> None:
-        """Stand where a plane cuts what is seen."""
+    def place(self, cut: Cut, points: NDArray[np.float64], pixels: float) -> None:
+        """Stand where a plane cuts what is seen; lines are so many pixels times as wide."""
         self._shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
         self._shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
         low, high = points.min(axis=0), points.max(axis=0)
@@ -60,9 +60,12 @@ class ClipHandle:
         self._shape.SetNormal(*cut[0])
         self._shape.SetOrigin(*cut[1])
 
-    def read(self, plane: vtkPlane) -> None:
-        """Write into a plane where this one is."""
+    @property
+    def cut(self) -> Cut:
+        """Normal and origin of the plane where it is now."""
+        plane = vtkPlane()
         self._shape.GetPlane(plane)
+        return plane.GetNormal(), plane.GetOrigin()
 
     def show(self, on: bool) -> None:
         """Be seen, or not."""

@@ -10,9 +10,9 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.job import Job
 from spacemap_vtk.app.pipeline import Pipeline
+from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes.scene import Scene
 

@@ -27,9 +27,7 @@ from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
-from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.gallery import Gallery
-from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
@@ -40,6 +38,8 @@ from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.settings import View

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
-from spacemap_vtk.app.frame import Frame, copied
 from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
-from spacemap_vtk.draw.coloring import add_measure
-from spacemap_vtk.draw.load_arrows import Loaded, load_arrows
+from spacemap_vtk.draw.frame import Frame, copied, frame_of
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -77,9 +75,8 @@ class Pipeline:
         self._first = len(stages)
         source: Stage = stages[-1]
         cage = None
-        if mover:
-            cage = copied(solver.output if swing and solver else scene.deformed_cage)
-        if swing and cage is not None:
+        if swing and solver:
+            cage = copied(solver.output)
             _add_swing(cage, swing)
             source = self._swung(scene, cage)
         coarse = job.coarse or swing is not None
@@ -89,21 +86,11 @@ class Pipeline:
             surface.update(job.time)
         else:
             self._update(scene, surface, job.time)
-        drawn, color = copied(surface.GetOutputDataObject(0)), scene.view.color
+        drawn = surface.GetOutputDataObject(0)
         self._require_drawn(drawn)
-        add_measure(drawn, color)
-        arrows = None
-        if cage is not None and swing is None and isinstance(mover, Loaded):
-            arrows = load_arrows(mover, cage, job.time)
-        return Frame(
-            time=job.time,
-            surface=drawn,
-            cage=cage,
+        return replace(
+            frame_of(scene, job.time, drawn, cage, loads=swing is None),
             values=job.values,
-            color=color,
-            painting=scene.painting,
-            closed=scene.source is scene.weave and scene.weave.caps,
-            arrows=arrows,
             coarse=surface is self._coarse,
             swing=swing.mode if swing else None,
             generation=job.generation,
@@ -211,8 +198,3 @@ def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
     side = float(np.ptp(points_of(cage), axis=0).max())
     scale = swing.amplitude * side / largest * math.sin(2 * math.pi * swing.phase)
     add_array(cage.GetPointData(), "displacement", shape * scale)
-
-
-def displacement_of(cage: vtkUnstructuredGrid) -> np.ndarray:
-    """Return the cage's displacement."""
-    return vtk_to_numpy(cage.GetPointData().GetArray("displacement"))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import weakref
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,27 +11,21 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkCamera, vtkCellPicker
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 
-from spacemap_vtk.app.actors import PICKED, CageActor, PickActor, moved_points
 from spacemap_vtk.app.canvas import Canvas
-from spacemap_vtk.app.clip import ClipPlane
-from spacemap_vtk.app.frame import Frame
-from spacemap_vtk.app.look import Look
 from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.coloring import SHOWN
-from spacemap_vtk.draw.cut_face import CutFaceActor
-from spacemap_vtk.draw.glyphs import DOT, LINE, GhostActor, LoadActor, SupportActor, cut_of
-from spacemap_vtk.draw.surface_actor import (
-    Span,
-    SurfaceActor,
-    fit_scale,
-    natural_span,
-    scale_share,
-)
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, moved_points, rest_of
+from spacemap_vtk.draw.scene_view import Look, SceneView
+from spacemap_vtk.draw.surface_actor import Span, natural_span, rgb
 from spacemap_vtk.scenes.settings import View
+
+if TYPE_CHECKING:
+    from spacemap_vtk.app.clip_handle import ClipHandle
 
 #: Most picked points; the oldest goes.
 MOST_PICKS = 6
@@ -47,8 +42,6 @@ class View3D(QWidget):
     picks_changed = Signal(list)
     #: The mouse has moved the plane that cuts: its normal and origin.
     clipped = Signal(object, object)
-    #: The mouse is moving that plane.
-    clipping = Signal()
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -58,52 +51,41 @@ class View3D(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
-        self._fabric, self._ghost = SurfaceActor(), GhostActor()
-        self._face = CutFaceActor()
-        self._cage, self._supports, self._loads = CageActor(), SupportActor(), LoadActor()
+        #: What is drawn, but for what the mouse takes hold of and where it has picked.
+        self.scene_view = SceneView(self.plotter.renderer, far_sides=False)
+        self.plotter.front.AddActor(self.scene_view.loads.through)
         #: Where the user has picked.
-        self.marks = PickActor()
-        for actor in (*self._actors, self._face, self.marks):
-            self.plotter.renderer.AddActor(actor)
-        self.plotter.front.AddActor(self._loads.through)
-        self._loads.VisibilityOff()
-        self.plotter.renderer.AddViewProp(self._fabric.bar)
+        self.marks = DotsActor()
+        self.marks.GetProperty().SetColor(*rgb("#d9642c"))
+        self.plotter.renderer.AddActor(self.marks)
         self.plotter.setAcceptDrops(False)
         self.plotter.installEventFilter(self)
-        # Loads are never cut, see `LoadActor`.
-        self.clip = ClipPlane(
-            self.plotter.interactor, self._actors[:-1], self.clipped, self.clipping
-        )
-        self.clipping.connect(self._fill)
+        #: The plane that the scene was cut with last, if it was.
+        self.last_cut: Cut | None = None
+        #: What moves it; there from the first cut on.
+        self.handle: ClipHandle | None = None
         self._view: View | None = None
-        self._cut: object = None
+        self._cut: tuple[object, Cut | None] = None, None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
         self._span: tuple[object, Span] | None = None
-        self._plain: tuple[int, ...] = (185, 196, 207)
-        self._colored: tuple[dict[str, Any], tuple[int, int], float] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
         self._aimed: tuple[str | None, dict[str, Any]] | None = None
-        #: Share of the width that the scale takes.
-        self._room = 0.0
-
-    @property
-    def _actors(self) -> list[Any]:
-        return [self._fabric, self._ghost, self._cage, self._supports, self._loads]
+        #: What the camera is aimed for: the share of the width that the scale takes, and arrows.
+        self._aimed_for = 0.0, False
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
-        self._fit_to_screen(view)
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
         self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
-        self._color(view)
+        self._fit(view)
         self._view = view
         if first:
-            self.clip.last = None
+            self.last_cut = None
             self.forget_picks()
         self.refresh(render=False)
         self._mark()
@@ -114,62 +96,63 @@ class View3D(QWidget):
     def adopt(self, view: View) -> None:
         """Show the present frame as a scene's section ``[view]`` says."""
         if self._view is None:
-            self._color(view)  # behind what may never come
+            self._fit(view)  # behind what may never come
         elif view.settings != self._view.settings:
             self._view = view
-            self._fit_to_screen(view)
-            self._color(view)
+            self._fit(view)
             self.refresh()
 
     def refresh(self, render: bool = True) -> None:
         """Show the present frame as `look` and the scene say."""
-        frame, look, view = self.frame, self.look, self._view
+        frame, view = self.frame, self._view
         if frame is None or view is None:
             return
-        self._fabric.show(
-            frame.surface, frame.color, self._plain, self._span_of(frame), frame.painting
-        )
-        self._fabric.SetVisibility(look.fabric)
-        drawn = VTK_WIREFRAME if look.wireframe else VTK_SURFACE
-        self._fabric.GetProperty().SetRepresentation(drawn)
-        self._fabric.bar.SetVisibility(self._fabric.bar.GetVisibility() and look.fabric)
-        room = scale_share(self._size) if self._fabric.bar.GetVisibility() else 0.0
-        self.plotter.camera.SetWindowCenter(room, 0.0)
-        if room != self._room:
-            self._room = room
-            self._keep_whole()
-        ghost = view.ghost and look.fabric
-        self._ghost.SetVisibility(ghost)
-        if ghost:
-            self._ghost.show(frame.surface)
-        supports = view.supports and look.cage
-        for actor, wanted in ((self._cage, look.cage), (self._supports, supports)):
-            actor.SetVisibility(wanted)
-            if wanted:
-                actor.show(frame.cage)
-        if view.loads != self._loads.GetVisibility():
-            self._loads.SetVisibility(view.loads)
+        wanted = frame.generation, view.clip_normal, view.clip_origin
+        if wanted != self._cut[0]:
+            self._cut = wanted, self._placed(cut_of(view, frame.surface))
+        self.scene_view.show(frame, view, self.look, self._span_of(frame), self._cut[1])
+        aimed_for = self.scene_view.room, view.loads
+        if aimed_for != self._aimed_for:
+            self._aimed_for = aimed_for
             self.plotter.front.SetDraw(view.loads)
             self._keep_whole()
-        cut = frame.generation, view.clip_normal, view.clip_origin
-        if cut != self._cut:
-            self._cut = cut
-            self.clip.show(cut_of(view, frame.surface), self._extent())
-        self._fill()
-        # Nobody sees the far sides of closed yarns, and they would cost as much as the near ones.
-        self._fabric.GetProperty().SetBackfaceCulling(frame.closed)
         if render:
             self.render()
 
-    def _fill(self) -> None:
-        """Draw the face of the cut, and the loads on what is left."""
-        frame, shown = self.frame, self.look.fabric and not self.look.wireframe
-        if frame is not None:
-            cut = self.clip.cut if shown else None
-            span = self._span and self._span[1]
-            self._face.fill(frame.surface, cut, frame.color, self._plain, span)
-            if self._loads.GetVisibility():
-                self._loads.show(frame.arrows, self.clip.cut)
+    def _placed(self, cut: Cut | None) -> Cut | None:
+        """Let the mouse take hold of a plane; return where it stands."""
+        points = self._extent()
+        if cut is not None and points is not None:
+            self.last_cut = cut
+            self.handle = self.handle or self._made_handle()
+            self.handle.place(cut, points, self.plotter.devicePixelRatioF())
+            cut = self.handle.cut
+        if self.handle is not None:
+            self.handle.show(cut is not None)
+        return cut
+
+    def _made_handle(self) -> ClipHandle:
+        # With VTK's widgets: most windows never cut anything.
+        from spacemap_vtk.app.clip_handle import ClipHandle
+
+        me = weakref.ref(self)
+
+        def moved(done: bool) -> None:
+            here = me()
+            if here is not None and here.handle is not None:
+                here._cut_moved(here.handle.cut, done)
+
+        return ClipHandle(self.plotter.interactor, moved)
+
+    def _cut_moved(self, cut: Cut, done: bool) -> None:
+        self._cut = self._cut[0], cut
+        self.scene_view.cut_open(cut)
+        # To six digits, if it is not where it was.
+        normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
+        if done and (
+            self.last_cut is None or not np.allclose((normal, origin), self.last_cut, 1e-5, 1e-9)
+        ):
+            self.clipped.emit(normal, origin)
 
     def render(self) -> None:
         """Draw as soon as Qt comes to it."""
@@ -185,7 +168,7 @@ class View3D(QWidget):
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
-        aim(camera, points, (1.0 - self._room) * width / height, name, 1.0)
+        aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0)
         self._aimed = name, self.place
         # The scale of a parallel projection that shows as much as the perspective does.
         camera.SetParallelScale(_half_height(camera))
@@ -223,7 +206,7 @@ class View3D(QWidget):
 
     @property
     def place(self) -> dict[str, Any]:
-        """Where the camera stands, as `spacemap_vtk.draw.picture.Place` has it."""
+        """Where the camera stands, as `spacemap_vtk.draw.picture.Viewpoint` has it."""
         camera = self.plotter.camera
         return {
             "position": camera.GetPosition(),
@@ -249,16 +232,12 @@ class View3D(QWidget):
 
     def _mark(self) -> None:
         """Show picked points where they are now."""
-        if not self.picks or self.frame is None:
-            self.marks.show(np.zeros((0, 3)))
-            return
-        surface = self.frame.surface
-        rest = points_of(surface)
-        moved = surface.GetPointData().GetArray("displacement")
-        if moved is not None:
-            rest = rest - vtk_to_numpy(moved)
-        nearest = [int(((rest - p.rest) ** 2).sum(axis=1).argmin()) for p in self.picks]
-        self.marks.show(points_of(surface)[nearest].astype(np.float64))
+        shown = bool(self.picks) and self.frame is not None
+        self.marks.SetVisibility(shown)
+        if self.frame is not None and shown:
+            rest = rest_of(self.frame.surface)
+            nearest = [int(((rest - p.rest) ** 2).sum(axis=1).argmin()) for p in self.picks]
+            self.marks.place(points_of(self.frame.surface)[nearest].astype(np.float64))
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Return what lies under a point of the widget."""
@@ -268,7 +247,7 @@ class View3D(QWidget):
         picker = vtkCellPicker()
         picker.SetTolerance(0.0005)
         picker.PickFromListOn()
-        picker.AddPickList(self._fabric)
+        picker.AddPickList(self.scene_view.surface)
         height = self.plotter.height()
         if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
             return None
@@ -291,7 +270,8 @@ class View3D(QWidget):
         if not self._closed:
             self._closed = True
             self.plotter.removeEventFilter(self)
-            self.clip.close()
+            if self.handle is not None:
+                self.handle.close()
             self.plotter.close()
             self.frame = None
 
@@ -307,31 +287,12 @@ class View3D(QWidget):
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         return False
 
-    def _fit_to_screen(self, view: View) -> None:
+    def _fit(self, view: View) -> None:
         """Keep dots and lines as wide as they are on other screens, and as the scene wants them."""
-        self.clip.pixels = self.plotter.devicePixelRatioF()
-        pixels = self.clip.pixels * view.line_scale
-        self.marks.GetProperty().SetPointSize(PICKED * pixels)
-        self._supports.GetProperty().SetPointSize(DOT * pixels)
-        self._cage.GetProperty().SetLineWidth(LINE * pixels)
-        # Of objects of lines or points alone.
-        self._fabric.GetProperty().SetLineWidth(pixels)
-        self._fabric.GetProperty().SetPointSize(3.0 * pixels)
-
-    def _color(self, view: View) -> None:
         pixels = self.plotter.devicePixelRatioF()
-        if self._colored == (view.settings, self._size, pixels):
-            return
-        self._colored = view.settings, self._size, pixels
-        renderer, top = self.plotter.renderer, view.background_top
-        renderer.SetBackground(*(c / 255 for c in view.background))
-        renderer.SetGradientBackground(top is not None)
-        if top is not None:
-            renderer.SetBackground2(*(c / 255 for c in top))
-        self._cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
-        self._supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
-        self._plain = view.object_color
-        fit_scale(self._fabric.bar, self._size, view.background, pixels)
+        point = pixels * view.line_scale
+        self.marks.GetProperty().SetPointSize(PICKED * point)
+        self.scene_view.fit(view, self._size, pixels, point)
 
     @property
     def _size(self) -> tuple[int, int]:
@@ -357,7 +318,8 @@ class View3D(QWidget):
         if self.frame.cage is not None:
             # At rest and moved: a swing should not leave the picture at once.
             clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
-        if self._loads.GetVisibility() and self.frame.arrows is not None:
+        loads = self._view is not None and self._view.loads
+        if loads and self.frame.arrows is not None:
             clouds.append(self.frame.arrows.reach)
         return np.concatenate(clouds)
 

@@ -174,7 +174,7 @@ class ViewBar(QToolBar):
         self._view.reset_camera(self.sender().data())
 
     def _clip(self, on: bool) -> None:
-        normal, origin = self._view.clip.last or (_ACROSS, None)
+        normal, origin = self._view.last_cut or (_ACROSS, None)
         self.clipped.emit(normal if on else None, origin if on else None)
 
     def _clipped_across(self) -> None:

@@ -158,7 +158,7 @@ def storyboard(
         first, last = opened_scene.deforming.time_range([]) or (0.0, 0.0)
         moments = _seven(first, last)
     from spacemap_vtk.draw.film import write_picture
-    from spacemap_vtk.draw.picture import storyboard as drawn
+    from spacemap_vtk.draw.sheets import storyboard as drawn
 
     chosen = (2240, 640) if size is None else tuple(opened_scene.view.size)
     with progress(opened_scene, "Drawing columns", len(moments), quiet) as tell:

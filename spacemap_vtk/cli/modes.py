@@ -148,7 +148,7 @@ def plot(
 
 def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
     from spacemap_vtk.draw.film import write_picture
-    from spacemap_vtk.draw.mode_sheet import mode_sheet
+    from spacemap_vtk.draw.sheets import mode_sheet
 
     with progress(scene, "Drawing shapes", count, quiet) as tell:
         image = mode_sheet(scene, tell)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
@@ -19,8 +21,10 @@ VIEW_ANGLE = 24.0
 _MARGIN = 0.06
 
 
-def add_lights(renderer: vtkRenderer) -> None:
-    """Light a scene."""
+def lit_renderer() -> vtkRenderer:
+    """Return a renderer that lights what it draws."""
+    renderer = vtkRenderer()
+    renderer.AutomaticLightCreationOff()
     # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
     # right opens the shadows. Both are fixed to the camera.
     for position, intensity, color in (
@@ -34,6 +38,14 @@ def add_lights(renderer: vtkRenderer) -> None:
         light.SetIntensity(intensity)
         light.SetColor(*color)
         renderer.AddLight(light)
+    return renderer
+
+
+def set_background(renderer: vtkRenderer, below: Sequence[int], above: Sequence[int]) -> None:
+    """Let the background go from one colour to another."""
+    renderer.GradientBackgroundOn()
+    renderer.SetBackground(*(part / 255 for part in below))
+    renderer.SetBackground2(*(part / 255 for part in above))
 
 
 def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:

@@ -1,4 +1,4 @@
-"""What stands round the object in pictures and in the window: its ghost, supports, loads, a cut."""
+"""What stands round the object: its ghost, the cage, supports, loads, dots, a cut."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersSources import vtkArrowSource
 from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataMapper
 
-from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import elements_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.draw.load_arrows import KINDS, Arrows
 from spacemap_vtk.draw.surface_actor import rgb
 from spacemap_vtk.scenes.settings import View
@@ -19,8 +19,8 @@ from spacemap_vtk.scenes.settings import View
 #: Normal and origin of a plane; the normal points to what stays in sight.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
-#: Width of a support's dot and of the cage's lines, in points.
-DOT, LINE = 9.0, 1.5
+#: Width of a support's dot, of a picked point's and of the cage's lines, in points.
+DOT, PICKED, LINE = 9.0, 14.0, 1.5
 
 
 class GhostActor(vtkActor):
@@ -44,16 +44,56 @@ class GhostActor(vtkActor):
         self._mapper.SetInputData(rest)
 
 
-class SupportActor(vtkActor):
-    """The cage's fixed vertices."""
+class CageActor(vtkActor):
+    """The cage's edges, moved."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._mapper = vtkPolyDataMapper()
+        self._mapper.ScalarVisibilityOff()
+        self.SetMapper(self._mapper)
+        # Opaque: one thing that light passes through costs a quarter of a frame in software.
+        self.GetProperty().SetLighting(False)
+        self.SetPickable(False)
+        self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
+
+    def show(self, cage: vtkUnstructuredGrid | None) -> None:
+        """Draw a cage."""
+        lines = vtkPolyData()
+        if cage is not None:
+            elements = elements_of(cage)
+            # By content: a box of another size is divided as before, and its edges are the same.
+            if self._kept is None or not np.array_equal(self._kept[0], elements):
+                self._kept = elements, to_cells(_edges(elements))
+            lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
+            lines.SetLines(self._kept[1])
+        self._mapper.SetInputData(lines)
+
+
+class DotsActor(vtkActor):
+    """Dots at points."""
 
     def __init__(self) -> None:
         super().__init__()
         self._mapper = vtkPolyDataMapper()
         self.SetMapper(self._mapper)
-        self.GetProperty().SetPointSize(DOT)
         self.GetProperty().SetRenderPointsAsSpheres(True)
         self.SetPickable(False)
+
+    def place(self, points: NDArray[np.floating[Any]]) -> None:
+        """Draw dots at some points, (n, 3)."""
+        dots = vtkPolyData()
+        if len(points):
+            dots.SetPoints(to_points(points))
+            dots.SetVerts(to_cells(np.arange(len(points)).reshape(-1, 1)))
+        self._mapper.SetInputData(dots)
+
+
+class SupportActor(DotsActor):
+    """The cage's fixed vertices."""
+
+    def __init__(self) -> None:
+        super().__init__()
         self._shown: tuple[Any, Any] = None, None
 
     def show(self, cage: vtkUnstructuredGrid | None) -> None:
@@ -63,13 +103,8 @@ class SupportActor(vtkActor):
         if (rest, fixed) == self._shown and fixed is not None:
             return
         self._shown = rest, fixed
-        dots = vtkPolyData()
-        if cage is not None and fixed is not None:
-            held = points_of(cage)[vtk_to_numpy(fixed) != 0]
-            if len(held):
-                dots.SetPoints(to_points(held))
-                dots.SetVerts(to_cells(np.arange(len(held)).reshape(-1, 1)))
-        self._mapper.SetInputData(dots)
+        held = cage is not None and fixed is not None
+        self.place(points_of(cage)[vtk_to_numpy(fixed) != 0] if held else np.zeros((0, 3)))
 
 
 class LoadActor(vtkActor):
@@ -125,6 +160,21 @@ def _arrows_mapper(shape: vtkArrowSource) -> vtkGlyph3DMapper:
     mapper.SelectColorArray("color")
     mapper.SetColorModeToDirectScalars()
     return mapper
+
+
+def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
+    """Return a cage's vertices where they are now."""
+    return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+
+
+def _edges(elements: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return each edge of tetrahedra once, (n, 2); of quadratic ones, both halves."""
+    ends = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]
+    if elements.shape[1] == 10:
+        ends = [[end, 4 + k] for k, pair in enumerate(ends) for end in pair]
+    pairs = np.sort(elements[:, ends].reshape(-1, 2), axis=1)
+    pairs = pairs[np.lexsort(pairs.T)]
+    return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
 
 
 def rest_of(surface: vtkPolyData) -> NDArray[np.floating[Any]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 # VTK finds the classes that draw and that write letters once these modules are loaded.
@@ -14,29 +12,22 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.draw.camera import add_lights, front_of
+from spacemap_vtk.draw.camera import front_of, lit_renderer
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 
 class Offscreen:
-    """Draws one renderer, lit, whose background goes from one colour to another."""
+    """Draws one renderer, lit."""
 
     def __init__(
         self,
         size: tuple[int, int],
-        below: Sequence[int],
-        above: Sequence[int],
         samples: int = 0,
         pixels: int = 1,
         beside: Offscreen | None = None,
     ) -> None:
         prepare_offscreen()
-        self.renderer = vtkRenderer()
-        self.renderer.AutomaticLightCreationOff()
-        self.renderer.SetBackground(*(part / 255 for part in below))
-        self.renderer.SetBackground2(*(part / 255 for part in above))
-        self.renderer.GradientBackgroundOn()
-        add_lights(self.renderer)
+        self.renderer = lit_renderer()
         self._size = size
         if beside is not None and beside._size == size:
             self._window: vtkRenderWindow = beside._window

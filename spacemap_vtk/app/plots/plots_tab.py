@@ -21,10 +21,10 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.frame import Frame
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
 from spacemap_vtk.app.plots.save import save_frequencies, save_times
+from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import QUANTITIES, save_figure
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file

@@ -1,9 +1,9 @@
-"""A sheet of a scene's mode shapes."""
+"""Sheets of several pictures: the paper's figure 6, and a scene's mode shapes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,10 @@ from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
-from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.camera import aim, set_background
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.shading import averaged
 from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -27,6 +28,7 @@ from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import format_quantity
 
 #: Most shapes on a sheet, and how many in a row.
 MOST_SHAPES, COLUMNS = 12, 4
@@ -34,7 +36,50 @@ MOST_SHAPES, COLUMNS = 12, 4
 _CELL, _LABEL = (440, 400), 46
 #: Largest displacement of a shape, in diagonals of the cage's box.
 _SWING = 0.12
-_INK, _FAINT = (40, 46, 54), (118, 126, 138)
+_INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
+
+
+def storyboard(
+    scene: Scene,
+    times: Sequence[float],
+    size: tuple[int, int] | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> NDArray[np.uint8]:
+    """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
+    width, height = size or scene.view.size
+    cell = width // len(times), height // 2
+    picture = Picture(scene, times, (2 * cell[0], cell[1]), ["cage", "fabric"])
+    columns = []
+    for count, time in enumerate(times, 1):
+        cage, fabric = np.split(picture.draw(time), 2, axis=1)
+        columns.append(np.concatenate([cage, fabric]))
+        if progress:
+            progress(count)
+    picture.close()
+    return _labelled(np.concatenate(columns, axis=1), times)
+
+
+def _labelled(image: NDArray[np.uint8], times: Sequence[float]) -> NDArray[np.uint8]:
+    """Add the rows' letters on the left and the columns' times below."""
+    height, width = image.shape[:2]
+    size = max(14, height // 32)
+    font = ImageFont.load_default(size)
+    sheet = Image.new("RGB", (width + 3 * size, height + 2 * size), _PAPER)
+    sheet.paste(Image.fromarray(image), (3 * size, 0))
+    pen = ImageDraw.Draw(sheet)
+    for row, letter in enumerate("ab"):
+        middle = height // 4 + row * height // 2
+        pen.text((1.5 * size, middle), f"({letter})", _INK, font, anchor="mm")
+    for column, time in enumerate(times):
+        middle = 3 * size + (column + 0.5) * width / len(times)
+        pen.text(
+            (middle, height + size),
+            format_quantity(float(f"{time:.4g}"), "s"),
+            _INK,
+            font,
+            anchor="mm",
+        )
+    return np.asarray(sheet)
 
 
 def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> NDArray[np.uint8]:
@@ -81,7 +126,8 @@ class _Drawing:
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
         size = _CELL[0] * 2, _CELL[1] * 2
-        self._window = Offscreen(size, (255, 255, 255), (238, 242, 246), samples=4)
+        self._window = Offscreen(size, samples=4)
+        set_background(self._window.renderer, (255, 255, 255), (238, 242, 246))
         self._solid, self._moved = SurfaceActor(), vtkUnstructuredGrid()
         self._moved.ShallowCopy(self._grid)
         self._cage = vtkTrivialProducer()

@@ -1,0 +1,80 @@
+"""A frame: what a scene is at a time, ready to be drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
+
+from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
+from spacemap_vtk.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Copies of a scene's results: the pipeline can run on while they are drawn."""
+
+    #: In s.
+    time: float
+    #: The fabric's surface, with what its colours show.
+    surface: vtkPolyData
+    #: The cage at rest with its arrays; None for a still scene.
+    cage: vtkUnstructuredGrid | None = None
+    #: What the surface's colours show: a key of `spacemap_vtk.scenes.colorings.COLORINGS`.
+    color: str = "own"
+    #: What the object is painted with.
+    painting: vtkImageData | None = None
+    #: Whether nothing but the surface's outside can be seen, which faces the way its polygons do.
+    closed: bool = False
+    #: What acts on the cage; None where that is not known.
+    arrows: Arrows | None = None
+    #: Whether the surface is coarser than the scene asks for.
+    coarse: bool = False
+    #: The mode that is shown in place of the motion.
+    swing: int | None = None
+    #: Another number for another scene.
+    generation: int = 0
+    #: The scene that it is of, as a file has it.
+    values: dict[str, Any] = field(default_factory=dict)
+    #: What the stages say of their trustworthiness.
+    warnings: tuple[str, ...] = ()
+
+
+def frame_of(
+    scene: Scene,
+    time: float,
+    surface: vtkPolyData | None = None,
+    cage: vtkUnstructuredGrid | None = None,
+    loads: bool = True,
+) -> Frame:
+    """Return what a scene's last update has made, or what is given in place of that."""
+    if cage is None and scene.moves:
+        cage = copied(scene.deformed_cage)
+    drawn = copied(scene.polygons if surface is None else surface)
+    add_measure(drawn, scene.view.color)
+    return Frame(
+        time,
+        drawn,
+        cage,
+        scene.view.color,
+        scene.painting,
+        closed=scene.source is scene.weave and scene.weave.caps,
+        arrows=arrows_of(scene, time) if loads else None,
+    )
+
+
+def arrows_of(scene: Scene, time: float) -> Arrows | None:
+    """Return what acts on a scene's cage; None where that is not known."""
+    mover = scene.stage("mover")
+    if not isinstance(mover, Loaded):
+        return None
+    return load_arrows(mover, scene.deformed_cage, time)
+
+
+def copied(data: Any) -> Any:
+    """Return a data object of its own that shares the arrays."""
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    return copy

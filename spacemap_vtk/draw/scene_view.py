@@ -1,0 +1,136 @@
+"""What stands in a view of a scene: in the window, in a picture, in a film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vtkmodules.vtkCommonDataModel import vtkPlane
+from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkRenderer
+
+from spacemap_vtk.draw.camera import set_background
+from spacemap_vtk.draw.cut_face import CutFaceActor
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.glyphs import (
+    DOT,
+    LINE,
+    CageActor,
+    Cut,
+    GhostActor,
+    LoadActor,
+    SupportActor,
+)
+from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, scale_share
+from spacemap_vtk.scenes.settings import View
+
+
+@dataclass
+class Look:
+    """Which things are shown; all else is said by a scene's section ``[view]``."""
+
+    fabric: bool = True
+    cage: bool = True
+    #: Whether of the fabric only the facets' edges are drawn.
+    wireframe: bool = False
+
+
+class SceneView:
+    """Shows frames in a renderer: its actors are made once, and brought up to date by each."""
+
+    # What shines through, `loads.through`, is for a renderer in front, if the caller has one.
+
+    def __init__(self, renderer: vtkRenderer, far_sides: bool) -> None:
+        self.renderer = renderer
+        # Nobody sees the far sides of closed yarns, and they cost as much as the near ones. Of the
+        # samples of a pixel at an edge some see them: pictures have them, moving ones go without.
+        self._far_sides = far_sides
+        self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
+        self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
+        for actor in (*self.solids, *self.signs, self.ghost):
+            renderer.AddActor(actor)
+        renderer.AddViewProp(self.surface.bar)
+        #: What it is cut with at present; None: the whole is shown.
+        self.cut: Cut | None = None
+        #: Share of the width that the scale takes.
+        self.room = 0.0
+        self._plane = vtkPlane()
+        self._size, self._point = (1, 1), 1.0
+        self._shown: tuple[Frame, View, Look, Span | None] | None = None
+
+    @property
+    def solids(self) -> list[vtkActor]:
+        """The things of the scene's room: they cast shadows."""
+        return [self.surface, self.face]
+
+    @property
+    def signs(self) -> list[vtkActor]:
+        """Lines, dots and arrows, which do not."""
+        return [self.cage, self.supports, self.loads]
+
+    def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
+        """Take a view's colours; a scale fits a size of so many pixels, lines count in points."""
+        self._size, self._point = size, point
+        set_background(self.renderer, view.background, view.background_top)
+        self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
+        self.cage.GetProperty().SetLineWidth(LINE * point)
+        self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
+        self.supports.GetProperty().SetPointSize(DOT * point)
+        fit_scale(self.surface.bar, size, view.background, pixels)
+
+    def show(
+        self,
+        frame: Frame,
+        view: View,
+        look: Look,
+        span: Span | None = None,
+        cut: Cut | None = None,
+    ) -> None:
+        """Show a frame, its colours' scale from one end of `span` to the other."""
+        self._shown = frame, view, look, span
+        scaled = look.fabric and span is not None
+        self.room = scale_share(self._size) if scaled else 0.0
+        self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
+        self.surface.SetVisibility(look.fabric)
+        self.surface.bar.VisibilityOff()
+        if look.fabric:
+            self._show_surface(frame, view, look, span)
+        ghost, supports = view.ghost and look.fabric, view.supports and look.cage
+        self.ghost.SetVisibility(ghost)
+        if ghost:
+            self.ghost.show(frame.surface)
+        for actor, wanted in ((self.cage, look.cage), (self.supports, supports)):
+            actor.SetVisibility(wanted)
+            if wanted:
+                actor.show(frame.cage)
+        self.loads.SetVisibility(view.loads)
+        self.cut_open(cut)
+
+    def cut_open(self, cut: Cut | None) -> None:
+        """Cut what is shown open with another plane, or show the whole."""
+        if cut is not None:
+            self._plane.SetNormal(*cut[0])
+            self._plane.SetOrigin(*cut[1])
+        if (cut is None) != (self.cut is None):
+            # Loads are never cut, see `LoadActor`.
+            for actor in (self.surface, self.ghost, self.cage, self.supports):
+                if cut is None:
+                    actor.GetMapper().RemoveAllClippingPlanes()
+                else:
+                    actor.GetMapper().AddClippingPlane(self._plane)
+        self.cut = cut
+        if self._shown is not None:
+            frame, view, look, span = self._shown
+            solid = look.fabric and not look.wireframe
+            self.face.fill(
+                frame.surface, cut if solid else None, frame.color, view.object_color, span
+            )
+            if view.loads:
+                self.loads.show(frame.arrows, cut)
+
+    def _show_surface(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
+        self.surface.show(frame.surface, frame.color, view.object_color, span, frame.painting)
+        drawn = self.surface.GetProperty()
+        drawn.SetBackfaceCulling(frame.closed and not self._far_sides)
+        drawn.SetRepresentation(VTK_WIREFRAME if look.wireframe else VTK_SURFACE)
+        # Of a wire frame, and of objects of lines or points alone.
+        drawn.SetLineWidth((1.0 if look.wireframe else 2.0) * self._point)
+        drawn.SetPointSize(3.0 * self._point)
