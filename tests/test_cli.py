@@ -19,7 +19,7 @@ from PIL import Image
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.io.export import content
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.scene import Scene
@@ -422,7 +422,10 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "plain_weave", "-o"], ["-o requires", "render --help"]),
         (["render", "plain_weave", "-o", "a.png", "--bogus"], ["--bogus", "render --help"]),
         (["render", "-o", "a.png"], ["needs SCENE"]),
-        (["render", __file__, "-o", "a.png"], [__file__, "by its ending", ".toml, .wif, .stl"]),
+        (
+            ["render", __file__, "-o", "a.png"],
+            [__file__, "by its ending", ".toml, .wif, .vtkhdf, .vtk, .vtu"],
+        ),
         (["render", "/", "-o", "a.png"], ["/: a folder"]),
         (["render", "plain_weave", "-o", f"{__file__}/a.png"], ["is a file, not a folder"]),
         (["render", "plain_weave", "-o", "a.png", "--color", "gold"], ["--color", '"clearance"']),
@@ -826,5 +829,6 @@ def test_what_a_writer_needs_is_asked_for_first(
     monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100 * polygons)
     with pytest.raises(SizeError, match=f"to write {polygons} polygons as {ending} would need"):
-        content(scene, "surface", ending)
-    assert content(scene, "surface", ".vtp")
+        registry.writer(file := tmp_path / f"b{ending}").write(file, scene.data("surface"))
+    registry.writer(file := tmp_path / "b.vtp").write(file, scene.data("surface"))
+    assert pv.read(file).n_cells == polygons

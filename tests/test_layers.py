@@ -53,7 +53,6 @@ TWICE: dict[str, str] = {}
 #: What is not yet so, by the engineer's letter who has the room; to be emptied.
 PENDING: dict[str, str] = {
     "fabric.settle -> io.wif": "A",
-    "io.export -> scenes.scene": "B",
     "scenes.footprint <-> scenes.scene": "C",
     "_Prepared in filters.barycentric_warp, filters.modal_response, filters.patch_tessellator": "C",
     "fabric.weave is long": "A",
@@ -63,7 +62,6 @@ PENDING: dict[str, str] = {
     "app.plots.save is short": "E",
     "filters.response_parameters is short": "C",
     "fabric.bicubic is short": "A",
-    "io.table_file is short": "B",
     "mechanics.stress is short": "C",
     "filters.solver_parameters is short": "C",
     "mechanics.weak_values is short": "C",

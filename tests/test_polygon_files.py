@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOGeometry import vtkSTLWriter
 from vtkmodules.vtkIOPLY import vtkPLYWriter
 
-from spacemap_vtk.io.output import write
-from spacemap_vtk.io.polygon_files import ply, stl
+from spacemap_vtk.io.formats.ply import write_ply
+from spacemap_vtk.io.formats.stl import write_stl
+from spacemap_vtk.io.polygons import facing, triangles_of
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -40,10 +40,10 @@ SURFACES = {
 @pytest.mark.parametrize("name", SURFACES)
 def test_ply_is_what_vtk_writes(name: str, tmp_path: Path) -> None:
     data, file, theirs = SURFACES[name](), tmp_path / "a.ply", tmp_path / "b.ply"
-    write(file, ply(data))
+    write_ply(file, data)
     writer = vtkPLYWriter()
     writer.SetFileName(str(theirs))
-    writer.SetInputData(data)
+    writer.SetInputData(facing(data))
     writer.Write()
     (head, body), (other_head, other_body) = (
         path.read_bytes().split(b"end_header\n", 1) for path in (file, theirs)
@@ -57,26 +57,23 @@ def test_ply_is_what_vtk_writes(name: str, tmp_path: Path) -> None:
 
 def test_ply_holds_polygons_of_more_sides_than_a_byte_counts(tmp_path: Path) -> None:
     data, file = cylinder(300), tmp_path / "a.ply"
-    write(file, ply(data))
+    write_ply(file, data)
     again = meshio.read(file)  # VTK's own reader counts in a byte, whatever the file says
     np.testing.assert_array_equal(again.points, data.points.astype(np.float32))
     found = [row for block in again.cells for row in block.data]
     assert [len(face) for face in found] == [4] * 300 + [300] * 2
-    theirs = vtk_to_numpy(data.GetPolys().GetConnectivityArray())
+    theirs = vtk_to_numpy(facing(data).GetPolys().GetConnectivityArray())
     np.testing.assert_array_equal(np.concatenate(found), theirs)
 
 
 def test_stl_is_what_vtk_writes(tmp_path: Path) -> None:
     data, file, theirs = pv.Sphere(theta_resolution=300), tmp_path / "a.stl", tmp_path / "b.stl"
     data = data.merge(pv.PolyData([[0.0, 0, 0]] * 3, [3, 0, 1, 2]), merge_points=False)
-    turned = vtkTriangleFilter()
-    turned.SetInputData(data)
-    turned.Update()
-    write(file, stl(turned.GetOutput()))
+    write_stl(file, data)
     writer = vtkSTLWriter()
     writer.SetFileTypeToBinary()
     writer.SetFileName(str(theirs))
-    writer.SetInputData(turned.GetOutput())
+    writer.SetInputData(facing(triangles_of(data)))
     writer.Write()
     ours, vtks = file.read_bytes(), theirs.read_bytes()
     assert ours[80:84] == vtks[80:84]
@@ -89,5 +86,5 @@ def test_stl_is_what_vtk_writes(tmp_path: Path) -> None:
 
 
 def test_stl_of_nothing(tmp_path: Path) -> None:
-    write(tmp_path / "a.stl", stl(pv.PolyData()))
+    write_stl(tmp_path / "a.stl", pv.PolyData())
     assert len((tmp_path / "a.stl").read_bytes()) == 84

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.app.document import Document, values_of
+from spacemap_vtk.app.document import Document
 from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene import Scene, values_of
 
 
 def as_command(document: Document, time: float) -> str:

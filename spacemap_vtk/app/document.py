@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ from tomlkit.items import AoT, Array
 from spacemap_vtk.app.edit import Edit, History, Version
 from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_folder
-from spacemap_vtk.io.reading import OBJECT_ENDINGS
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene import Scene, values_of
 
 #: A longer list is written with a line for each value.
 _LINE = 8
@@ -29,15 +28,6 @@ DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
 _LATEST = 50
 #: Section, values, burst and name, as for `Document.set_many`.
 _Change = tuple[str, dict[str, Any], int, str]
-
-
-def values_of(path: Path) -> dict[str, Any]:
-    """Return what a scene, a draft or a mesh says, as a scene file would."""
-    if path.suffix.lower() in OBJECT_ENDINGS:
-        return {"object": {"file": str(path)}}
-    if path.suffix.lower() == ".wif":
-        return {"weave": {"draft": str(path)}}
-    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 class Document(QObject):
@@ -83,7 +73,7 @@ class Document(QObject):
         """Read a scene, a draft, or a scene that comes with the program."""
         path = library.find(name).resolve()
         read = Scene.read(path)  # also for its message, which names the file
-        scene = path.suffix.lower() not in (".wif", *OBJECT_ENDINGS)
+        scene = registry.kind_of(path) in ("scene", None)
         if scene:
             text = path.read_text(encoding="utf-8")
         else:
@@ -129,7 +119,7 @@ class Document(QObject):
             written = path.name if beside else str(path)
             self.set_many("weave", {"draft": written}, name="draft's file")
         # If what was opened is a draft, its file has what the scene says of it.
-        of_draft = self.file is None and self.source and self.source.suffix.lower() == ".wif"
+        of_draft = self.file is None and self.source and registry.kind_of(self.source) == "draft"
         kept = DRAFTED if of_draft else ()
         now, saved = (
             {**settings, "weave": {k: v for k, v in settings["weave"].items() if k not in kept}}

@@ -21,18 +21,12 @@ from spacemap_vtk.draw.background import Order
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import check_output, whole_folder
+from spacemap_vtk.io.registry import DATA, written, written_filters
 
 #: Endings, by what is written.
 _ENDINGS = {
     "picture": {".png": "picture", ".jpg": "picture"},
     "film": {".mp4": "film", ".gif": "film", ".png": "numbered frames, as in frame-%04d.png"},
-}
-#: What data there are, in words, with the endings that hold them.
-DATA = {
-    "patches": ("Bézier patches", (".vtu",)),
-    "surface": ("Surface", (".vtp", ".stl", ".ply")),
-    "cage": ("Cage with its motion", (".vtu",)),
-    "draft": ("Weaver's draft", (".wif",)),
 }
 
 
@@ -64,22 +58,18 @@ class Exports(QObject):
 
     def data(self) -> None:
         """Ask for a file, and write what its format holds."""
-        filters = {
-            f"{words} (*{ending})": kind
-            for kind, (words, endings) in DATA.items()
-            for ending in endings
-        }
+        filters = written_filters()
         name, chosen = QFileDialog.getSaveFileName(
             self._window, "Export data", "", ";;".join(filters)
         )
         if not name:
             return
         kind = filters.get(chosen, "patches")
-        path = ended(self._window, Path(name), DATA[kind][1][0])
+        path = ended(self._window, Path(name), next(iter(written(kind))))
         if path is None:
             return
-        if path.suffix.lower() not in DATA[kind][1]:
-            kind = next((k for k, (_, e) in DATA.items() if path.suffix.lower() in e), kind)
+        if path.suffix.lower() not in written(kind):
+            kind = next((other for other in DATA if path.suffix.lower() in written(other)), kind)
         self.start(kind, path)
 
     def start(
@@ -92,7 +82,7 @@ class Exports(QObject):
     ) -> None:
         """Begin to write."""
         document, times = self._document, self._times
-        endings = _ENDINGS.get(kind) or dict.fromkeys(DATA[kind][1], DATA[kind][0])
+        endings = _ENDINGS.get(kind) or written(kind)
         try:
             if self._process is not None:
                 raise InputError("something is being written already")
@@ -165,7 +155,7 @@ class Exports(QObject):
             self.start(kind, dialog.file, dialog.size_chosen, panels, camera)
 
     def _show_progress(self, kind: str) -> None:
-        words = DATA[kind][0] if kind in DATA else kind
+        words = DATA.get(kind, kind)
         progress = QProgressDialog(
             f"Writing {words.lower()}: {self._target.name}", "Cancel", 0, 0, self._window
         )

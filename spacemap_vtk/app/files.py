@@ -13,8 +13,8 @@ from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.registry import opened_filters
 
-_OPENED = "Scenes, drafts, meshes (*.toml *.wif *.ply *.stl *.obj *.vtp *.vtu);;All files (*)"
 _RECENT = 8
 _PICTURES = {".png": "picture", ".jpg": "picture"}
 
@@ -44,7 +44,7 @@ class Files(QObject):
     def open(self) -> None:
         """Ask for a file, and open it."""
         if self.may_leave():
-            name, _ = QFileDialog.getOpenFileName(self._window, "Open", "", _OPENED)
+            name, _ = QFileDialog.getOpenFileName(self._window, "Open", "", opened_filters())
             if name:
                 self.load(name)
 

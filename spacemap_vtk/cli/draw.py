@@ -13,7 +13,9 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Quiet, Set, Shown, Size, Time, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder
+from spacemap_vtk.io.registry import writer as writer_of
+from spacemap_vtk.io.registry import written, written_words
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
@@ -172,7 +174,10 @@ def export(
     scene: str,
     /,
     *,
-    output: Output,
+    output: Annotated[
+        Path,
+        Parameter(name=["--output", "-o"], help=f"A {written_words()} file."),
+    ],
     what: Annotated[
         str | None,
         Parameter(
@@ -193,29 +198,25 @@ def export(
     ----------
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
-    output : Path
-        A .vtu (patches or cage), .vtp, .stl or .ply (surface), or .wif (draft) file.
     """
-    from spacemap_vtk.io.export import FORMATS, content
+    check_output(output, written())
+    from spacemap_vtk.scenes.export import content, times_of
 
-    check_output(output, {ending: " or ".join(kinds) for ending, kinds in FORMATS.items()})
-    ending = output.suffix.lower()
-    kinds = FORMATS[ending]
-    kind = what or kinds[0]
-    if kind not in kinds:
+    writer = writer_of(output)
+    kind = what or writer.holds[0]
+    if kind not in writer.holds:
         raise InputError(
-            f"{ending} files do not hold that",
+            f"{output.suffix.lower()} files do not hold that",
             key="--what",
             value=kind,
-            allowed=", ".join(kinds),
+            allowed=", ".join(writer.holds),
         )
     opened_scene = opened(scene, set_, time=time)
-    if kind != "draft":
-        with progress(opened_scene, "Computing", 1, quiet):
-            opened_scene.update(opened_scene.view.time)
-    parts = content(opened_scene, kind, ending)
-    with whole_file(output) as file:
-        write(file, parts)
+    times = times_of(opened_scene, writer, opened_scene.view.time)
+    with progress(opened_scene, "Computing", len(times), quiet) as tell:
+        data = content(opened_scene, kind, writer, times, tell)
+        with whole_folder(output) as folder:
+            writer.write(folder / output.name, data)
     tell_warnings(opened_scene, quiet)
 
 

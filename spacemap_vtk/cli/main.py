@@ -12,14 +12,15 @@ from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensEr
 
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapWarning
+from spacemap_vtk.io.registry import opened_words
 
 app = App(
     name="spacemap",
     version=__version__,
     suppress_keyboard_interrupt=False,
-    help="""Deform woven fabric by space mapping: pictures, films, data and figures.
+    help=f"""Deform woven fabric by space mapping: pictures, films, data and figures.
 
-    SCENE is a scene file (.toml), a weaver's draft (.wif), a mesh (.ply, .stl, .vtu, ...), or the
+    SCENE is {opened_words()}, or the
     name of a scene that comes with the program (see "spacemap scenes"). Lengths are SI, or carry
     their unit: "0.3 mm".
 

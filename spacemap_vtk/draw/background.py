@@ -54,15 +54,18 @@ def carry_out(order: Order) -> Iterator[tuple[int, int]]:
     if order.kind != "draft":  # which needs no room for its yarns
         scene.check()
     if order.kind not in ("picture", "film"):
-        from spacemap_vtk.io.export import content
-        from spacemap_vtk.io.output import write
+        from spacemap_vtk.io import registry
+        from spacemap_vtk.scenes.export import content, times_of
 
-        yield 0, 2
-        if order.kind != "draft":
-            scene.update(order.time)
-        yield 1, 2
-        write(output, content(scene, order.kind, output.suffix.lower()))
-        yield 2, 2
+        writer = registry.writer(output)
+        moments = times_of(scene, writer, order.time)
+        steps = len(moments) + 1
+        yield 0, steps
+        data = content(
+            scene, order.kind, writer, moments, lambda done: _say({"done": done, "of": steps})
+        )
+        writer.write(output, data)
+        yield steps, steps
         return
     from spacemap_vtk.draw.picture import Picture, Viewpoint
 

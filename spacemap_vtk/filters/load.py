@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.table_file import read_table
+from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.supports import SIDES
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
@@ -156,7 +156,9 @@ class Load(Parameterised):
         self._action = given[0]
         self._check_place()
         self._check_time()
-        self._points = (self.times, self.values) if self.file is None else read_table(self.file)
+        self._points = (
+            (self.times, self.values) if self.file is None else registry.read(self.file, "table")
+        )
         try:
             self._function = self._made()
         except InputError as error:

@@ -22,7 +22,7 @@ from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.volume import Volume, tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.io.series import KINDS, MeshSeries, open_series
+from spacemap_vtk.io.series import MeshSeries, kinds, open_series
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
 
 #: Steps whose displacement is held: two are needed between them, more for going back.
@@ -111,7 +111,7 @@ class MotionReader(Stage):
 
     def _series(self) -> MeshSeries:
         if self.file is None:
-            raise InputError("no file is named", key="file", allowed=KINDS)
+            raise InputError("no file is named", key="file", allowed=kinds())
         state = (self.file, self.file.stat().st_mtime_ns) if self.file.is_file() else (self.file, 0)
         if self._opened is None or self._opened[0] != state:
             self._first = None

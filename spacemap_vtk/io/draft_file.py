@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import MAX_CROSSINGS, WifDraft, read_wif
 from spacemap_vtk.io.wif_text import MAX_LENGTH
 
-#: Endings of files that are read as pictures.
-PICTURES = frozenset({".png", ".bmp", ".gif", ".tif", ".tiff", ".pbm", ".pgm", ".jpg", ".jpeg"})
-#: Endings of files that are read as rows, unless they have the sections of a WIF.
-TEXTS = frozenset({".txt", ".csv"})
 #: Characters of a row.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
 _APART = " \t,;"
@@ -27,19 +24,21 @@ def read_draft(path: str | os.PathLike[str]) -> WifDraft:
     """Read a draft, of the kind that the file's ending tells."""
     path = Path(path)
     try:
-        if path.suffix.lower() in PICTURES:
-            draft = read_picture(path)
-        elif path.suffix.lower() in TEXTS:
-            text = _text(path)
-            if any(line.lstrip().startswith("[") for line in text.splitlines()):
-                return read_wif(path)
-            draft = Draft(parse_rows(text), title=path.stem)
-        else:
-            return read_wif(path)
+        draft: Draft | WifDraft = registry.read(path, "draft")
     except InputError as error:
         error.file = error.file or str(path)
         raise
+    if isinstance(draft, WifDraft):
+        return draft
     return WifDraft(draft, Loom.from_drawdown(draft.drawdown))
+
+
+def read_rows(path: Path) -> Draft | WifDraft:
+    """Read a drawdown from rows of text, unless it has the sections of a WIF."""
+    text = _text(path)
+    if any(line.lstrip().startswith("[") for line in text.splitlines()):
+        return read_wif(path)
+    return Draft(parse_rows(text), title=path.stem)
 
 
 def parse_rows(text: str) -> NDArray[np.bool_]:

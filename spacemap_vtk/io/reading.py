@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import importlib
-import io
-import logging
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,45 +22,15 @@ from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
 from spacemap_vtk.datasets.arrays import add_array, to_cells
 from spacemap_vtk.datasets.quiet import quiet_vtk
-from spacemap_vtk.errors import GeometryError, InputError, MissingLibraryError
-from spacemap_vtk.io import material_files
-from spacemap_vtk.io.texture_atlas import Material, apply, read_picture
-from spacemap_vtk.io.truncation import CHECKS, truncated
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
 
-#: Endings of files that hold an object, read by VTK or, with pyvista, by meshio.
-OBJECT_ENDINGS = (
-    *(".stl", ".ply", ".obj", ".vtp", ".vtu", ".vtk", ".gltf", ".glb", ".vtm", ".vtmb", ".vtkhdf"),
-    *(".vts", ".vtr", ".vti", ".pvtu", ".pvtp", ".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
-    *(".e", ".ex2", ".exo", ".exii", ".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
-    *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
-    *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
-    *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
-)
-
-
 #: What is further away than this, in m, has no square in single precision.
 _LARGEST = 1e18
-_OWN_READERS = {
-    ".vtu": ("vtkIOXML", "vtkXMLUnstructuredGridReader"),
-    ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
-    ".vts": ("vtkIOXML", "vtkXMLStructuredGridReader"),
-    ".vtr": ("vtkIOXML", "vtkXMLRectilinearGridReader"),
-    ".vti": ("vtkIOXML", "vtkXMLImageDataReader"),
-    ".vtk": ("vtkIOLegacy", "vtkGenericDataObjectReader"),
-    ".stl": ("vtkIOGeometry", "vtkSTLReader"),
-    ".obj": ("vtkIOGeometry", "vtkOBJReader"),
-    ".ply": ("vtkIOPLY", "vtkPLYReader"),
-    ".vtm": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
-    ".vtmb": ("vtkIOXML", "vtkXMLMultiBlockDataReader"),
-    ".pvtu": ("vtkIOXML", "vtkXMLPUnstructuredGridReader"),
-    ".pvtp": ("vtkIOXML", "vtkXMLPPolyDataReader"),
-    ".vtkhdf": ("vtkIOHDF", "vtkHDFReader"),
-    ".gltf": ("vtkIOGeometry", "vtkGLTFReader"),
-    ".glb": ("vtkIOGeometry", "vtkGLTFReader"),
-}
 
 
 @dataclass
@@ -80,15 +47,12 @@ class ReadObject:
 
 def read_object(path: Path, texture: Path | None = None) -> ReadObject:
     """Read a mesh, and the pictures and colours of its materials."""
-    data, reader = _read(path)
+    found = registry.read(registry.existing(path), "mesh")
+    data = found.data if isinstance(found, Painted) else found
     notes: list[str] = []
-    ending, picture = path.suffix.lower(), None
-    if texture is None and ending in (".obj", ".gltf", ".glb"):
-        if ending == ".obj":
-            blocks, paint = material_files.of_obj(data, path)
-        else:
-            blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
-            paint = material_files.of_gltf(blocks, reader)
+    picture = None
+    if isinstance(found, Painted) and texture is None:
+        blocks, paint = found.materials()
         picture = apply(blocks, paint.materials)
         notes = paint.notes
         data = vtkMultiBlockDataSet()
@@ -110,88 +74,28 @@ def read_object(path: Path, texture: Path | None = None) -> ReadObject:
 
 
 def read_blocks(path: Path) -> Any:
-    """Read a file, with VTK for its commonest formats and pyvista for the rest."""
-    return _read(path)[0]
+    """Read a file of a mesh as it is."""
+    found = registry.read(registry.existing(path), "mesh")
+    return found.data if isinstance(found, Painted) else found
 
 
-def _read(path: Path) -> tuple[Any, Any]:
-    """Return what `read_blocks` does, and VTK's reader if it was one of the common formats."""
-    if not path.is_file():
-        raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}", key="file")
-    if path.stat().st_size == 0:
-        raise InputError(f"{path}: the file is empty", key="file")
-    if path.suffix.lower() in CHECKS:
-        CHECKS[path.suffix.lower()](path)
-    if path.suffix.lower() in _OWN_READERS:
-        # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
-        # harmless message.
-        module, name = _OWN_READERS[path.suffix.lower()]
-        with quiet_vtk(path):
-            reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
-            reader.SetFileName(str(path))
-            reader.Update()
-            made = reader.GetOutputDataObject(0)
-        if made is None:
-            raise InputError(f"{path}: VTK found nothing in it", key="file")
-        return made, reader
-    try:
-        import pyvista as pv
-    except ImportError:
-        raise MissingLibraryError(
-            f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
-        ) from None
-    said = io.StringIO()
-    try:
-        # meshio prints, and ends the program where it cannot read
-        with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
-            made = pv.read(path, **_other_format(path))
-    except InputError:
-        raise
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"{path}: {error}", cure=f'Run "pip install {error.name}".' if error.name else None
-        ) from None
-    except (Exception, SystemExit) as error:
-        # pyvista's and meshio's own: unknown endings, broken headers, missing parts
-        why = said.getvalue() if isinstance(error, SystemExit) else str(error)
-        known = path.suffix.lower() in OBJECT_ENDINGS
-        raise InputError(
-            f"{path}: cannot be read: {' '.join(why.split())[:200]}"
-            if known
-            else f"{path}: no mesh, by its ending",
-            key="file",
-            allowed="a whole file of a format that pyvista reads: " + ", ".join(OBJECT_ENDINGS),
-        ) from None
-    if "not closed" in said.getvalue():  # meshio goes on with what there is
-        raise truncated(path)
-    return made, None
+def read_with_vtk(path: Path, module: str, name: str) -> Any:
+    """Read a file with a reader of VTK's."""
+    return vtk_reader(path, module, name).GetOutputDataObject(0)
 
 
-@contextmanager
-def _quiet_logging() -> Iterator[None]:
-    """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logging.disable(before)
-
-
-def _other_format(path: Path) -> dict[str, str]:
-    """Return pyvista's option for a format that has the ending of another one."""
-    with path.open("rb") as file:
-        begin = file.read(256).lstrip()
-    ending = path.suffix.lower()
-    if ending == ".msh":
-        # Not meshio's reader of ANSYS, which comes first there and takes Gmsh's for its own.
-        gmsh = begin.startswith(b"$MeshFormat")
-        return {"file_format": "gmsh"} if gmsh else {"force_ext": ".cas"}
-    if ending == ".inp" and begin.startswith(b"*"):
-        return {"file_format": "abaqus"}  # and not VTK's AVS
-    if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
-        return {"file_format": "xdmf"}  # VTK's reader knows the second version
-    return {}
+def vtk_reader(path: Path, module: str, name: str) -> Any:
+    """Return a reader of VTK's that has read a file."""
+    # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
+    # harmless message.
+    with quiet_vtk(path):
+        reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
+        reader.SetFileName(str(path))
+        reader.Update()
+        made = reader.GetOutputDataObject(0)
+    if made is None:
+        raise InputError(f"{path}: VTK found nothing in it", key="file")
+    return reader
 
 
 def merged(data: Any, path: Path) -> vtkPointSet:
@@ -199,7 +103,7 @@ def merged(data: Any, path: Path) -> vtkPointSet:
     # Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, a colour
     # with white, so that none is lost, and the cell array ``block`` numbers the blocks. Points
     # without any cell get one each, so that they can be seen.
-    blocks = [block for block in _leaves(data) if block.GetNumberOfPoints()]
+    blocks = [block for block in leaves(data) if block.GetNumberOfPoints()]
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
     for block in blocks:
@@ -274,10 +178,10 @@ def _dotted(data: vtkPointSet) -> vtkPointSet:
     return result
 
 
-def _leaves(data: Any) -> Iterator[vtkDataSet]:
+def leaves(data: Any) -> Iterator[vtkDataSet]:
     if isinstance(data, vtkCompositeDataSet):
         for index in range(data.GetNumberOfBlocks()):
-            yield from _leaves(data.GetBlock(index))
+            yield from leaves(data.GetBlock(index))
     elif isinstance(data, vtkDataSet):
         yield data
 

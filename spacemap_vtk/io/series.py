@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
@@ -16,14 +15,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import merged, read_blocks
-from spacemap_vtk.io.truncation import CHECKS
-
-#: What a motion can be read from, in words.
-KINDS = (
-    "a .pvd, .vtkhdf, Exodus (.e, .ex2, .exo) or .series file, one .vtu or .vtk file, or several "
-    "by a pattern such as step_*.vtu"
-)
 
 
 class MeshSeries(ABC):
@@ -46,7 +39,7 @@ class MeshSeries(ABC):
         """Return the mesh of a step."""
 
 
-class _Files(MeshSeries):
+class FileSeries(MeshSeries):
     """A file, or several, for each step."""
 
     def __init__(self, file: Path, steps: list[tuple[float, list[Path]]]) -> None:
@@ -67,21 +60,18 @@ class _Files(MeshSeries):
         return merged(blocks, paths[0])
 
 
-class _Reader(MeshSeries):
+class ReaderSeries(MeshSeries):
     """One file with all steps, and VTK's reader for it."""
 
-    def __init__(self, file: Path, reader: Any) -> None:
+    def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
         self._reader = reader
         with quiet_vtk(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
                 raise InputError(f"{file}: damaged or of another format", key="file")
             reader.UpdateInformation()
-            if reader.IsA("vtkExodusIIReader"):
-                # It would move the points itself, and calls that array by another name.
-                reader.SetApplyDisplacements(0)
-                for i in range(reader.GetNumberOfPointResultArrays()):
-                    reader.SetPointResultArrayStatus(reader.GetPointResultArrayName(i), 1)
+            if prepare is not None:
+                prepare()
                 reader.UpdateInformation()
         info = reader.GetOutputInformation(0)
         key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
@@ -96,32 +86,21 @@ class _Reader(MeshSeries):
         return merged(copy, self.file)
 
 
+def kinds() -> str:
+    """Return what a motion can be read from, in words."""
+    return (
+        f"a file with times ({', '.join(registry.endings('motion'))}), one mesh such as a .vtu, or "
+        "several by a pattern such as step_*.vtu"
+    )
+
+
 def open_series(file: Path) -> MeshSeries:
     """Open a time series."""
-    ending = file.suffix.lower()
     if any(sign in file.name for sign in "*?["):
         return _pattern(file)
-    if not file.is_file():
-        raise InputError(
-            f"{file}: {'a folder' if file.is_dir() else 'no such file'}", key="file", allowed=KINDS
-        )
-    if file.stat().st_size == 0:
-        raise InputError(f"{file}: the file is empty", key="file")
-    if ending == ".pvd":
-        return _collection(file)
-    if ending == ".series":
-        return _json(file)
-    if ending == ".vtkhdf":
-        from vtkmodules.vtkIOHDF import vtkHDFReader
-
-        return _Reader(file, vtkHDFReader())
-    if ending in CHECKS:
-        CHECKS[ending](file)
-    if ending in (".e", ".ex2", ".exo", ".exii"):
-        from vtkmodules.vtkIOExodus import vtkExodusIIReader
-
-        return _Reader(file, vtkExodusIIReader())
-    return _Files(file, [(0.0, [file])])
+    registry.existing(file, kinds())
+    reader = registry.reader(file, "motion")
+    return FileSeries(file, [(0.0, [file])]) if reader is None else reader.read(file)
 
 
 def _pattern(file: Path) -> MeshSeries:
@@ -135,30 +114,9 @@ def _pattern(file: Path) -> MeshSeries:
         array = field.GetArray("TimeValue") if field else None
         time = float(vtk_to_numpy(array)[0]) if array is not None else float(number)
         steps.append((time, [path]))
-    return _Files(file, steps)
+    return FileSeries(file, steps)
 
 
 def _numbers(name: str) -> list[Any]:
     """Return a key that puts step_9 before step_10."""
     return [(0, int(p), "") if p.isdigit() else (1, 0, p) for p in re.split(r"(\d+)", name) if p]
-
-
-def _collection(file: Path) -> MeshSeries:
-    try:
-        root = ElementTree.parse(file).getroot()
-        steps: dict[float, list[Path]] = {}
-        for entry in root.iter("DataSet"):
-            time = float(entry.get("timestep", "0"))
-            steps.setdefault(time, []).append(file.parent / entry.attrib["file"])
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
-        raise InputError(f"{file}: no ParaView collection: {error}", key="file") from None
-    return _Files(file, list(steps.items()))
-
-
-def _json(file: Path) -> MeshSeries:
-    try:
-        entries = json.loads(file.read_text(encoding="utf-8"))["files"]
-        steps = [(float(entry["time"]), [file.parent / entry["name"]]) for entry in entries]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{file}: no file series: {error}", key="file") from None
-    return _Files(file, steps)

@@ -7,10 +7,11 @@ coordinates are changed to suit.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import ceil
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,15 @@ class Paint:
     materials: list[Material]
     #: Pictures that are missing or cannot be read.
     notes: list[str] = field(default_factory=list)
+
+
+class Painted(NamedTuple):
+    """A mesh as it stands in a file that names materials."""
+
+    data: Any
+    """Any data object of VTK's."""
+    materials: Callable[[], tuple[list[vtkPolyData], Paint]]
+    """Reads them; returns the mesh cut into blocks, each of one material."""
 
 
 def read_picture(path: Path) -> Pixels:

@@ -66,12 +66,7 @@ class SceneReader(Stage):
             scene.update(time, self.piece)
         for text in scene.warnings:
             self.warn(text)
-        data = {
-            "surface": lambda: scene.polygons,
-            "patches": lambda: scene.patches,
-            "cage": lambda: scene.deformed_cage,
-        }[self.show]()
-        output.ShallowCopy(data)
+        output.ShallowCopy(scene.data(self.show))
 
     @property
     def replicated(self) -> bool:  # type: ignore[override]

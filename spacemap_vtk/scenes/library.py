@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import opened_words
 
 
 def folder() -> Path:
@@ -32,7 +33,6 @@ def find(scene: str | Path) -> Path:
 
     raise InputError(
         f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
-        allowed="a scene (.toml), a draft (.wif), a mesh (as .ply), or one of "
-        + ", ".join(names()),
+        allowed=f"{opened_words()}, or one of {', '.join(names())}",
         cure=suggestion(str(scene), names()),
     )

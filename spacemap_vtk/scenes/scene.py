@@ -33,7 +33,7 @@ from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.io.reading import OBJECT_ENDINGS
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
@@ -122,33 +122,7 @@ class Scene:
             If the file is missing, is no TOML, or holds what a scene does not know.
         """
         path = library.find(scene)
-        if path.suffix.lower() == ".wif":
-            return cls({"weave": {"draft": path.name}}, path)
-        if path.suffix.lower() in OBJECT_ENDINGS:
-            return cls({"object": {"file": path.name}}, path)
-        try:
-            values = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            if path.suffix.lower() != ".toml":
-                raise InputError(
-                    f"{path}: neither a scene nor a draft nor a mesh, by its ending",
-                    allowed=", ".join([".toml", ".wif", *OBJECT_ENDINGS]),
-                ) from None
-            why, cure = str(error), 'Mend that line; strings need quotes, as in "0.3 mm".'
-            if isinstance(error, UnicodeDecodeError):
-                line = error.object.count(b"\n", 0, error.start) + 1
-                why = f"line {line} has a byte {error.object[error.start]:#04x}, which is no UTF-8"
-                cure = "Save it as UTF-8 in a text editor."
-            elif path.read_bytes().startswith(b"\xef\xbb\xbf"):
-                why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
-            raise InputError(
-                f"{path}: not a scene: {why}",
-                allowed="a TOML text in UTF-8 with sections " + ", ".join(sections()),
-                cure=cure,
-            ) from None
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}") from None
-        return cls(values, path)
+        return cls(values_of(path, path.name), path)
 
     @property
     def _all_stages(self) -> list[Stage]:
@@ -447,6 +421,30 @@ class Scene:
             self._warnings |= dict.fromkeys(wif.draft.warnings)
             return wif
 
+    def data(self, kind: str) -> Any:
+        """Return what is a key of `spacemap_vtk.io.registry.DATA`, as of the last update.
+
+        Parameters
+        ----------
+        kind : str
+            ``"patches"``, ``"surface"``, ``"cage"`` or ``"draft"``.
+
+        Returns
+        -------
+        vtkDataSet or WifDraft
+            The pipeline's own.
+
+        Raises
+        ------
+        InputError
+            If the scene has no cage, or no draft that can be read.
+        """
+        if kind == "patches":
+            return self.patches
+        if kind == "surface":
+            return self.polygons
+        return self.deformed_cage if kind == "cage" else self.draft
+
     @property
     def painting(self) -> vtkImageData | None:
         """What the object is painted with; None where it shows its own colours."""
@@ -502,3 +500,13 @@ class Scene:
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
+
+
+def values_of(path: Path, name: str = "") -> dict[str, Any]:
+    """Return what a scene, a draft or a mesh says, as a scene file would that calls it `name`."""
+    kind = registry.kind_of(path)
+    if kind == "draft":
+        return {"weave": {"draft": name or str(path)}}
+    if kind == "mesh":
+        return {"object": {"file": name or str(path)}}
+    return registry.read(path, "scene")

@@ -33,8 +33,8 @@ from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
-from spacemap_vtk.io.draft_file import PICTURES, TEXTS
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.registry import draft_filters
 from spacemap_vtk.io.wif_writer import format_wif
 
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
@@ -42,9 +42,6 @@ _SHARE = 0.3
 _MOST = 4096
 _HINT = (
     "Drag to edit · Ctrl adds a second mark · a strip takes the chosen colour · Ctrl+wheel zooms"
-)
-_OPENED = "Drafts (*.wif {});;All files (*)".format(
-    " ".join(f"*{ending}" for ending in sorted(PICTURES | TEXTS))
 )
 
 
@@ -127,7 +124,7 @@ class DraftTab(QWidget):
 
     def open(self) -> None:
         """Ask for a draft, and weave it in this scene."""
-        name, _ = QFileDialog.getOpenFileName(self, "Open draft", "", _OPENED)
+        name, _ = QFileDialog.getOpenFileName(self, "Open draft", "", draft_filters())
         if name:
             path = str(Path(name).resolve())
             self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")

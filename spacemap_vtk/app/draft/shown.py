@@ -14,8 +14,8 @@ from spacemap_vtk.fabric.drawdown import rows, tile
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.settle import FAMILIES, colors_of
 from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.io import registry
 from spacemap_vtk.io.as_wif import loom_of
-from spacemap_vtk.io.draft_file import PICTURES, TEXTS
 from spacemap_vtk.io.wif import MAX_CROSSINGS, WifDraft
 
 Colors = NDArray[np.uint8]
@@ -74,13 +74,14 @@ def shown_of(weave: WeaveSource) -> Shown:
             allowed=f"up to {MAX_CROSSINGS} crossings",
         )
     drawdown = tile(own.drawdown, ends, picks)
-    draft = weave.draft
+    # Rows and pictures say nothing of a loom.
+    reader = registry.reader(weave.draft, "draft") if weave.draft else None
     return Shown(
         loom_of(source, drawdown),
         drawdown,
         colors_of("warp", ends, own.warp_colors, wishes),
         colors_of("weft", picks, own.weft_colors, wishes),
-        draft is None or draft.suffix.lower() in PICTURES | TEXTS,
+        reader is None or reader.general,
         source,
     )
 

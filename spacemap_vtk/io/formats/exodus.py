@@ -1,15 +1,58 @@
-"""Whether a classic netCDF file, which Exodus often is, is whole: its library reads on as zeros."""
+"""Exodus: the finite elements of Sandia's programs, in netCDF, with all their times."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads, truncated
+
+if TYPE_CHECKING:
+    from spacemap_vtk.io.series import MeshSeries
+
+_ENDINGS = (".e", ".ex2", ".exo", ".exii")
 _BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}
 
 
+def _check(path: Path) -> None:
+    """Refuse a file that is none, of which its library prints at length, or is truncated."""
+    with path.open("rb") as file:
+        magic = file.read(4)
+    if magic[:3] != b"CDF" and magic != b"\x89HDF":
+        raise InputError(f"{path}: no Exodus file: neither netCDF nor HDF5", key="file")
+    if is_cut_off(path):
+        raise truncated(path)
+
+
+@reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)
+def read_exodus(path: Path) -> Any:
+    """Read the first step."""
+    from spacemap_vtk.io.formats.other_programs import read_with_pyvista
+
+    return read_with_pyvista(path)
+
+
+@reads(*_ENDINGS, label="Exodus", holds="motion", check=_check)
+def open_exodus(path: Path) -> MeshSeries:
+    """Open all steps."""
+    from vtkmodules.vtkIOExodus import vtkExodusIIReader
+
+    from spacemap_vtk.io.series import ReaderSeries
+
+    reader = vtkExodusIIReader()
+
+    def take_all() -> None:
+        # It would move the points itself, and calls that array by another name.
+        reader.SetApplyDisplacements(0)
+        for i in range(reader.GetNumberOfPointResultArrays()):
+            reader.SetPointResultArrayStatus(reader.GetPointResultArrayName(i), 1)
+
+    return ReaderSeries(path, reader, take_all)
+
+
 def is_cut_off(path: Path) -> bool:
-    """Return whether a classic netCDF file ends before its last variable does."""
+    """Return whether a classic netCDF file ends early: its library reads on as zeros."""
     size = path.stat().st_size
     with path.open("rb") as file:
         magic = file.read(4)

@@ -1,11 +1,13 @@
-"""Whether a legacy .vtk file is whole: VTK's reader takes what is missing from wild memory."""
+"""VTK's legacy files, whose reader takes what is missing from wild memory."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads, truncated
 
 #: VTK's own numbers are written as four bytes; "long" has four on Windows, and eight elsewhere.
 _BYTES = {
@@ -21,6 +23,19 @@ _COMPONENTS |= {"PEDIGREE_IDS": 1, "EDGE_FLAGS": 1}
 _CELLS = {"CELLS", "POLYGONS", "LINES", "VERTICES", "TRIANGLE_STRIPS"}
 #: Lines that only say what follows.
 _PLAIN = {"DATASET", "DIMENSIONS", "SPACING", "ORIGIN", "ASPECT_RATIO"}
+
+
+def _check(path: Path) -> None:
+    if is_cut_off(path):
+        raise truncated(path)
+
+
+@reads(".vtk", label="VTK, legacy", holds="mesh", check=_check)
+def read_legacy(path: Path) -> Any:
+    """Read a file."""
+    from spacemap_vtk.io.reading import read_with_vtk
+
+    return read_with_vtk(path, "vtkIOLegacy", "vtkGenericDataObjectReader")
 
 
 def is_cut_off(path: Path) -> bool:

@@ -6,12 +6,14 @@ import re
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads
 
 _BETWEEN = re.compile(r"\s*[,;\t]\s*|\s+")
 #: 1,5 and 0,2 in a line that has semicolons, as spreadsheets of half the world write numbers.
 _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 
 
+@reads(".csv", ".txt", label="Table", holds="table", general=True, rest=True)
 def read_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Read two columns of numbers."""
     try:

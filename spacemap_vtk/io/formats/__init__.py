@@ -1,0 +1,14 @@
+"""The formats that come with the program: each module here registers its own, by being here.
+
+A module's head imports neither numpy nor VTK, which lists of formats need not; its functions do.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+# VTK's own come first wherever formats are listed: they hold all that a scene has.
+for _name in sorted(
+    (module.name for module in iter_modules(__path__)),
+    key=lambda name: (not name.startswith("vtk"), name),
+):
+    import_module(f"{__name__}.{_name}")

@@ -1,0 +1,108 @@
+"""glTF: surfaces with their materials, in a text with parts beside it or in one binary file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads, truncated
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    from spacemap_vtk.io.texture_atlas import Paint, Painted
+
+
+def _check(path: Path) -> None:
+    """Refuse a file that is not whole, or whose parts beside it are not."""
+    content = path.read_bytes()
+    if path.suffix.lower() == ".glb":
+        if content[:4] != b"glTF":
+            raise InputError(f"{path}: no binary glTF: it does not begin with that word")
+        if len(content) < 20 or len(content) < int.from_bytes(content[8:12], "little"):
+            raise truncated(path)
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    try:
+        described: dict[str, Any] = json.loads(content)
+        named = [*described.get("buffers", []), *described.get("images", [])]
+        files = [(path.parent / unquote(part["uri"]), part) for part in named if "uri" in part]
+    except (ValueError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path}: no glTF, or cut off: {error}", key="file", cure="Write the file again, whole."
+        ) from None
+    for file, part in files:
+        if str(part["uri"]).startswith("data:"):
+            continue
+        if not file.is_file():
+            raise InputError(f"{path} names {part['uri']}, which is not there", key="file")
+        if "byteLength" not in part:
+            from spacemap_vtk.io.texture_atlas import read_picture
+
+            read_picture(file)
+        elif file.stat().st_size < part["byteLength"]:
+            raise truncated(file)
+
+
+@reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check)
+def read_gltf(path: Path) -> Painted:
+    """Read a file, and its materials when they are asked for."""
+    from spacemap_vtk.io.reading import leaves, vtk_reader
+    from spacemap_vtk.io.texture_atlas import Painted
+
+    reader = vtk_reader(path, "vtkIOGeometry", "vtkGLTFReader")
+    data = reader.GetOutputDataObject(0)
+
+    def materials() -> tuple[list[vtkPolyData], Paint]:
+        blocks: Any = [block for block in leaves(data) if block.GetNumberOfPoints()]
+        return blocks, _materials(blocks, reader)
+
+    return Painted(data, materials)
+
+
+def _materials(blocks: list[vtkPolyData], reader: Any) -> Paint:
+    """Return the materials of a file's blocks."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    from spacemap_vtk.io.texture_atlas import Material, Paint, pixels_of
+
+    # glTF counts v downwards, VTK upwards
+    pictures = [
+        pixels_of(reader.GetTexture(i).GetVTKTexture().GetInput())[::-1]
+        for i in range(reader.GetNumberOfTextures() if hasattr(reader, "GetTexture") else 0)
+    ]
+    materials = []
+    for block in blocks:
+        made, data = Material(), block.GetFieldData()
+        color = data.GetArray("BaseColorMultiplier")
+        if color is not None:
+            red, green, blue = (float(x) for x in vtk_to_numpy(color).ravel()[:3])
+            made.color = red, green, blue
+        index = data.GetArray("BaseColorTextureIndex")
+        if index is not None and 0 <= int(index.GetComponent(0, 0)) < len(pictures):
+            made.picture = pictures[int(index.GetComponent(0, 0))]
+            where = data.GetArray("BaseColorTexCoordIndex")
+            number = 0 if where is None else int(where.GetComponent(0, 0))
+            made.coordinates = f"TEXCOORD_{number}"
+        _color_points(block, made.color)
+        materials.append(made)
+    return Paint(materials)
+
+
+def _color_points(block: vtkPolyData, factor: tuple[float, float, float]) -> None:
+    """Turn glTF's colours of points into bytes, which are drawn as they are."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    from spacemap_vtk.datasets.arrays import add_array
+
+    array = block.GetPointData().GetArray("COLOR_0")
+    if array is None:
+        return
+    values = vtk_to_numpy(array)
+    largest = 1.0 if values.dtype.kind == "f" else float(np.iinfo(values.dtype).max)
+    share = np.clip(values / largest, 0.0, 1.0)
+    share[:, :3] *= np.clip(factor, 0.0, 1.0)
+    add_array(block.GetPointData(), "COLOR_0", np.round(255 * share).astype(np.uint8))

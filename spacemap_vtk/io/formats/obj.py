@@ -1,0 +1,101 @@
+"""Wavefront OBJ: polygons, and the materials that a file beside them describes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    from spacemap_vtk.io.texture_atlas import Material, Paint, Painted
+
+
+@reads(".obj", label="Wavefront OBJ", holds="mesh")
+def read_obj(path: Path) -> Painted:
+    """Read a file, and its materials when they are asked for."""
+    from spacemap_vtk.io.reading import read_with_vtk
+    from spacemap_vtk.io.texture_atlas import Painted
+
+    data = read_with_vtk(path, "vtkIOGeometry", "vtkOBJReader")
+    return Painted(data, lambda: _materials(data, path))
+
+
+def _materials(data: vtkPolyData, path: Path) -> tuple[list[vtkPolyData], Paint]:
+    """Return a file's mesh cut by its materials, and these."""
+    import numpy as np
+
+    from spacemap_vtk.io.polygons import part_of
+    from spacemap_vtk.io.texture_atlas import Material, Paint
+
+    libraries, faces = _used(path)
+    paint = Paint([])
+    known: dict[str, Material] = {}
+    for library in libraries:
+        known |= _library(path.parent / library, paint)
+    names = list(dict.fromkeys(faces))
+    whole = len(faces) != data.GetNumberOfPolys() or data.GetNumberOfLines()
+    if not known or whole or not faces:
+        return [data], Paint([Material()], paint.notes)
+    order = {name: i for i, name in enumerate(names)}
+    of_face = np.array([order[name] for name in faces])
+    blocks = [data] if len(names) == 1 else [part_of(data, of_face == i) for i in range(len(names))]
+    for name, block in zip(names, blocks, strict=True):
+        made, table = known.get(name, Material()), block.GetPointData()
+        # VTK calls the coordinates by the material
+        found = table.GetArray(name) or table.GetTCoords()
+        made.coordinates = found.GetName() if found is not None else ""
+        paint.materials.append(made)
+    return blocks, paint
+
+
+def _used(path: Path) -> tuple[list[str], list[str]]:
+    """Return the libraries that a file names, and the material of each face."""
+    libraries, faces, current = [], [], ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if line.startswith("f "):
+                faces.append(current)
+            elif line.startswith("usemtl"):
+                current = line[6:].strip()
+            elif line.startswith("mtllib"):
+                libraries.append(line[6:].strip())
+    return libraries, faces
+
+
+def _library(path: Path, paint: Paint) -> dict[str, Material]:
+    from spacemap_vtk.io.texture_atlas import Material, read_picture
+
+    if not path.is_file():
+        paint.notes.append(f"{path}, which has the materials, is not there: drawn without")
+        return {}
+    found: dict[str, Material] = {}
+    pictures: dict[Path, Any] = {}
+    made = Material()
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        words = line.split()
+        if words[:1] == ["newmtl"]:
+            made = found[" ".join(words[1:])] = Material()
+        elif words[:1] == ["Kd"] and len(words) >= 4:
+            try:
+                made.color = float(words[1]), float(words[2]), float(words[3])
+            except ValueError:
+                paint.notes.append(f'{path}: "{line.strip()}" is no colour')
+        elif words[:1] == ["map_Kd"] and len(words) > 1:
+            # options such as "-s 1 1 1" stand before the name
+            name = " ".join(words[1:]) if not words[1].startswith("-") else words[-1]
+            file = path.parent / name.replace("\\", "/")
+            try:
+                if file not in pictures:
+                    pictures[file] = read_picture(file)
+                made.picture = pictures[file]
+            except InputError as error:
+                paint.notes.append(f"{error}: drawn without")
+    for material in found.values():
+        # many programs write a black or grey Kd beside a picture, and mean the picture
+        if material.picture is not None:
+            material.color = (1.0, 1.0, 1.0)
+    return found

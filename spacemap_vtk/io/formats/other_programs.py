@@ -1,0 +1,88 @@
+"""Meshes of other programs, read by VTK or, with pyvista, by meshio."""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.io.registry import endings, reads, truncated
+
+
+@reads(
+    *(".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
+    *(".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
+    *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
+    *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
+    *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
+    label="Meshes of other programs",
+    holds="mesh",
+    common=False,
+    rest=True,
+)
+def read_with_pyvista(path: Path) -> Any:
+    """Read a file, with errors in words in place of what pyvista and meshio print."""
+    from spacemap_vtk.datasets.quiet import quiet_vtk
+
+    try:
+        import pyvista as pv
+    except ImportError:
+        raise MissingLibraryError(
+            f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
+        ) from None
+    said = io.StringIO()
+    try:
+        # meshio prints, and ends the program where it cannot read
+        with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
+            made = pv.read(path, **_other_format(path))
+    except InputError:
+        raise
+    except ImportError as error:
+        raise MissingLibraryError(
+            f"{path}: {error}", cure=f'Run "pip install {error.name}".' if error.name else None
+        ) from None
+    except (Exception, SystemExit) as error:
+        # pyvista's and meshio's own: unknown endings, broken headers, missing parts
+        why = said.getvalue() if isinstance(error, SystemExit) else str(error)
+        meshes = endings("mesh")
+        raise InputError(
+            f"{path}: cannot be read: {' '.join(why.split())[:200]}"
+            if path.suffix.lower() in meshes
+            else f"{path}: no mesh, by its ending",
+            key="file",
+            allowed="a whole file of a format that pyvista reads: " + ", ".join(meshes),
+        ) from None
+    if "not closed" in said.getvalue():  # meshio goes on with what there is
+        raise truncated(path)
+    return made
+
+
+@contextmanager
+def _quiet_logging() -> Iterator[None]:
+    """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def _other_format(path: Path) -> dict[str, str]:
+    """Return pyvista's option for a format that has the ending of another one."""
+    with path.open("rb") as file:
+        begin = file.read(256).lstrip()
+    ending = path.suffix.lower()
+    if ending == ".msh":
+        # Not meshio's reader of ANSYS, which comes first there and takes Gmsh's for its own.
+        gmsh = begin.startswith(b"$MeshFormat")
+        return {"file_format": "gmsh"} if gmsh else {"force_ext": ".cas"}
+    if ending == ".inp" and begin.startswith(b"*"):
+        return {"file_format": "abaqus"}  # and not VTK's AVS
+    if ending in (".xdmf", ".xmf") and b'Version="3' in begin:
+        return {"file_format": "xdmf"}  # VTK's reader knows the second version
+    return {}

@@ -1,0 +1,179 @@
+"""PLY: polygons with their normals and texture coordinates.
+
+VTK's writer writes nowhere but to a disk, and does not tell when that is full; this one makes the
+file in memory.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.registry import reads, truncated, writes
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+#: Bytes that making the file takes beside the surface, of each of its polygons.
+_WORK = 125
+_SIZES = {"u1": "uchar", "<i4": "int"}
+_TYPES = {
+    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1"},
+    **{"short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2"},
+    **{"int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
+    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
+}
+
+
+def _check(path: Path) -> None:
+    """Refuse a file that is shorter than its header says: VTK's reader crashes on it."""
+    content = path.read_bytes()
+    header, end, body = content.partition(b"end_header")
+    lines = [line.split() for line in header.decode("latin-1").splitlines()]
+    if not content.startswith(b"ply") or not end:
+        raise InputError(
+            f"{path}: no PLY file: its header is missing or cut off",
+            key="file",
+            cure="Write the file again, whole.",
+        )
+    # how many of each, and the types of its properties: of a list two
+    elements: list[tuple[int, list[list[str]]]] = []
+    for words in lines:
+        if words[:1] == ["element"] and words[-1].isdigit():
+            elements.append((int(words[-1]), []))
+        elif words[:1] == ["property"] and elements:
+            elements[-1][1].append(words[2:4] if words[1] == "list" else words[1:2])
+    if ["format", "ascii", "1.0"] in lines:
+        short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
+            count for count, _ in elements
+        )
+    else:
+        big = ["format", "binary_big_endian", "1.0"] in lines
+        short = _ply_end(body.partition(b"\n")[2], elements, ">" if big else "<") is None
+    if short:
+        raise truncated(path)
+
+
+def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: str) -> int | None:
+    """Return where the last element of a binary PLY file ends; None if the file ends before."""
+    import numpy as np
+
+    at = 0
+    for count, properties in elements:
+        types = [[np.dtype(order + _TYPES.get(t, "u1")) for t in kinds] for kinds in properties]
+        left = count
+        while left:
+            size, counts = _ply_row(body, at, types)
+            if at + size > len(body):
+                return None
+            # all that follow with lists of the same lengths at once
+            rows = min(left, (len(body) - at) // size)
+            if counts:
+                table = np.frombuffer(body, np.uint8, rows * size, at).reshape(rows, size)
+                same = np.ones(rows, dtype=np.bool_)
+                for place, width in counts:
+                    part = table[:, place : place + width]
+                    same &= (part == part[0]).all(axis=1)
+                rows = rows if same.all() else int(np.argmin(same))
+            at, left = at + rows * size, left - rows
+    return at
+
+
+def _ply_row(
+    body: bytes, at: int, types: list[list[np.dtype[Any]]]
+) -> tuple[int, list[tuple[int, int]]]:
+    """Return the bytes of one element, and place and width of the counts of its lists."""
+    import numpy as np
+
+    size, counts = 0, []
+    for kinds in types:
+        if len(kinds) == 2:
+            width = kinds[0].itemsize
+            text = body[at + size : at + size + width]
+            if len(text) < width:
+                return len(body) + 1, []
+            counts.append((size, width))
+            size += width + int(np.frombuffer(text, kinds[0])[0]) * kinds[1].itemsize
+        else:
+            size += kinds[0].itemsize
+    return size, counts
+
+
+@reads(".ply", label="PLY", holds="mesh", check=_check)
+def read_ply(path: Path) -> Any:
+    """Read a file."""
+    from spacemap_vtk.io.reading import read_with_vtk
+
+    return read_with_vtk(path, "vtkIOPLY", "vtkPLYReader")
+
+
+@writes(".ply", label="PLY", holds=("surface",))
+def write_ply(file: Path, surface: vtkPolyData) -> None:
+    """Write a surface in binary."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    from spacemap_vtk.io.polygons import corners_of, facing, require_work
+
+    require_work(surface, _WORK, ".ply")
+    polygons = facing(surface)
+    counts, corners = corners_of(polygons)
+    data, given = polygons.GetPointData(), []
+    for names, array in (
+        (("x", "y", "z"), polygons.GetPoints().GetData() if polygons.GetPoints() else None),
+        (("nx", "ny", "nz"), data.GetNormals()),
+        (("u", "v"), data.GetTCoords()),
+    ):
+        if array is not None:
+            given.append((names, vtk_to_numpy(array)))
+    columns = [name for names, _ in given for name in names]
+    vertices = np.empty((polygons.GetNumberOfPoints(), len(columns)), "<f4")
+    for names, values in given:
+        at = columns.index(names[0])
+        vertices[:, at : at + len(names)] = values[:, : len(names)]
+    # A polygon is the number of its corners, in one byte if that can hold it, then which they are.
+    size = "u1" if counts.max(initial=0) < 256 else "<i4"
+    head = "\n".join(
+        [
+            "ply",
+            "format binary_little_endian 1.0",
+            "comment by spacemap_vtk",
+            f"element vertex {len(vertices)}",
+            *(f"property float {name}" for name in columns),
+            f"element face {len(counts)}",
+            f"property list {_SIZES[size]} int vertex_indices",
+            "end_header\n",
+        ]
+    )
+    write(file, [head.encode(), vertices, _faces(counts, corners, size)])
+
+
+def _faces(counts: NDArray[Any], corners: NDArray[Any], size: str) -> NDArray[Any]:
+    """Return polygons as .ply files have them: how many corners, and which, one after another."""
+    import numpy as np
+
+    kinds = np.unique(counts)
+    if len(kinds) == 1:
+        return _alike(corners.reshape(len(counts), -1), size)
+    first = np.cumsum(counts) - counts
+    lengths = np.dtype(size).itemsize + 4 * counts
+    begin = np.cumsum(lengths) - lengths
+    faces = np.empty(lengths.sum(), np.uint8)
+    for count in kinds:
+        rows = np.flatnonzero(counts == count)[:, None]
+        made = _alike(corners[first[rows] + np.arange(count)], size)
+        faces[begin[rows] + np.arange(made.itemsize)] = made.view(np.uint8).reshape(len(rows), -1)
+    return faces
+
+
+def _alike(corners: NDArray[Any], size: str) -> NDArray[Any]:
+    import numpy as np
+
+    faces = np.empty(len(corners), [("count", size), ("corners", "<i4", corners.shape[1:])])
+    faces["count"] = corners.shape[1]
+    faces["corners"] = corners
+    return faces

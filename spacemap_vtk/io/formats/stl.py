@@ -1,0 +1,68 @@
+"""STL: triangles, with nothing but their corners.
+
+VTK's writer writes nowhere but to a disk; this one makes the file in memory.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.registry import reads, truncated, writes
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+#: Triangles that are worked on together: more would take memory, not less time.
+_AT_ONCE = 2**16
+#: Bytes that making the file takes beside the surface, of each of its polygons.
+_WORK = 300
+
+
+def _check(path: Path) -> None:
+    """Refuse a binary file that has fewer triangles than it says, a text without its end."""
+    with path.open("rb") as file:
+        head = file.read(84)
+        if head[:5].lower() == b"solid":
+            begin = head + file.read(1000)
+            if b"facet" in begin:  # text
+                file.seek(max(0, path.stat().st_size - 1000))
+                if b"endsolid" not in file.read():
+                    raise truncated(path)
+                return
+    if len(head) < 84 or path.stat().st_size < 84 + 50 * int.from_bytes(head[80:84], "little"):
+        raise truncated(path)
+
+
+@reads(".stl", label="STL", holds="mesh", check=_check)
+def read_stl(path: Path) -> Any:
+    """Read a file."""
+    from spacemap_vtk.io.reading import read_with_vtk
+
+    return read_with_vtk(path, "vtkIOGeometry", "vtkSTLReader")
+
+
+@writes(".stl", label="STL", holds=("surface",))
+def write_stl(file: Path, surface: vtkPolyData) -> None:
+    """Write a surface as binary triangles."""
+    import numpy as np
+
+    from spacemap_vtk.datasets.arrays import points_of
+    from spacemap_vtk.io.polygons import corners_of, facing, require_work, triangles_of
+
+    require_work(surface, _WORK, ".stl")
+    triangles = facing(triangles_of(surface))
+    _, numbers = corners_of(triangles)
+    kinds: Any = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")]
+    records = np.zeros(len(numbers) // 3, kinds)
+    for begin in range(0, len(records), _AT_ONCE):
+        part = records[begin : begin + _AT_ONCE]
+        corners = points_of(triangles)[numbers[3 * begin :][: 3 * len(part)]].reshape(-1, 3, 3)
+        part["corners"] = corners
+        first, second, third = np.moveaxis(corners.astype(np.float64), 1, 0)
+        normals = np.cross(second - first, third - first)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        part["normal"] = np.divide(normals, lengths, out=normals, where=lengths > 0)
+    head = b"Binary STL by spacemap_vtk".ljust(80, b"\0")  # "solid" would stand for a text file
+    write(file, [head, np.array(len(records), "<u4"), records])

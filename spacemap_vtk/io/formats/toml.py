@@ -1,0 +1,38 @@
+"""Scene files, in TOML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import endings, reads
+
+
+@reads(".toml", label="Space mapping scene", holds="scene", rest=True)
+def read_scene(path: Path) -> dict[str, Any]:
+    """Return a scene's values as its file has them."""
+    import tomllib  # Python 3.10, which some ParaViews bring, has none
+
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        if path.suffix.lower() != ".toml":
+            raise InputError(
+                f"{path}: neither a scene nor a draft nor a mesh, by its ending",
+                allowed=", ".join(e for kind in ("scene", "draft", "mesh") for e in endings(kind)),
+            ) from None
+        why, cure = str(error), 'Mend that line; strings need quotes, as in "0.3 mm".'
+        if isinstance(error, UnicodeDecodeError):
+            line = error.object.count(b"\n", 0, error.start) + 1
+            why = f"line {line} has a byte {error.object[error.start]:#04x}, which is no UTF-8"
+            cure = "Save it as UTF-8 in a text editor."
+        elif path.read_bytes().startswith(b"\xef\xbb\xbf"):
+            why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
+        raise InputError(
+            f"{path}: not a scene: {why}",
+            allowed='a TOML text in UTF-8 with sections such as [weave] (see "spacemap keys")',
+            cure=cure,
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None

@@ -1,0 +1,75 @@
+"""VTK's XML files: they hold all that a data set has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.registry import reads, writes
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
+
+_READERS = {
+    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".vtp": "vtkXMLPolyDataReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vti": "vtkXMLImageDataReader",
+    ".vtm": "vtkXMLMultiBlockDataReader",
+    ".vtmb": "vtkXMLMultiBlockDataReader",
+    ".pvtu": "vtkXMLPUnstructuredGridReader",
+    ".pvtp": "vtkXMLPPolyDataReader",
+}
+
+
+@reads(*list(_READERS)[2:], label="VTK, XML, images and parts", holds="mesh", common=False)
+@reads(".vtu", ".vtp", label="VTK, XML", holds="mesh")
+def read_xml(path: Path) -> Any:
+    """Read a file."""
+    from spacemap_vtk.io.reading import read_with_vtk
+
+    return read_with_vtk(path, "vtkIOXML", _READERS[path.suffix.lower()])
+
+
+@writes(".vtu", label="VTK, XML", holds=("patches", "cage"))
+def write_vtu(file: Path, data: vtkDataSet) -> None:
+    """Write any data set."""
+    from vtkmodules.vtkFiltersCore import vtkAppendFilter
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    if data.IsA("vtkPolyData"):
+        append = vtkAppendFilter()
+        append.AddInputData(data)
+        append.Update()
+        data = append.GetOutput()
+    write(file, [_made(vtkXMLUnstructuredGridWriter(), data, ".vtu")])
+
+
+@writes(".vtp", label="VTK, XML", holds=("surface",))
+def write_vtp(file: Path, data: vtkPolyData) -> None:
+    """Write a surface."""
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    write(file, [_made(vtkXMLPolyDataWriter(), data, ".vtp")])
+
+
+def _made(writer: Any, data: vtkDataSet, ending: str) -> bytes:
+    writer.SetDataModeToBinary()
+    writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
+    writer.SetInputData(data)
+    writer.WriteToOutputStringOn()
+    done = writer.Write()
+    text = writer.GetOutputString()
+    fault = writer.GetErrorCode()
+    del writer  # and with it another copy
+    # Bytes where a name in the data is no UTF-8.
+    made = text if isinstance(text, bytes) else text.encode()
+    if not done or fault or not made.endswith(b"</VTKFile>\n"):
+        from vtkmodules.vtkCommonMisc import vtkErrorCode
+
+        why = vtkErrorCode.GetStringFromErrorCode(fault)
+        raise SpacemapError(f"VTK has not made the {ending} file: {why}")
+    return made

@@ -1,0 +1,261 @@
+"""Which file formats there are: their endings, what their files hold, who reads and writes them.
+
+`Scene.read`, the dialogs, the command line's help, ParaView's readers and what is said of a file
+that is refused are made from this. A format is registered by decorating its functions, here in a
+module of `spacemap_vtk.io.formats`, elsewhere anywhere:
+
+    @reads(".stl", label="STL", holds="mesh", check=refuse_short_file)
+    def read_stl(path: Path) -> vtkPolyData: ...
+
+    @writes(".stl", label="STL", holds=("surface",))
+    def write_stl(file: Path, surface: vtkPolyData) -> None: ...
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar
+
+from spacemap_vtk.errors import InputError
+
+#: What a file can hold that is read, and what reading it returns.
+READ = {
+    "scene": "tables of values by section",
+    "draft": "a draft",
+    "mesh": "any data object of VTK's, or `texture_atlas.Painted`",
+    "motion": "`series.MeshSeries`",
+    "table": "times and factors",
+}
+#: What data a scene has that is written, in words.
+DATA = {
+    "patches": "Bézier patches",
+    "surface": "Surface",
+    "cage": "Cage with its motion",
+    "draft": "Weaver's draft",
+}
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Who reads some endings."""
+
+    #: In small letters, with their dots.
+    endings: tuple[str, ...]
+    #: What the format is called.
+    label: str
+    #: A key of `READ`.
+    holds: str
+    function: Callable[[Path], Any]
+    #: Called with the path first; refuses a file that VTK's reader would crash on, or take for
+    #: whole though it is truncated.
+    check: Callable[[Path], None] | None
+    #: Whether short lists name it.
+    common: bool
+    #: Whether such files hold other things as well: none is opened as a scene of its own, but they
+    #: are read where they are named.
+    general: bool
+    #: Whether it reads files of all endings that nobody else reads.
+    rest: bool
+
+    def read(self, path: Path) -> Any:
+        """Read a file."""
+        if self.check is not None:
+            self.check(path)
+        return self.function(path)
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Who writes some endings."""
+
+    endings: tuple[str, ...]
+    label: str
+    #: Keys of `DATA`, the default first.
+    holds: tuple[str, ...]
+    #: Of a file in a folder that is new and may take others beside it, and what it is to hold.
+    write: Callable[[Path, Any], None]
+    #: Whether `write` takes not the data but pairs of time in s and data, one after another.
+    times: bool
+
+
+_readers: list[Reader] = []
+_writers: list[Writer] = []
+
+
+def reads(
+    *endings: str,
+    label: str,
+    holds: str,
+    check: Callable[[Path], None] | None = None,
+    common: bool = True,
+    general: bool = False,
+    rest: bool = False,
+) -> Callable[[_F], _F]:
+    """Register a function of a path as the reader of files of some endings."""
+
+    def register(function: _F) -> _F:
+        _builtin()
+        _readers.append(Reader(endings, label, holds, function, check, common, general, rest))
+        return function
+
+    return register
+
+
+def writes(
+    *endings: str, label: str, holds: tuple[str, ...], times: bool = False
+) -> Callable[[_F], _F]:
+    """Register a function of a path and data as the writer of files of some endings."""
+
+    def register(function: _F) -> _F:
+        _builtin()
+        _writers.append(Writer(endings, label, holds, function, times))
+        return function
+
+    return register
+
+
+def forget(function: Callable[..., Any]) -> None:
+    """Take back what a function was registered for."""
+    _readers[:] = [reader for reader in _readers if reader.function is not function]
+    _writers[:] = [writer for writer in _writers if writer.write is not function]
+
+
+def readers(holds: str) -> list[Reader]:
+    """Return the readers of what is a key of `READ`."""
+    _builtin()
+    return [reader for reader in _readers if reader.holds == holds]
+
+
+def reader(path: Path, holds: str) -> Reader | None:
+    """Return who reads a file, by its ending; of two the one that was registered last."""
+    found = readers(holds)
+    ending = path.suffix.lower()
+    return next(
+        (each for each in reversed(found) if ending in each.endings),
+        next((each for each in reversed(found) if each.rest), None),
+    )
+
+
+def read(path: Path, holds: str) -> Any:
+    """Read a file; of a kind of which there is a reader for the rest."""
+    found = reader(path, holds)
+    assert found is not None
+    return found.read(path)
+
+
+def writer(path: Path) -> Writer:
+    """Return who writes a file, by its ending; of two the one that was registered last."""
+    _builtin()
+    ending = path.suffix.lower()
+    return next(each for each in reversed(_writers) if ending in each.endings)
+
+
+def endings(holds: str, common: bool = False) -> list[str]:
+    """Return the endings of files that are what is a key of `READ`, and can be nothing else."""
+    found = [each for each in readers(holds) if not each.general and (each.common or not common)]
+    found.sort(key=lambda reader: not reader.common)
+    return _once(ending for reader in found for ending in reader.endings)
+
+
+def kind_of(path: Path) -> str | None:
+    """Return whether a file is a scene, a draft or a mesh, by its ending; None if it is none."""
+    kinds = ("scene", "draft", "mesh")
+    return next((kind for kind in kinds if path.suffix.lower() in endings(kind)), None)
+
+
+def written(holds: str | None = None) -> dict[str, str]:
+    """Return the endings of files that are written, all or for a key of `DATA`, with their data."""
+    _builtin()
+    return {
+        ending: DATA[holds] if holds else " or ".join(writer.holds)
+        for writer in _writers
+        if holds is None or holds in writer.holds
+        for ending in writer.endings
+    }
+
+
+def opened_words() -> str:
+    """Return what can be opened as a scene, in words."""
+    meshes = ", ".join([*endings("mesh", common=True), "..."])
+    scenes, drafts = ", ".join(endings("scene")), ", ".join(endings("draft"))
+    return f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes})"
+
+
+def written_words() -> str:
+    """Return what data are written to which files, in words."""
+    by_data: dict[str, list[str]] = {}
+    for ending, data in written().items():
+        by_data.setdefault(data, []).append(ending)
+    *most, last = (f"{_enumerated(found)} ({data})" for data, found in by_data.items())
+    return f"{', '.join(most)}, or {last}"
+
+
+def opened_filters() -> str:
+    """Return what a dialog offers that opens scenes, drafts and meshes."""
+    first = [*endings("scene"), *endings("draft"), *endings("mesh", common=True)]
+    more = [ending for ending in endings("mesh") if ending not in first]
+    return ";;".join(
+        [
+            name_filter("Scenes, drafts, meshes", first),
+            name_filter("Other meshes", more),
+            "All files (*)",
+        ]
+    )
+
+
+def draft_filters() -> str:
+    """Return what a dialog offers that opens drafts, those in pictures and texts among them."""
+    found = _once(ending for reader in readers("draft") for ending in reader.endings)
+    return f"{name_filter('Drafts', found)};;All files (*)"
+
+
+def written_filters() -> dict[str, str]:
+    """Return what a dialog offers that writes data, each with its key of `DATA`."""
+    return {
+        name_filter(words, [ending]): data
+        for data, words in DATA.items()
+        for ending in written(data)
+    }
+
+
+def name_filter(label: str, endings: Iterable[str]) -> str:
+    """Return a line of a dialog that shows files of some endings."""
+    return f"{label} ({' '.join(f'*{ending}' for ending in endings)})"
+
+
+def existing(path: Path, allowed: str | None = None) -> Path:
+    """Refuse a file that is not there, or has nothing in it."""
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}", key="file", allowed=allowed)
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty", key="file")
+    return path
+
+
+def truncated(path: Path) -> InputError:
+    """Return the error for a file that ends too early."""
+    return InputError(
+        f"{path}: truncated: it holds less than its header promises",
+        key="file",
+        cure="Write the file again, whole.",
+    )
+
+
+def _enumerated(words: Iterable[str]) -> str:
+    *most, last = words
+    return f"{', '.join(most)} or {last}" if most else last
+
+
+def _once(words: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(words))
+
+
+def _builtin() -> None:
+    # Before those of anyone else, and when they are asked for: a program that only makes arrays
+    # needs none. A no-op while they register themselves.
+    import_module("spacemap_vtk.io.formats")
