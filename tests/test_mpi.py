@@ -228,6 +228,7 @@ def test_without_a_display_all_end_with_the_message(blind: str, tmp_path: Path) 
     assert not (tmp_path / "cloth.png").exists()
 
 
+@pytest.mark.nightly
 def test_memory_and_work_fall_with_the_number_of_processes(tmp_path: Path) -> None:
     taken = {}
     for processes in (1, 3):

@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 import numpy as np
-import pytest
 from window import drag, require_display, settled, type_into, wait_until
 
 require_display()
@@ -35,15 +34,15 @@ def test_the_stages_tell_their_state_time_and_runs(open_window: Any) -> None:
         assert window.stages.items[section].text(2) == "1"
 
 
-@pytest.mark.parametrize("section", list(sections()))
-def test_every_declared_parameter_has_its_field(open_window: Any, section: str) -> None:
+def test_every_declared_parameter_has_its_field(open_window: Any) -> None:
     window = open_window(wait=False)
-    window.stages.choose(section)
-    rows = window.properties.rows
-    assert list(rows) == list(sections()[section].parameters)
-    for name, parameter in sections()[section].parameters.items():
-        assert parameter.help in rows[name].toolTip()
-        assert (rows[name].automatic is not None) == bool(parameter.automatic)
+    for section, part in sections().items():
+        window.stages.choose(section)
+        rows = window.properties.rows
+        assert list(rows) == list(part.parameters)
+        for name, parameter in part.parameters.items():
+            assert parameter.help in rows[name].toolTip(), section
+            assert (rows[name].automatic is not None) == bool(parameter.automatic), name
 
 
 def test_a_typed_value_takes_its_unit(open_window: Any) -> None:
@@ -56,32 +55,27 @@ def test_a_typed_value_takes_its_unit(open_window: Any) -> None:
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
 
 
-@pytest.mark.parametrize(
-    ("section", "name", "written"),
-    [
+def test_the_word_for_automatic_can_be_typed(open_window: Any) -> None:
+    window = open_window()
+    document = window.document
+    document.set("modal", "material", "denim")  # of an isotropic one moduli do not count
+    for section, name, written in (
         ("weave", "warp_diameter", "0.2 mm"),
         ("weave", "warp_color", "#102030"),
         ("modal", "density", "250 kg/m3"),
         ("modal", "youngs_moduli", ["1 kPa", "2 kPa", "3 kPa"]),
-    ],
-)
-def test_the_word_for_automatic_can_be_typed(
-    open_window: Any, section: str, name: str, written: Any
-) -> None:
-    window = open_window()
-    field = row(window, section, name)
-    document = window.document
-    document.set("modal", "material", "denim")  # of an isotropic one moduli do not count
-    document.set(section, name, None)
-    before = document.text
-    document.set(section, name, written)
-    assert not field.automatic.isChecked()
-    editor = getattr(field.editor, "components", [field.editor])[0]
-    type_into(editor.line, "auto")
-    assert getattr(getattr(document.scene, section), name) is None
-    assert document.text.strip() == before.strip()
-    assert field.automatic.isChecked()
-    assert editor.line.text() == ""
+    ):
+        document.set(section, name, None)
+        field = row(window, section, name)
+        before = document.text
+        document.set(section, name, written)
+        assert not field.automatic.isChecked(), name
+        editor = getattr(field.editor, "components", [field.editor])[0]
+        type_into(editor.line, "auto")
+        assert getattr(getattr(document.scene, section), name) is None
+        assert document.text.strip() == before.strip(), name
+        assert field.automatic.isChecked(), name
+        assert editor.line.text() == "", name
 
 
 def test_a_drag_runs_only_what_lies_downstream(open_window: Any) -> None:
@@ -126,35 +120,30 @@ def test_playing_draws_frame_after_frame_and_loops(open_window: Any) -> None:
     assert window.view.frame.time == window.times.time
 
 
-@pytest.mark.parametrize(
-    ("section", "name", "text"),
-    [
+def test_a_wrong_value_is_marked_and_changes_nothing(open_window: Any) -> None:
+    window = open_window()
+    for section, name, text in (
         ("weave", "warp_diameter", "wide"),
         ("weave", "warp_diameter", "3 kg"),
         ("weave", "ends", "2.5"),
         ("modal", "poissons_ratio", "0.5"),
         ("modal", "youngs_modulus", "-1"),
-    ],
-)
-def test_a_wrong_value_is_marked_and_changes_nothing(
-    open_window: Any, section: str, name: str, text: str
-) -> None:
-    window = open_window()
-    before = window.document.text
-    field = row(window, section, name)
-    type_into(field.editor.line, text)
-    assert field.property("bad")
-    assert not field.note.isHidden()
-    assert name in window.errors.text
-    assert "allowed" in window.errors.text
-    assert window.document.text == before
-    assert window.document.undo.count() == 0
-    # The program goes on: a right value follows.
-    right = {"ends": "6", "poissons_ratio": "0.25"}.get(name, "0.2 mm")
-    type_into(field.editor.line, "1 kPa" if name == "youngs_modulus" else right)
-    wait_until(lambda: settled(window))
-    assert not field.property("bad")
-    assert window.errors.text == ""
+    ):
+        before, changes = window.document.text, window.document.undo.count()
+        field = row(window, section, name)
+        type_into(field.editor.line, text)
+        assert field.property("bad"), text
+        assert not field.note.isHidden(), text
+        assert name in window.errors.text
+        assert "allowed" in window.errors.text
+        assert window.document.text == before, text
+        assert window.document.undo.count() == changes, text
+        # The program goes on: a right value follows.
+        right = {"ends": "6", "poissons_ratio": "0.25", "youngs_modulus": "1 kPa"}
+        type_into(field.editor.line, right.get(name, "0.2 mm"))
+        wait_until(lambda: settled(window))
+        assert not field.property("bad"), text
+        assert window.errors.text == ""
 
 
 def test_a_jammed_cloth_keeps_the_last_picture(open_window: Any) -> None:

@@ -98,7 +98,7 @@ def test_what_is_automatic_again_is_said(open_window: Any) -> None:
 
 def test_a_draft_is_named_by_its_file(open_window: Any) -> None:
     draft = library.folder() / "32-shaft_twill.wif"
-    window = open_window(str(draft))
+    window = open_window(str(draft), wait=False)
     window.document.set("weave", "thick_yarns", "flatten")
     line = copied(window, "Copy as command line")
     assert str(draft.resolve()) in line
