@@ -4,11 +4,11 @@
 that is refused are made from this. A format is registered by decorating its functions, here in a
 module of `spacemap_vtk.io.formats`, elsewhere anywhere:
 
-    @reads(".stl", label="STL", holds="mesh", check=refuse_short_file)
-    def read_stl(path: Path) -> vtkPolyData: ...
+    @reads(".abc", label="Alphabet", holds="mesh", check=refuse_short_file)
+    def read_abc(path: Path) -> vtkPolyData: ...
 
-    @writes(".stl", label="STL", holds=("surface",))
-    def write_stl(file: Path, surface: vtkPolyData) -> None: ...
+    @writes(".abc", label="Alphabet", holds=("surface",))
+    def write_abc(file: Path, surface: vtkPolyData) -> None: ...
 """
 
 from __future__ import annotations

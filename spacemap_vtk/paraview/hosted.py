@@ -157,13 +157,9 @@ def _name(stage: Stage) -> str:
     return type(stage).__name__
 
 
-#: What ParaView calls a scene file.
-SCENE = "Space mapping scene"
-
-
 def proxies() -> dict[str, type[Hosted]]:
     """Return every proxy of the plugin by name."""
-    draft, scene = FileType("draft", "wif", "Weaver's draft"), FileType("file", "toml", SCENE)
+    draft, scene = FileType("draft", "draft"), FileType("file", "scene")
     return {
         **{name: hosted(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
         "WIFReader": hosted(spacemap_vtk.WeaveSource, "WIFReader", draft),

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io.registry import endings, readers
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.property_xml import property_of, title
 
@@ -21,8 +22,8 @@ class FileType(NamedTuple):
 
     parameter: str
     """Name of the parameter that is the file."""
-    extension: str
-    description: str
+    holds: str
+    """A key of `spacemap_vtk.io.registry.READ`."""
 
 
 def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None = None) -> str:
@@ -59,8 +60,8 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
         SubElement(
             hints,
             "ReaderFactory",
-            extensions=file.extension,
-            file_description=file.description,
+            extensions=" ".join(ending[1:] for ending in endings(file.holds)),
+            file_description=readers(file.holds)[0].label,
         )
     return tostring(root, encoding="unicode")
 

@@ -1,0 +1,222 @@
+"""A format is one file: registered in a test, it stands in help, dialogs, readers and ParaView."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from spacemap_vtk import MotionReader, ObjectSource
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.reading import read_blocks
+from spacemap_vtk.io.registry import reads, writes
+from spacemap_vtk.paraview.hosted import proxies
+from spacemap_vtk.scenes.scene import Scene
+
+#: Three formats, in a file as anyone would write it; `_MODULE` is that file for another process.
+_MODULE = """
+from pathlib import Path
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import reads, truncated, writes
+
+
+@reads(".bits", label="Toy draft", holds="draft")
+def read_bits(path):
+    from spacemap_vtk.fabric.draft import Draft
+
+    rows = [[c == "1" for c in row] for row in path.read_text().split()]
+    return Draft(np.array(rows), title="bits")
+
+
+def whole(path):
+    if not path.read_text().endswith("end"):
+        raise truncated(path)
+
+
+@reads(".dots", label="Toy mesh", holds="mesh", check=whole)
+def read_dots(path):
+    import pyvista as pv
+
+    return pv.PolyData(np.loadtxt(path, comments="end"))
+
+
+@writes(".xyz", label="Toy points", holds=("surface", "cage"))
+def write_points(file, data):
+    from spacemap_vtk.datasets.arrays import points_of
+
+    np.savetxt(file, points_of(data))
+
+
+@writes(".film", label="Toy film", holds=("cage",), times=True)
+def write_film(file, steps):
+    with file.open("w") as stream:
+        for time, data in steps:
+            stream.write(f"{time} {data.GetNumberOfPoints()}\\n")
+"""
+
+
+@pytest.fixture
+def toys() -> Iterator[dict[str, Callable[..., Any]]]:
+    """Register the formats, and take them back."""
+    names: dict[str, Any] = {}
+    exec(_MODULE, names)
+    made = {n: names[n] for n in ("read_bits", "read_dots", "write_points", "write_film")}
+    yield made
+    for function in made.values():
+        registry.forget(function)
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    return int(ended.value.code or 0)
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_draft_format_is_read_wherever_drafts_are(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "a.bits"
+    file.write_text("110\n011\n")
+    scene = Scene.read(file)
+    np.testing.assert_array_equal(scene.draft.draft.drawdown, [[1, 1, 0], [0, 1, 1]])
+    assert run("info", str(file), "--json") == 0
+    assert json.loads(capsys.readouterr().out)["drawdown"] == ["110", "011"]
+    assert run("export", str(file), "-o", str(tmp_path / "a.wif"), "-q") == 0
+    assert Scene.read(tmp_path / "a.wif").draft.draft.title == "bits"
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_mesh_format_is_read_wherever_meshes_are(tmp_path: Path) -> None:
+    file = tmp_path / "a.dots"
+    file.write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\nend")
+    scene = Scene.read(file)
+    scene.update()
+    assert scene.polygons.GetNumberOfPoints() == 4
+    assert MotionReader(file=file).time_steps([]) == [0.0]
+    # Its check stands before its reader wherever a file is read.
+    file.write_text(file.read_text()[:-1])
+    for stage in (ObjectSource(file=file), MotionReader(file=file)):
+        with pytest.raises(InputError, match="truncated"):
+            stage.update()
+    with pytest.raises(InputError, match="truncated"):
+        read_blocks(file)
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_writer_is_used_wherever_data_are_written(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "a.xyz"
+    words = "export", "plain_weave", "-o", str(file), "-q"
+    assert run(*words, "--what", "cage") == 0
+    scene = Scene.read("plain_weave")
+    scene.update(scene.view.time)
+    assert np.loadtxt(file).shape == (72, 3)
+    assert run(*words) == 0
+    assert len(np.loadtxt(file)) == scene.polygons.GetNumberOfPoints()
+    assert run(*words, "--what", "draft") == 2
+    assert ".xyz files do not hold that; allowed: surface, cage" in capsys.readouterr().err
+    # One that takes many times is given those of the film.
+    film = tmp_path / "a.film"
+    assert run("export", "plain_weave", "-o", str(film), "-q", "--set", "animation.stop=0.2") == 0
+    scene.set("animation.stop=0.2")
+    times = np.loadtxt(film)
+    np.testing.assert_allclose(times[:, 0], scene.animation.frame_times())
+    assert set(times[:, 1]) == {72}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.film", "a.xyz"]
+
+
+@pytest.mark.usefixtures("toys")
+def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
+    opened, drafts = registry.opened_filters().split(";;"), registry.draft_filters()
+    assert re.search(r"\*\.wif \*\.bits .*\*\.dots", opened[0])
+    assert "*.bits" in drafts
+    written = registry.written_filters()
+    assert written["Surface (*.xyz)"] == "surface"
+    assert written["Cage with its motion (*.film)"] == "cage"
+    # What is said of a file that nobody reads or writes.
+    (tmp_path / "a.png").write_bytes(b"\x89PNG")
+    assert run("render", str(tmp_path / "a.png"), "-o", "b.png") == 2
+    assert ".toml, .wif, .bits, " in capsys.readouterr().err
+    assert run("render", "nothing", "-o", "b.png") == 2
+    assert "a weaver's draft (.wif, .bits)" in capsys.readouterr().err
+    assert run("export", "plain_weave", "-o", "b.png") == 2
+    assert ".xyz (surface or cage)" in capsys.readouterr().err
+    # ParaView opens drafts and scenes by their endings; meshes it reads itself.
+    xml = proxies()["WIFReader"]._pvsm_proxy_xml
+    factory = ElementTree.fromstring(xml).find(".//ReaderFactory")
+    assert factory is not None
+    assert factory.attrib == {"extensions": "wif bits", "file_description": "Weaver's draft"}
+
+
+def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
+    (tmp_path / "toys.py").write_text(_MODULE)
+    code = "import sys, toys; from spacemap_vtk.cli.main import main; main(sys.argv[1:])"
+
+    def said(*words: str) -> str:
+        command = [sys.executable, "-c", code, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+        return " ".join(done.stdout.replace("│", " ").split())
+
+    assert "a weaver's draft (.wif, .bits), a mesh (" in said("--help")
+    help = said("export", "--help")
+    for part in (
+        "A .vtu (patches or cage), ",
+        ".xyz (surface or cage)",
+        ".film (cage)",
+        ".wif (draft)",
+    ):
+        assert part in help
+
+
+def test_what_is_taken_back_is_gone() -> None:
+    @reads(".gone", label="Gone", holds="draft")
+    @writes(".gone", label="Gone", holds=("surface",))
+    def both(*_: Any) -> Draft:
+        raise NotImplementedError
+
+    assert ".gone" in registry.written()
+    assert registry.kind_of(Path("a.gone")) == "draft"
+    registry.forget(both)
+    assert ".gone" not in registry.written()
+    assert registry.kind_of(Path("a.gone")) is None
+
+
+def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:
+    ball = pv.Sphere()
+
+    @reads(".ply", label="Mine", holds="mesh")
+    def mine(path: Path) -> pv.PolyData:
+        return ball
+
+    (tmp_path / "a.ply").write_text("not one at all")
+    try:
+        assert read_blocks(tmp_path / "a.ply") is ball
+        assert registry.endings("mesh").count(".ply") == 1
+    finally:
+        registry.forget(mine)
+
+
+def test_endings_stand_in_the_formats_alone() -> None:
+    """No second list of the endings that are read and written."""
+    package = Path(registry.__file__).parents[1]
+    meshes = [ending for ending in registry.endings("mesh") if ending not in (".e", ".g", ".cas")]
+    pattern = re.compile("|".join(f'"{re.escape(ending)}"' for ending in meshes))
+    found = {
+        file.relative_to(package).as_posix()
+        for file in package.rglob("*.py")
+        if pattern.search(file.read_text(encoding="utf-8"))
+    }
+    assert [name for name in sorted(found) if not name.startswith("io/formats/")] == []
