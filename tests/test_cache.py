@@ -83,11 +83,11 @@ def test_the_same_modes_are_the_same_arrays():
         return [data.GetArray(f"mode_{k:03d}") for k in range(8)], data.GetArray("displacement")
 
     first, before = arrays()
-    table = response.cage_modes().shapes
+    table = response.motion.modes.shapes
     made.youngs_modulus = 3e6
     again, after = arrays()
     assert all(a is b for a, b in zip(first, again, strict=True))
-    assert response.cage_modes().shapes is table
+    assert response.motion.modes.shapes is table
     assert not np.array_equal(vtk_to_numpy(before), vtk_to_numpy(after))
     shapes = np.array([vtk_to_numpy(array) for array in first])
     for change in ({"density": 700.0}, {"poissons_ratio": 0.2}, {"modes": 10}):
@@ -96,7 +96,7 @@ def test_the_same_modes_are_the_same_arrays():
         assert not any(a is b for a, b in zip(again, other, strict=True))
         table = np.array([vtk_to_numpy(array) for array in other])
         np.testing.assert_array_equal(
-            response.cage_modes().shapes[:8], table.reshape(len(table), -1)
+            response.motion.modes.shapes[:8], table.reshape(len(table), -1)
         )
         if change == {"density": 700.0}:
             np.testing.assert_allclose(table, shapes * np.sqrt(300.0 / 700.0), rtol=1e-14)
@@ -268,7 +268,8 @@ def test_cancelling_works_on_a_cached_solution(place):
 
 
 def test_static_displacements_are_kept(place, monkeypatch):
-    from spacemap_vtk.filters.modal_model import model_of, static_displacements
+    from spacemap_vtk.datasets.modal_model import model_of
+    from spacemap_vtk.filters.modal_response import static_displacements
 
     made = solver()
     made.update()

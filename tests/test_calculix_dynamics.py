@@ -1,4 +1,4 @@
-"""Motion over time against CalculiX, which solves the same equations with code of its own.
+"""ModalMotion over time against CalculiX, which solves the same equations with code of its own.
 
 With its under-integrated mass the modes are the same, and *MODAL DYNAMIC is exact for piecewise
 linear loads.
@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.damping import Damping
 from spacemap_vtk.mechanics.elasticity import assemble, stiffness
 from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.motion import Drive, Motion
+from spacemap_vtk.mechanics.motion import Drive, ModalMotion
 
 pytestmark = pytest.mark.skipif(CCX is None, reason=ABSENT)
 
@@ -65,7 +65,7 @@ def test_a_force_on_a_vertex(name: str, order: int, tmp_path: Path) -> None:
     force = np.zeros(3 * len(points))
     force[3 * loaded + 2] = FORCE
     drive = Drive(shapes.T @ force[free], function)
-    motion = Motion(eigenvalues, damping.halves(eigenvalues), [drive])
+    motion = ModalMotion(eigenvalues, damping.halves(eigenvalues), [drive])
     everywhere = np.zeros((3 * len(points), MODES))
     everywhere[free] = shapes
     ours = np.stack(

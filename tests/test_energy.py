@@ -11,7 +11,7 @@ from test_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
 
 from spacemap_vtk.mechanics import timefunctions as tf
 from spacemap_vtk.mechanics.energy import Account
-from spacemap_vtk.mechanics.motion import Drive, Motion
+from spacemap_vtk.mechanics.motion import Drive, ModalMotion
 
 
 def lost_by_quadrature(motion, start, end):
@@ -51,7 +51,7 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
 @pytest.mark.parametrize("damping", ["none", "mixed"])
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_balance(function, damping, base):
-    check(Motion(STIFFNESS, DAMPING[damping], [Drive(GAIN, FUNCTIONS[function], base)]))
+    check(ModalMotion(STIFFNESS, DAMPING[damping], [Drive(GAIN, FUNCTIONS[function], base)]))
 
 
 @pytest.mark.parametrize("damping", ["none", "alpha"])
@@ -63,11 +63,14 @@ def test_balance_of_everything_at_once(damping):
     drives.append(Drive(GAIN, tf.harmonic(0.37, 0.2, steady=True)))
     gain = GAIN * (STIFFNESS > 0)
     drives.append(Drive(gain, tf.periodic([0, 0.11, 0.31], [0, 1, 0], steady=damping == "alpha")))
-    check(Motion(STIFFNESS, DAMPING[damping], drives, position=0.1 * GAIN, rate=-GAIN), (0.35, 1.1))
+    check(
+        ModalMotion(STIFFNESS, DAMPING[damping], drives, position=0.1 * GAIN, rate=-GAIN),
+        (0.35, 1.1),
+    )
 
 
 def test_no_damping_loses_nothing_over_ten_thousand_periods():
-    motion = Motion(STIFFNESS, np.zeros(5), [Drive(GAIN, tf.step())], rate=GAIN)
+    motion = ModalMotion(STIFFNESS, np.zeros(5), [Drive(GAIN, tf.step())], rate=GAIN)
     account = Account(motion)
     for time in (1.0, 1e2, 1e4 * 2 * math.pi / math.sqrt(40.0)):
         energy = account.at(time)
@@ -78,7 +81,7 @@ def test_no_damping_loses_nothing_over_ten_thousand_periods():
 
 def test_work_behind_too_many_periods_is_not_added_up():
     """Kinetic and strain energy are known at any time, and at once."""
-    motion = Motion(STIFFNESS, DAMPING["mixed"], [Drive(GAIN, tf.periodic([0, 0.01], [0, 1]))])
+    motion = ModalMotion(STIFFNESS, DAMPING["mixed"], [Drive(GAIN, tf.periodic([0, 0.01], [0, 1]))])
     account = Account(motion)
     late = account.at(1e8)
     assert late.kinetic > 0
@@ -90,7 +93,9 @@ def test_work_behind_too_many_periods_is_not_added_up():
 
 def test_equilibrium_holds_the_work_that_led_there():
     gain = GAIN * (STIFFNESS > 0)
-    motion = Motion(STIFFNESS, DAMPING["ratio"], [Drive(gain, tf.pulse(0.2))], equilibrium=True)
+    motion = ModalMotion(
+        STIFFNESS, DAMPING["ratio"], [Drive(gain, tf.pulse(0.2))], equilibrium=True
+    )
     energy = Account(motion).at(0.1)
     static = 0.5 * (gain[1:] ** 2 / STIFFNESS[1:]).sum()
     assert energy.strain == pytest.approx(static)

@@ -54,17 +54,12 @@ TWICE: dict[str, str] = {}
 PENDING: dict[str, str] = {
     "fabric.settle -> io.wif": "A",
     "scenes.footprint <-> scenes.scene": "C",
-    "_Prepared in filters.barycentric_warp, filters.modal_response, filters.patch_tessellator": "C",
+    "_Prepared in filters.barycentric_warp, filters.patch_tessellator": "C",
     "fabric.weave is long": "A",
-    "filters.base is long": "C",
     "scenes.scene is long": "C",
     "app.undo_keys is short": "E",
     "app.plots.save is short": "E",
-    "filters.response_parameters is short": "C",
     "fabric.bicubic is short": "A",
-    "mechanics.stress is short": "C",
-    "filters.solver_parameters is short": "C",
-    "mechanics.weak_values is short": "C",
 }
 
 

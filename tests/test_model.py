@@ -17,8 +17,7 @@ from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.weak_values import WeakValues
+from spacemap_vtk.mechanics.model import Model, WeakValues
 
 STEEL = isotropic(2e6, 0.3)
 

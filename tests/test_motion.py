@@ -1,4 +1,4 @@
-"""Motion under loads with time functions, against integration of the equations step by step.
+"""ModalMotion under loads with time functions, against integration of the equations step by step.
 
 The list of scenarios is that of CalculiX's own tests of modal dynamics, beamdy1 to beamdy20: step,
 piecewise linear, base motion, harmonic (steady and from rest), periodic, direct modal damping.
@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics import timefunctions as tf
 from spacemap_vtk.mechanics.harmonic import from_rest, steady
-from spacemap_vtk.mechanics.motion import Drive, Motion
+from spacemap_vtk.mechanics.motion import Drive, ModalMotion
 
 #: Rigid, slow, two near each other, and fast; free of damping to far overdamped.
 STIFFNESS = np.array([0.0, 0.3, 40.0, 40.5, 900.0])
@@ -111,7 +111,7 @@ def integrated(half, drives, start, times, held=False):
 
 
 def agrees(half, drives, times=TIMES, start=None, **options):
-    motion = Motion(STIFFNESS, half, drives, **options)
+    motion = ModalMotion(STIFFNESS, half, drives, **options)
     before = motion.start if start is None else start
     for time, (q, v) in zip(times, integrated(half, drives, before, times), strict=True):
         got = motion.at(time)
@@ -148,20 +148,20 @@ def test_equilibrium_and_release():
     gain = GAIN * (STIFFNESS > 0)
     weight, held = Drive(gain, tf.step()), Drive(np.roll(gain, 1) * (STIFFNESS > 0), tf.pulse(0.5))
     half = DAMPING["alpha"]
-    motion = Motion(STIFFNESS, half, [weight, held], equilibrium=True)
+    motion = ModalMotion(STIFFNESS, half, [weight, held], equilibrium=True)
     for time in (0.0, 0.2, 0.4999):
         state = motion.at(time)
         np.testing.assert_allclose(state.position, motion.start[0], atol=1e-14)
         np.testing.assert_allclose(state.rate, 0, atol=1e-13)
     agrees(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
     with pytest.raises(InputError, match="1 rigid modes fall freely"):
-        Motion(STIFFNESS, half, [Drive(GAIN, tf.step())], equilibrium=True)
+        ModalMotion(STIFFNESS, half, [Drive(GAIN, tf.step())], equilibrium=True)
 
 
 def test_a_base_that_sets_off_from_equilibrium():
     # The base rests at its first displacement until t = 0, and starts to move from there.
     drive = Drive(GAIN, tf.table([0.0, 0.5], [1.0, 2.0]), True)
-    motion = Motion(STIFFNESS, DAMPING["alpha"], [drive], equilibrium=True)
+    motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [drive], equilibrium=True)
     absolute = GAIN * 1.0, np.zeros(5)
     times = (0.2, 0.9)
     found = integrated(DAMPING["alpha"], [drive], absolute, times, held=True)
@@ -176,8 +176,8 @@ def test_steady_state_of_a_sine_is_what_remains(name, base):
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
-    rested = Motion(STIFFNESS, half, [Drive(gain, function, base)])
-    settled = Motion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
+    rested = ModalMotion(STIFFNESS, half, [Drive(gain, function, base)])
+    settled = ModalMotion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
     late = 1000.0  # whole periods of both
     np.testing.assert_allclose(rested.at(late).position, settled.at(0.0).position, atol=1e-12)
     np.testing.assert_allclose(rested.at(late + 0.1).rate, settled.at(0.1).rate, atol=1e-11)
@@ -197,8 +197,8 @@ def test_steady_state_of_a_periodic_function_repeats_and_is_what_remains(name, b
     half = np.full(5, 2.0)
     function = FUNCTIONS[name]
     gain = GAIN * (STIFFNESS > 0)
-    settled = Motion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
-    rested = Motion(STIFFNESS, half, [Drive(gain, function, base)])
+    settled = ModalMotion(STIFFNESS, half, [Drive(gain, function._replace(steady=True), base)])
+    rested = ModalMotion(STIFFNESS, half, [Drive(gain, function, base)])
     for time in (0.0, 0.07, 0.11):
         now, later = settled.at(time), settled.at(time + 7 * function.period)
         np.testing.assert_allclose(now.position, later.position, atol=1e-13)
@@ -213,21 +213,21 @@ def test_resonance_without_damping_has_no_steady_state():
         steady(stiffness, half, 2 * math.pi)
     saw = tf.periodic([0.0, 2.0], [0.0, 1.0], steady=True)
     with pytest.raises(InputError, match="mode 0 has no steady state"):
-        Motion(stiffness, half, [Drive(np.ones(1), saw)])
+        ModalMotion(stiffness, half, [Drive(np.ones(1), saw)])
     # From rest both grow linearly: x = t / 2Ω for the sine.
     at = 1000.25
-    grown = Motion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0))]).at(at)
+    grown = ModalMotion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0))]).at(at)
     # x = (sin Ωt - Ωt cos Ωt) / 2Ω², and at a quarter turn the cosine is zero.
     assert grown.position[0] == pytest.approx(1 / (8 * math.pi**2), abs=1e-12 * at)
-    cosine = Motion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0, math.pi / 2))]).at(at)
+    cosine = ModalMotion(stiffness, half, [Drive(np.ones(1), tf.harmonic(1.0, math.pi / 2))]).at(at)
     assert cosine.position[0] == pytest.approx(at / (4 * math.pi), rel=1e-10)
-    forced = Motion(stiffness, half, [Drive(np.ones(1), saw._replace(steady=False))])
+    forced = ModalMotion(stiffness, half, [Drive(np.ones(1), saw._replace(steady=False))])
     assert abs(forced.at(2000.0).rate[0]) > 100 * abs(forced.at(2.0).rate[0])
 
 
 def test_a_periodic_load_costs_nothing_more_when_late():
     drive = Drive(np.ones(5), FUNCTIONS["periodic"])
-    motion = Motion(STIFFNESS, DAMPING["ratio"], [drive])
+    motion = ModalMotion(STIFFNESS, DAMPING["ratio"], [drive])
     late = motion.at(3e5)
     assert np.isfinite(late.position).all()
     assert len(motion._repeated[0]._sums) <= 21  # of a million periods
@@ -237,10 +237,10 @@ def test_restarting_a_table_gives_the_same_end():
     table = tf.table([0.0, 0.2, 0.2, 0.9, 1.4], [0.0, 1.0, -0.5, 0.3, 0.0])
     rest = tf.table([0.0, 0.4, 0.9], [float(table.value(0.5)), 0.3, 0.0])
     half = DAMPING["mixed"]
-    whole = Motion(STIFFNESS, half, [Drive(GAIN, table)])
+    whole = ModalMotion(STIFFNESS, half, [Drive(GAIN, table)])
     state = whole.at(0.5)
     parts = {"position": state.position, "rate": state.rate}
-    again = Motion(STIFFNESS, half, [Drive(GAIN, rest)], **parts)
+    again = ModalMotion(STIFFNESS, half, [Drive(GAIN, rest)], **parts)
     for time in (0.0, 0.3, 2.0):
         got, expected = again.at(time), whole.at(0.5 + time)
         np.testing.assert_allclose(got.position, expected.position, atol=1e-10)
@@ -284,6 +284,6 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
 
 @pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
 def test_a_time_is_a_finite_number(time):
-    motion = Motion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
+    motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):
         motion.at(time)

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 
@@ -111,12 +112,13 @@ def test_history_and_frequency_response_are_those_of_the_fields() -> None:
     scene.set('response.loads=[{base_displacement=[0, 0, "1 um"]}]')
     scene.response.gravity = (0, 0, 0)
     scene.update_stage(scene.response, 0.0)
-    modes = scene.response.cage_modes()
+    modes = scene.response.motion.modes
     vertex = 7
-    weights = modes.weights(modes.model.points[vertex])
+    points = modes.model.points
+    weights = point_weights(points, modes.model.cells, points[vertex])
     assert weights[vertex] == pytest.approx(1.0)
     times = np.array([0.0, 0.013, 0.1])
-    history = scene.response.history(weights, times)
+    history = scene.response.motion.history(weights, times)
     for k, time in enumerate(times):
         scene.update_stage(scene.response, time)
         data = scene.response.GetOutputDataObject(0).GetPointData()
@@ -124,7 +126,7 @@ def test_history_and_frequency_response_are_those_of_the_fields() -> None:
             expected = data.GetArray(name).GetTuple(vertex)
             np.testing.assert_allclose(history[row, k], expected, atol=1e-12)
     # Far below the first mode the cage follows its base.
-    answer = scene.response.frequency_response(weights, np.array([1e-3]))
+    answer = scene.response.motion.frequency_response(weights, np.array([1e-3]))
     np.testing.assert_allclose(answer[0], [0, 0, 1e-6], atol=1e-13)
     # And a sine that has been going on for ever is what the response is made of.
     frequency = 30.0
@@ -133,8 +135,8 @@ def test_history_and_frequency_response_are_those_of_the_fields() -> None:
         "steady=true}]"
     )
     scene.update_stage(scene.response, 0.0)
-    answer = scene.response.frequency_response(weights, np.array([frequency]))[0]
+    answer = scene.response.motion.frequency_response(weights, np.array([frequency]))[0]
     for time in (0.0, 0.0071):
-        now = scene.response.history(weights, np.array([time]))[0, 0]
+        now = scene.response.motion.history(weights, np.array([time]))[0, 0]
         turned = (answer * np.exp(2j * np.pi * frequency * time)).imag
         np.testing.assert_allclose(now, turned, atol=1e-9 * abs(answer).max())

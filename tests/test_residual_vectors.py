@@ -15,11 +15,16 @@ from spacemap_vtk.mechanics import loads
 from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.harmonic import steady
-from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation, strains
+from spacemap_vtk.mechanics.kinematics import (
+    MeanGradient,
+    largest_rotation,
+    strains,
+    symmetric_tensors,
+    von_mises,
+)
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
-from spacemap_vtk.mechanics.stress import symmetric_tensors, von_mises
 
 
 def sheet(fixed=True, divisions=(8, 8, 2)):

@@ -17,9 +17,9 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.datasets.arrays import to_cells, to_points
+from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.modal_model import model_of
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.scenes.scene import Scene
@@ -322,7 +322,7 @@ def test_one_ratio_damps_every_mode_alike() -> None:
     chain.at(0.02, "modal_coordinates")
     omega = np.sqrt(eigenvalues)
     d = omega * math.sqrt(1 - 0.05**2)
-    rates = chain.response.cage_modes().shapes @ (
+    rates = chain.response.motion.modes.shapes @ (
         chain.model.mass @ (np.tile([0, 0, 0.1], len(chain.model.points)) * chain.model.free)
     )
     expected = rates * np.exp(-0.05 * omega * 0.02) * np.sin(d * 0.02) / d
@@ -345,7 +345,7 @@ def test_too_few_modes_in_a_loaded_direction_are_reported() -> None:
 def test_effective_masses_sum_to_what_can_move() -> None:
     chain = Chain(modes=1000)
     chain.response.update(0.0)
-    modes = chain.response.cage_modes()
+    modes = chain.response.motion.modes
     np.testing.assert_allclose(modes.effective_masses.sum(axis=0), modes.movable_mass)
 
 
@@ -535,9 +535,9 @@ def test_a_time_that_is_no_number_is_refused(time):
         chain.at(time)
     chain.at(0.01)
     with pytest.raises(InputError, match="a finite number of seconds"):
-        chain.response.history(np.full(len(chain.model.points), 0.0), np.array([0.0, time]))
+        chain.response.motion.history(np.full(len(chain.model.points), 0.0), np.array([0.0, time]))
     with pytest.raises(InputError, match="a finite number of seconds"):
-        chain.response.energies(np.array([time]))
+        chain.response.motion.energies(np.array([time]))
 
 
 def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:

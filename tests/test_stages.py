@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -13,17 +14,37 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 import spacemap_vtk
 from spacemap_vtk import connect
+from spacemap_vtk.app.plots.curves import Wish, curves_of
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.datasets.arrays import add_array, points_of
+from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
+from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.parameters import Real
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 SMALL = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
+
+
+class Shearing:
+    """The motion of a cage that is sheared: no modes, no forces."""
+
+    def __init__(self, cage: Any, rate: float) -> None:
+        self.points, self.cells, self.rate = points_of(cage), tetrahedra_of(cage), rate
+
+    def at(self, time: float) -> np.ndarray:
+        speed = np.zeros((3, len(self.points), 3))
+        speed[:, :, 2] = np.outer((self.rate * time, self.rate, 0.0), self.points[:, 1])
+        return speed
+
+    def history(self, weights: np.ndarray, times: np.ndarray) -> np.ndarray:
+        return np.stack([weights @ self.at(time) for time in times], axis=1)
+
+    def energies(self, times: np.ndarray) -> np.ndarray:
+        return np.full((len(times), 4), np.nan)
 
 
 class Shear(Stage):
@@ -37,6 +58,10 @@ class Shear(Stage):
     provides: ClassVar = {"displacement": Provided("point", "m")}
 
     rate = Real(0.5, "How fast it shears.", unit="1/s", minimum=0.0)
+
+    @property
+    def motion(self) -> Shearing | None:
+        return None if self.output is None else Shearing(self.output, self.rate)
 
     def time_range(self, inputs: list[Any]) -> tuple[float, float]:
         return 0.0, 1.0
@@ -93,6 +118,14 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line of the program's table for each toy."""
     for toy in (Shear, Doubled, Tightened, PatchTessellator):
         monkeypatch.setitem(spacemap_vtk.FILTERS, toy.__name__, __name__)
+
+
+def run_through(work: Generator[None, None, Any]) -> Any:
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            return end.value
 
 
 def height(scene: Scene) -> np.ndarray:
@@ -155,6 +188,27 @@ def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
     assert "TimeRangeInformationHelper" in xml
     assert 'command="set_shift"' in made["PatchTessellator"]._pvsm_proxy_xml
     assert 'name="Cage"' in made["Tightened"]._pvsm_proxy_xml
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
+    scene = Scene({**SMALL, "shear": {"rate": 2.0}})
+    scene.update(time=0.1)
+    motion = scene.deforming.motion
+    assert isinstance(motion, Motion)
+    curves = run_through(curves_of(scene, Wish("a", ((0.0, 1e-4, 0.0),), 0.0, 1.0)))
+    assert curves is not None
+    assert curves.energies is None
+    np.testing.assert_allclose(curves.motion[0, 0, :, 2], 2e-4 * curves.times, atol=1e-12)
+    np.testing.assert_allclose(curves.motion[1, 0, :, 2], 2e-4, atol=1e-12)
+    assert curves.frequencies.size == 0
+    # With no point asked for, the one that moves most.
+    curves = run_through(curves_of(scene, Wish("b", (), 0.0, 1.0)))
+    assert curves is not None
+    assert abs(curves.points[0, 1]) == abs(motion.points[:, 1]).max()
+    swing = Scene({**SMALL, "response": {}})
+    swing.update(time=0.1)
+    assert isinstance(swing.deforming.motion, Motion)
 
 
 @pytest.mark.usefixtures("toys")

@@ -24,9 +24,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
+from spacemap_vtk.datasets.modal_model import rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 

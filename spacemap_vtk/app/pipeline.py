@@ -15,11 +15,11 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.frame import Frame, copied, frame_of
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.footprint import drawing_bytes

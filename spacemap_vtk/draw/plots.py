@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import write
+from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
@@ -33,17 +35,21 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     from spacemap_vtk.scenes import report
 
     figures = report.modes(scene)
-    scene.update_stage(scene.response, 0.0)
-    response = scene.response
-    modes = response.cage_modes()
+    mover = scene.deforming
+    scene.update_stage(mover, 0.0)
+    response = mover.motion
+    if not isinstance(response, Response):
+        raise InputError(f"{scene.file}: this scene's motion is no response of modes to loads")
+    modes = response.modes
+    last = (mover.time_range([]) or (0.0, 0.0))[1]
     if point is None:
         first = modes.shapes[0].reshape(-1, 3)
         place = modes.model.points[int(np.argmax((first**2).sum(axis=1)))]
     else:
         place = np.asarray(point)
-    weights = modes.weights(place)
+    weights = point_weights(response.points, response.cells, place)
     unit, row = QUANTITIES[quantity]
-    times = np.linspace(0.0, response.duration, SAMPLES)
+    times = np.linspace(0.0, last, SAMPLES)
     curves = response.history(weights, times)[row]
     unit, size = handy(unit, float(abs(curves).max()))
 

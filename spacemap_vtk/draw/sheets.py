@@ -17,6 +17,7 @@ from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.camera import aim, set_background
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -24,7 +25,6 @@ from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.shading import averaged
 from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene

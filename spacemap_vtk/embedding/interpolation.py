@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.locate import Location
+from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.parallel import BLAS_SERIAL, WORTHWHILE, for_each, loops
+from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
@@ -302,4 +303,48 @@ def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     result = shape_functions(inside)
     away = weights[outside] - inside[outside]
     result[outside] += np.einsum("nai,ni->na", shape_slopes(inside[outside]), away)
+    return result
+
+
+def point_weights(
+    points: NDArray[np.float64], cells: NDArray[np.int64], place: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how much each vertex of a cage counts in the motion of a point.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices at rest [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra.
+    place : ndarray of float64, shape (3,)
+        The point at rest [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (V,)
+        That sum to one.
+
+    Raises
+    ------
+    InputError
+        If it lies outside the cage.
+    """
+    where = locate([place], points, cells[:, :4], threads=1)
+    if where.outside:
+        low, high = (
+            [float(f"{x:.6g}") for x in end] for end in (points.min(axis=0), points.max(axis=0))
+        )
+        distance = format_quantity(where.largest_distance, "m")
+        raise InputError(
+            f"the point lies outside the cage, by {distance}",
+            key="point",
+            value=[float(x) for x in place],
+            allowed=f"a point inside; the cage's box goes from {low} to {high} m",
+        )
+    functions = where.weights[:1]
+    if cells.shape[1] == 10:
+        functions = shape_functions(functions)
+    result = np.zeros(len(points))
+    result[cells[where.tetrahedron[0]]] = functions[0]
     return result

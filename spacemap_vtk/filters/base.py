@@ -20,6 +20,8 @@ from spacemap_vtk.filters.algorithm import PIECE, UPDATE_TIME, Algorithm
 if TYPE_CHECKING:
     from typing import Self  # Python 3.10, which some ParaViews bring, has none
 
+    from spacemap_vtk.mechanics.response import Motion
+
 #: What a stage can be in a scene's pipeline, in its order: a scene has one of each, but of those
 #: that are `OPTIONAL` only what it names.
 ROLES = ("source", "cage", "solver", "mover", "rotation", "crimp", "warp", "surface")
@@ -63,6 +65,11 @@ class Stage(Algorithm):
             for name, array in self.provides.items()
             if all(getattr(self, key) in values for key, values in array.when.items())
         }
+
+    @property
+    def motion(self) -> Motion | None:
+        """The motion of the cage as of the last update, where more than its present is known."""
+        return None
 
     def check(self) -> None:
         """Check what can be checked without running; nothing by default.

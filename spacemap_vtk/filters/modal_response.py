@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,31 +11,28 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, vectors_of
+from spacemap_vtk.datasets.modal_model import ModesReader
+from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.cage_modes import Basis, CageModes, LoadVector
 from spacemap_vtk.filters.load import Loads
-from spacemap_vtk.filters.modal_model import rounding_of
-from spacemap_vtk.filters.response_parameters import DampingPairs
+from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.damping import Damping, rayleigh
-from spacemap_vtk.mechanics.energy import Account
-from spacemap_vtk.mechanics.harmonic import steady
-from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION, largest_rotation, strains
-from spacemap_vtk.mechanics.motion import Drive, Motion, State
-from spacemap_vtk.mechanics.oscillator import LOST
-from spacemap_vtk.mechanics.stress import symmetric_tensors, von_mises
+from spacemap_vtk.mechanics.kinematics import (
+    LARGE_ROTATION,
+    largest_rotation,
+    strains,
+    symmetric_tensors,
+    von_mises,
+)
+from spacemap_vtk.mechanics.model import Model, digest_of
+from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.mechanics.timefunctions import step
-from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Text, Vector
+from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Text, Vector
 
 FloatArray = NDArray[np.float64]
-
-#: A static shape is warned of where rounding is more than this share of it.
-ROUNDING = 1e-4
-
-#: Share of the movable mass that the kept modes should hold along an axis with a load.
-ENOUGH = 0.9
-
 
 #: The field arrays of energies.
 ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
@@ -41,6 +40,37 @@ ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_wo
 _STRESS = {"stress": (True,)}
 #: alpha and beta damp where no ratio is asked for.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
+
+
+_FREQUENCY = Real(1.0, "", unit="1/s", above=0.0)
+_RATIO = Real(0.0, "", minimum=0.0)
+
+
+class DampingPairs(Parameter[Any]):
+    """Two pairs of frequency and damping ratio."""
+
+    kind = "pairs"
+    annotation = "sequence of 2 pairs of float"
+    form = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
+
+    def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
+        """Return two pairs of floats, the lower frequency first."""
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InputError("not a list of pairs")
+        pairs = []
+        for pair in value:
+            numbers = tuple(pair) if isinstance(pair, Iterable) else ()
+            if isinstance(pair, str) or len(numbers) != 2:
+                raise InputError("not a list of pairs")
+            frequency, ratio = numbers
+            pairs.append((_FREQUENCY.convert(frequency), _RATIO.convert(ratio)))
+        if len(pairs) != 2:
+            raise InputError(f"{len(pairs)} pairs in place of 2")
+        return tuple(sorted(pairs))
+
+    def text(self, value: Any) -> str:
+        """Return TOML's spelling."""
+        return str([list(pair) for pair in value])
 
 
 class ModalResponse(Stage):
@@ -163,8 +193,8 @@ class ModalResponse(Stage):
         maximum=100_000,
     )
 
-    _kept_modes: tuple[int, CageModes] | None = None
-    _kept_motion: tuple[tuple[int, int], _Prepared] | None = None
+    _modes: ModesReader | None = None
+    _kept_motion: tuple[tuple[int, int], Response] | None = None
 
     def check(self) -> None:
         """Check how much is damped."""
@@ -210,15 +240,27 @@ class ModalResponse(Stage):
         """Return the times of the frames, without which ParaView would write one step only."""
         return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
 
+    @property
+    def motion(self) -> Response | None:
+        """The motion as of the last update; None before."""
+        return None if self._kept_motion is None else self._kept_motion[1]
+
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Evaluate the sum at `time`; before t = 0 the initial state holds."""
-        modes = self._modes(inputs[0])
-        prepared = self._motion(inputs[0])
-        state = prepared.motion.at(time)
-        displacement, velocity, acceleration = prepared.fields(state, max(time, 0.0))
-        for text in prepared.warnings:
+        grid = inputs[0]
+        if self._modes is None:
+            self._modes = ModesReader()
+        modes = self._modes.read(grid)
+        # The motion does not depend on the time asked for.
+        key = grid.GetMTime(), self.GetMTime()
+        if self._kept_motion is None or self._kept_motion[0] != key:
+            self._kept_motion = key, self._response(grid, modes)
+        motion = self._kept_motion[1]
+        state = motion.modal.at(time)
+        displacement, velocity, acceleration = motion.at(time, state)
+        for text in motion.warnings:
             self.warn(text)
         gradients = modes.gradient.of(displacement)
         if largest_rotation(gradients) > LARGE_ROTATION:
@@ -226,7 +268,7 @@ class ModalResponse(Stage):
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
                 "model stretches what turns: lower the load or raise the modulus to trust the shape"
             )
-        output.ShallowCopy(inputs[0])
+        output.ShallowCopy(grid)
         data = output.GetPointData()
         add_array(data, "displacement", displacement)
         add_array(data, "velocity", velocity)
@@ -241,7 +283,7 @@ class ModalResponse(Stage):
             add_array(cells, "stress", symmetric_tensors(stress, engineering=False))
             add_array(cells, "von_mises", von_mises(stress))
         if self.energy:
-            energies = prepared.account.at(time, state)
+            energies = motion.energy(time, state)
             if np.isnan(energies.work):
                 self.warn(
                     "so many periods have passed that the work of the loads is not added up: "
@@ -251,226 +293,102 @@ class ModalResponse(Stage):
             for name, value in zip(ENERGIES, energies, strict=True):
                 add_array(field, name, np.array([value]))
 
-    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
-        """Return how a point moves over time; call `update` before.
-
-        Parameters
-        ----------
-        weights : ndarray of float64, shape (V,)
-            Of the vertices in the point's displacement, see `CageModes.weights`.
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (3, t, 3)
-            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
-        """
-        assert self._kept_motion is not None, "not updated yet"
-        prepared = self._kept_motion[1]
-        # The point is a mesh of one vertex.
-        point = prepared.at_point(weights)
-        return np.stack([point.fields(prepared.motion.at(t), t)[:, 0] for t in times], axis=1)
-
-    def energies(self, times: FloatArray) -> FloatArray:
-        """Return where the energy is over time; call `update` before.
-
-        Parameters
-        ----------
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (t, 4)
-            Kinetic, strain and dissipated energy, and their sum, the external work [J].
-        """
-        assert self._kept_motion is not None, "not updated yet"
-        account = self._kept_motion[1].account
-        return np.array([account.at(t) for t in times]).reshape(-1, 4)
-
-    def frequency_response(self, weights: FloatArray, frequencies: FloatArray) -> NDArray[Any]:
-        """Return how a point answers to the loads as sines, all in phase; call `update` before.
-
-        Parameters
-        ----------
-        weights : ndarray of float64, shape (V,)
-            Of the vertices in the point's displacement.
-        frequencies : ndarray of float64, shape (f,)
-            Of the sines [Hz], above 0; loads have the sizes that they have, with factor 1.
-
-        Returns
-        -------
-        ndarray of complex128, shape (f, 3)
-            Displacement [m], its size and phase along x, y and z.
-
-        Raises
-        ------
-        InputError
-            If an undamped mode is met at its own frequency.
-        """
-        assert self._kept_motion is not None, "not updated yet"
-        prepared = self._kept_motion[1]
-        motion = prepared.motion
-        point = prepared.at_point(weights).basis.shapes
-        result = np.zeros((len(frequencies), 3), dtype=np.complex128)
-        for row, omega in enumerate(2 * np.pi * np.asarray(frequencies)):
-            receptance = steady(motion.stiffness, motion.half, omega)
-            for drive, vector in zip(motion.drives, prepared.vectors, strict=True):
-                factor = omega**2 if drive.moves_base else 1.0
-                result[row] += (receptance * drive.gain * factor) @ point
-                if vector.moves_base is not None:
-                    result[row] += vector.moves_base * weights.sum()
-        return result
-
-    def cage_modes(self) -> CageModes:
-        """Return what is known of the cage's modes; call `update` before.
-
-        Returns
-        -------
-        CageModes
-            Effective masses among other things.
-        """
-        assert self._kept_modes is not None, "not updated yet"
-        return self._kept_modes[1]
-
-    def _modes(self, grid: vtkUnstructuredGrid) -> CageModes:
-        changed = grid.GetMTime()
-        if self._kept_modes is None or self._kept_modes[0] != changed:
-            former = None if self._kept_modes is None else self._kept_modes[1]
-            self._kept_modes = changed, CageModes(grid, former)
-        return self._kept_modes[1]
-
-    def _motion(self, grid: vtkUnstructuredGrid) -> _Prepared:
-        """Return the motion, which does not depend on the time asked for."""
-        key = grid.GetMTime(), self.GetMTime()
-        if self._kept_motion is None or self._kept_motion[0] != key:
-            self._kept_motion = key, self._prepared(grid, self._modes(grid))
-        return self._kept_motion[1]
-
-    def _prepared(self, grid: vtkUnstructuredGrid, modes: CageModes) -> _Prepared:
-        lost = int((rounding_of(grid) > LOST).sum())
-        if self.initial == "equilibrium" and lost:
-            raise InputError(
-                f"rounding leaves no digit of {lost} of the cage's modes, and so none of its shape "
-                "at rest",
-                key="initial",
-                value=self.initial,
-                cure='Take a thicker cage, fewer divisions or more modes, or start from "rest".',
-            )
-        vectors = [modes.gravity(self.gravity, step())] if any(self.gravity) else []
+    def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
+        vectors = [modes.vector("gravity", self.gravity, step())] if any(self.gravity) else []
         for number, load in enumerate(self.loads):
+            value, place = getattr(load, load.action), load.on or load.at
             try:
-                vectors.append(modes.vector(load))
+                if load.action == "array":
+                    value, place = self._vectors(grid, "loads.array", load.array), load.array
+                vectors.append(modes.vector(load.action, value, load.function, place))
             except InputError as error:
                 error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
                 raise
-        basis = modes.basis(vectors, self.residual_vectors, self._processes)
-        drives = [
-            Drive(basis.shapes @ modes.force(p), p.function, p.moves_base is not None)
-            for p in vectors
-        ]
-        warnings = self._truncation(modes, vectors)
-        if (share := modes.rounding(vectors)) > ROUNDING:
-            digits = int(-np.log10(share))
-            warnings.append(
-                f"about {digits} digit{'s' * (digits != 1)} of the shape at rest hold: the cage "
-                "resists bending by so much less than stretching that the rest is rounding; take "
-                "fewer divisions, linear tetrahedra or a thicker cage to trust more"
+        displacement, velocity = (
+            self._start(grid, *given)
+            for given in (
+                (self.initial_displacement, "displacement", self.initial_displacement_array),
+                (self.initial_velocity, "velocity", self.initial_velocity_array),
             )
-        free = modes.model.free
-        warnings += [
-            "a load falls on fixed vertices only, and moves nothing"
-            for force in map(modes.force, vectors)
-            if force.any() and not force[free].any()
-        ]
-        warnings += [
+        )
+        made = Response(
+            modes,
+            vectors,
+            self.damping,
+            equilibrium=self.initial == "equilibrium",
+            displacement=displacement,
+            velocity=velocity,
+            residual=self.residual_vectors,
+            statics=partial(static_displacements, modes.model, processes=self._processes),
+        )
+        made.warnings += [
             f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
             "on the vertex nearest to it"
             for number, load in enumerate(self.loads)
             if load.at is not None and (distance := modes.away(load.at))
         ]
-        start: dict[str, FloatArray] = {}
-        for name, what in (("position", "displacement"), ("rate", "velocity")):
-            field = self._start_field(grid, modes, f"initial_{what}")
-            if field.any():
-                inertia = modes.model.mass @ field
-                start[name] = basis.shapes @ inertia
-                missed = 1.0 - float(start[name] @ start[name]) / float(field @ inertia)
-                if missed > 1.0 - ENOUGH:
-                    warnings.append(
-                        f"the modes miss {missed:.0%} of the initial {what}; raise their number"
-                    )
-        motion = Motion(
-            basis.eigenvalues,
-            self.damping.halves(basis.eigenvalues),
-            drives,
-            equilibrium=self.initial == "equilibrium",
-            position=start.get("position"),
-            rate=start.get("rate"),
-        )
-        return _Prepared(motion, basis, vectors, warnings)
+        return made
 
-    def _start_field(
-        self,
-        grid: vtkUnstructuredGrid,
-        modes: CageModes,
-        key: str,
+    def _start(
+        self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
     ) -> FloatArray:
-        field = np.tile(getattr(self, key), (len(modes.nodal_mass), 1)).astype(np.float64)
-        array = getattr(self, f"{key}_array")
+        field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))
         if array:
-            with naming(f"{key}_array"):
-                field += vectors_of(grid.GetPointData(), array, len(field), "ModalResponse")
-        return field.ravel() * modes.model.free
+            field += self._vectors(grid, f"initial_{what}_array", array)
+        return field
 
-    def _truncation(self, modes: CageModes, vectors: list[LoadVector]) -> list[str]:
-        """Say along which loaded axes the modes hold too little of the mass."""
-        if modes.complete:
-            return []
-        held = modes.effective_masses.sum(axis=0) / modes.movable_mass
-        return [
-            f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
-            "it is loaded; raise modal.modes to trust how fast it moves"
-            + (" (where it comes to rest is exact)" if self.residual_vectors else "")
-            for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(vectors), strict=True)
-            if loaded and share < ENOUGH
-        ]
+    def _vectors(self, grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray:
+        with naming(key):
+            return vectors_of(grid.GetPointData(), name, grid.GetNumberOfPoints(), "ModalResponse")
 
 
-class _Prepared:
-    """A motion, and the shapes it is a motion of."""
+def static_displacements(
+    model: Model, forces: FloatArray, processes: Processes | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return static displacements, from the user's cache folder where they were solved before.
 
-    def __init__(
-        self, motion: Motion, basis: Basis, vectors: list[LoadVector], warnings: list[str]
-    ) -> None:
-        self.motion, self.basis, self.vectors = motion, basis, vectors
-        self.warnings = warnings
-        self._account: Account | None = None
+    Parameters
+    ----------
+    model : Model
+        What is loaded.
+    forces : ndarray of float64, shape (3V, m)
+        Forces on the vertices [N].
+    processes : Processes, optional
+        Those of which the first solves for all.
 
-    @property
-    def account(self) -> Account:
-        """Its energies."""
-        if self._account is None:
-            self._account = Account(self.motion)
-        return self._account
-
-    def at_point(self, weights: FloatArray) -> _Prepared:
-        """Return the same for one point, with shapes of three components."""
-        shapes = self.basis.shapes.reshape(len(self.motion.stiffness), -1, 3)
-        point = np.einsum("nvc,v->nc", shapes, weights)
-        return _Prepared(self.motion, Basis(self.basis.eigenvalues, point), self.vectors, [])
-
-    def fields(self, state: State, time: float) -> FloatArray:
-        """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
-        fields: FloatArray = (np.stack(state) @ self.basis.shapes).reshape(3, -1, 3)
-        for vector in self.vectors:
-            if vector.moves_base is not None:
-                function = vector.function
-                value = function.value(time)
-                fields[0] += value * vector.moves_base
-                fields[1] += function.slope(time) * vector.moves_base
-                # Of a sine; a linear piece has none.
-                curvature = -(getattr(function, "omega", 0.0) ** 2) * value
-                fields[2] += curvature * vector.moves_base
-        return fields
+    Returns
+    -------
+    displacements : ndarray of float64, shape (3V, m)
+        In m.
+    rounding : ndarray of float64, shape (m,)
+        The share of each that is rounding, see `Model.statics`.
+    """
+    if processes is not None:
+        first = processes.from_first(lambda: list(static_displacements(model, forces)))
+        return first[0], first[1]
+    # For the unit modulus: another one changes neither the entry nor, but for its size, the answer.
+    keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]
+    result, rounding = np.empty(forces.shape), np.empty(len(keys))
+    missing = []
+    for column, key in enumerate(keys):
+        entry = cache.load(key) or {}
+        kept, share = entry.get("displacement"), entry.get("rounding")
+        if (
+            kept is None
+            or share is None
+            or kept.shape != (len(forces),)
+            or share.shape != (1,)
+            or not kept.dtype == share.dtype == np.float64
+        ):
+            missing.append(column)
+        else:
+            result[:, column], rounding[column] = kept / model.modulus, share[0]
+    if missing:
+        result[:, missing], rounding[missing] = model.statics(forces[:, missing])
+        for column in missing:
+            cache.store(
+                keys[column],
+                displacement=result[:, column] * model.modulus,
+                rounding=rounding[column : column + 1],
+            )
+    return result, rounding

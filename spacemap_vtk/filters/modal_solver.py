@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time as clock
-from typing import ClassVar
+from collections.abc import Iterable
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,18 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
+from spacemap_vtk.datasets.modal_model import MODE_NAME, attach
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.modal_model import attach
-from spacemap_vtk.filters.solver_parameters import Supports
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic, volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
-from spacemap_vtk.mechanics.supports import held_components
+from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Real, Vector
+from spacemap_vtk.parameters import Choice, Integer, Parameter, Real, Vector
 from spacemap_vtk.units import format_quantity
-
-#: Name of the point array that holds a mode shape.
-MODE_NAME = "mode_{:03d}"
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
 DENSITY = 300.0
@@ -62,6 +59,27 @@ FloatArray = NDArray[np.float64]
 
 #: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.eigen.Modes`.
 Solution = tuple[FloatArray, FloatArray, FloatArray]
+
+
+class Supports(Parameter[tuple[str, ...]]):
+    """Places that are held, as `spacemap_vtk.mechanics.supports` reads them."""
+
+    kind = "supports"
+    annotation = "str or sequence of str"
+    form = ALLOWED
+
+    def convert(self, value: Any) -> tuple[str, ...]:
+        """Return the supports, each once and in canonical form, sides first."""
+        texts = [value] if isinstance(value, str) else value
+        if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
+            raise InputError("neither a string nor a list of strings")
+        found = dict.fromkeys(str(support) for text in texts for support in parse(text))
+        rank = {side: number for number, side in enumerate(SIDES)}
+        return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
+
+    def text(self, value: tuple[str, ...]) -> str:
+        """Return the supports as one string."""
+        return f'"{" ".join(value)}"'
 
 
 class ModalSolver(Stage):

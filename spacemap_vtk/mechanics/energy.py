@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.mechanics.harmonic import ComplexArray, from_rest
-from spacemap_vtk.mechanics.motion import Motion, State
+from spacemap_vtk.mechanics.motion import ModalMotion, State
 from spacemap_vtk.mechanics.oscillator import FloatArray, kernels
 from spacemap_vtk.mechanics.timefunctions import Pieces
 
@@ -42,18 +42,12 @@ class Energy(NamedTuple):
 
 
 class Account:
-    """Energies of a motion at any time.
+    """Energies of a motion of mass-normalised modes, at any time."""
 
-    The work up to the start of each piece is kept, so that later times cost no more than earlier
-    ones when they are visited again.
+    # The work up to the start of each piece is kept, so that later times cost no more than earlier
+    # ones when they are visited again.
 
-    Parameters
-    ----------
-    motion : Motion
-        Of mass-normalised modes.
-    """
-
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: ModalMotion) -> None:
         self._motion = motion
         first = motion.state(0.0)
         #: Of each start of a piece: time, state and the work done until then.
@@ -69,26 +63,12 @@ class Account:
         )
 
     def at(self, time: float, state: State | None = None) -> Energy:
-        """Return the energies at a time.
-
-        Parameters
-        ----------
-        time : float
-            In s; those at 0 hold before it.
-        state : State, optional
-            Of the motion at that time, where it is known already.
-
-        Returns
-        -------
-        Energy
-            In J. Behind more than `MOST` pieces of periodic functions the work, and what of it was
-            lost, are not known: they are not a number.
-        """
+        """Return the energies at a time."""
         time = max(time, 0.0)
         state = self._motion.at(time) if state is None else state
         kinetic = 0.5 * float(state.rate @ state.rate)
         strain = 0.5 * float(self._motion.stiffness @ state.position**2)
-        if time * self._rate > MOST:
+        if time * self._rate > MOST:  # too many to add up: work and loss are unknown
             return Energy(kinetic, strain, math.nan, math.nan)
         self._reach(time)
         k = int(np.searchsorted(self._marks, time, side="right")) - 1
@@ -165,7 +145,7 @@ class Account:
 class _Spells(NamedTuple):
     """Motions from given states to given states, each under a linear load and sines."""
 
-    motion: Motion
+    motion: ModalMotion
     spans: FloatArray
     """(p, 1)."""
     firsts: FloatArray
@@ -237,7 +217,7 @@ def _turned(omega: float, spans: FloatArray) -> ComplexArray:
     return spans * turned
 
 
-def _stored(motion: Motion, states: FloatArray) -> FloatArray:
+def _stored(motion: ModalMotion, states: FloatArray) -> FloatArray:
     """Return kinetic and strain energy of states (…, 2, n)."""
     q, rate = states[..., 0, :], states[..., 1, :]
     return np.asarray(0.5 * (rate**2 + motion.stiffness * q**2).sum(axis=-1))

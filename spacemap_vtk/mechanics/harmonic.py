@@ -53,25 +53,7 @@ def from_rest(
 
 
 def steady(stiffness: FloatArray, half: FloatArray, omega: float) -> ComplexArray:
-    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance.
-
-    Parameters
-    ----------
-    stiffness, half : ndarray of float64, shape (n,)
-        λ ≥ 0 [1/s²] and h ≥ 0 [1/s].
-    omega : float
-        Ω > 0 [rad/s].
-
-    Returns
-    -------
-    ndarray of complex128, shape (n,)
-        1 / (λ - Ω² + 2ihΩ) [s²].
-
-    Raises
-    ------
-    InputError
-        If a mode without damping is driven at its own frequency: its response grows for ever.
-    """
+    """Return the steady response of q̈ + 2h q̇ + λ q = e^{iΩt} at t = 0, the receptance."""
     root = np.sqrt(stiffness)
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():

@@ -18,23 +18,7 @@ _EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 
 
 class MeanGradient:
-    """The mean gradient of displacement fields in each tetrahedron.
-
-    It is constant in a linear tetrahedron and linear in a quadratic one, whose mean is that at its
-    centroid.
-
-    Parameters
-    ----------
-    points : array_like of float, shape (V, 3)
-        Vertices [m].
-    cells : array_like of int, shape (T, 4) or (T, 10)
-        Linear or quadratic tetrahedra with straight edges.
-
-    Raises
-    ------
-    GeometryError
-        If the mesh is none, or a tetrahedron flat.
-    """
+    """The mean gradient of displacement fields in each tetrahedron."""
 
     def __init__(self, points: ArrayLike, cells: ArrayLike) -> None:
         nodes = np.asarray(cells, dtype=np.int64)
@@ -49,18 +33,7 @@ class MeanGradient:
         self._slopes = np.ascontiguousarray(slopes.transpose(2, 1, 0))
 
     def of(self, displacement: FloatArray) -> FloatArray:
-        """Return the gradients of a field.
-
-        Parameters
-        ----------
-        displacement : ndarray of float64, shape (V, 3)
-            u [m].
-
-        Returns
-        -------
-        ndarray of float64, shape (3, 3, T)
-            ∂u_i/∂x_j.
-        """
+        """Return the gradients of a field."""
         result = np.empty((3, 3, self._nodes.shape[1]))
         for i in range(3):
             values = np.ascontiguousarray(displacement[:, i])[self._nodes]
@@ -133,3 +106,42 @@ def strain_products(
             stress.reshape(len(fields), -1, 6)[...] *= volume[part, None] / len(slopes)
             total += stress.reshape(len(fields), -1) @ strain.reshape(len(fields), -1).T
     return (total + total.T) / 2
+
+
+def von_mises(stress: FloatArray) -> FloatArray:
+    """Return the von Mises stress.
+
+    Parameters
+    ----------
+    stress : ndarray of float64, shape (T, 6)
+        Components xx, yy, zz, yz, zx, xy [Pa].
+
+    Returns
+    -------
+    ndarray of float64, shape (T,)
+        In Pa.
+    """
+    x, y, z, yz, zx, xy = stress.T
+    normal = (x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2
+    return np.asarray(np.sqrt(0.5 * normal + 3.0 * (yz**2 + zx**2 + xy**2)))
+
+
+def symmetric_tensors(components: FloatArray, *, engineering: bool) -> FloatArray:
+    """Return strains or stresses in VTK's order of a symmetric tensor.
+
+    Parameters
+    ----------
+    components : ndarray of float64, shape (T, 6)
+        As xx, yy, zz, yz, zx, xy.
+    engineering : bool
+        Whether shears are in engineering measure, and to be halved.
+
+    Returns
+    -------
+    ndarray of float64, shape (T, 6)
+        As xx, yy, zz, xy, yz, xz, of a tensor.
+    """
+    result = components[:, [0, 1, 2, 5, 3, 4]]
+    if engineering:
+        result[:, 3:] *= 0.5
+    return result

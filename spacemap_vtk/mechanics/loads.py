@@ -83,23 +83,7 @@ def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
 
 
 def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
-    """Return the forces of a constant traction on a wall.
-
-    Parameters
-    ----------
-    count : int
-        Number of vertices V.
-    where : Wall
-        Where it acts.
-    stress : array_like of float, shape (3,)
-        Force per area [Pa].
-
-    Returns
-    -------
-    ndarray of float64, shape (V, 3)
-        Forces [N], consistent with the elements: ∫ N is a third of the area at each corner of a
-        linear face; in a quadratic one it is zero there and a third at the middle of each edge.
-    """
+    """Return the forces of a constant traction on a wall."""
     share = np.zeros(count)
     np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / 3, 3))
     return share[:, None] * np.asarray(stress, dtype=np.float64)
@@ -136,18 +120,5 @@ def nearest(points: FloatArray, place: ArrayLike) -> int:
 
 
 def on_mass(nodal_mass: FloatArray, acceleration: ArrayLike) -> FloatArray:
-    """Return the forces of a constant acceleration, such as gravity.
-
-    Parameters
-    ----------
-    nodal_mass : ndarray of float64, shape (V,)
-        Row sums of the mass matrix [kg].
-    acceleration : array_like of float, shape (3,)
-        In m/s².
-
-    Returns
-    -------
-    ndarray of float64, shape (V, 3)
-        Forces [N].
-    """
+    """Return the forces of a constant acceleration, such as gravity."""
     return nodal_mass[:, None] * np.asarray(acceleration, dtype=np.float64)

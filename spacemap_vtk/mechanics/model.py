@@ -9,8 +9,9 @@ ModalResponse comes upon the factors that ModalSolver made, though only arrays p
 from __future__ import annotations
 
 import hashlib
+import weakref
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,6 @@ from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, nodal_ma
 from spacemap_vtk.mechanics.materials import check_sizes
 from spacemap_vtk.mechanics.residual_vectors import movable_mass
 from spacemap_vtk.mechanics.tetrahedra import checked_mesh
-from spacemap_vtk.mechanics.weak_values import WeakValues
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -31,6 +31,32 @@ FloatArray = NDArray[np.float64]
 
 #: Digits of a material that count: two moduli in a fixed ratio leave the last ones to rounding.
 _DIGITS = 14
+
+
+V = TypeVar("V")
+
+
+class WeakValues(Generic[V]):
+    """A `weakref.WeakValueDictionary` that runs no Python when a value dies."""
+
+    # A value may die with its stage within VTK's collector, which holds a lock of all threads.
+    # There any line of Python may hand Python's own lock to a thread that then waits for VTK's, and
+    # both stand for ever. So the dead are dropped when the next value comes.
+
+    def __init__(self) -> None:
+        self._kept: dict[str, weakref.ref[V]] = {}
+
+    def get(self, key: str) -> V | None:
+        """Return a value, or None where there is none any more."""
+        kept = self._kept.get(key)
+        return None if kept is None else kept()
+
+    def __contains__(self, key: str) -> bool:
+        return self.get(key) is not None
+
+    def __setitem__(self, key: str, value: V) -> None:
+        alive = {k: kept for k, kept in list(self._kept.items()) if kept() is not None}
+        self._kept = alive | {key: weakref.ref(value)}
 
 
 class Model:

@@ -40,7 +40,7 @@ class Drive(NamedTuple):
 
 
 class State(NamedTuple):
-    """Motion of the modes at one time, each of shape (n,)."""
+    """ModalMotion of the modes at one time, each of shape (n,)."""
 
     position: FloatArray
     """q."""
@@ -50,33 +50,8 @@ class State(NamedTuple):
     """q̈ [1/s²]."""
 
 
-class Motion:
-    """The motion of modes from a start and under loads, at any time from 0 on.
-
-    Parameters
-    ----------
-    stiffness, half : ndarray of float64, shape (n,)
-        λ ≥ 0 [1/s²] and h ≥ 0 [1/s] of each mode.
-    drives : sequence of Drive
-        The loads.
-    equilibrium : bool
-        Whether it starts at rest under the loads as they are at t = 0; else from q = 0.
-    position, rate : ndarray of float64, shape (n,), optional
-        Added to the state at the start.
-
-    Raises
-    ------
-    InputError
-        If there is no equilibrium, because a rigid mode is loaded, or no steady state.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from spacemap_vtk.mechanics.timefunctions import step
-    >>> motion = Motion(np.array([4.0]), np.array([0.0]), [Drive(np.array([1.0]), step())])
-    >>> motion.at(np.pi / 2).position.round(12)  # twice the static response, after half a period
-    array([0.5])
-    """
+class ModalMotion:
+    """The motion of modes from a start and under loads, at any time from 0 on."""
 
     def __init__(
         self,
@@ -116,23 +91,7 @@ class Motion:
         ]
 
     def at(self, time: float) -> State:
-        """Return the motion at a time, after a jump that happens just then.
-
-        Parameters
-        ----------
-        time : float
-            In s; the state at 0 holds before it.
-
-        Returns
-        -------
-        State
-            q, q̇ and q̈.
-
-        Raises
-        ------
-        InputError
-            If the time is not a finite number.
-        """
+        """Return the motion at a time, after a jump that happens just then."""
         if not math.isfinite(time):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
@@ -143,18 +102,7 @@ class Motion:
         return State(q, rate, acceleration)
 
     def state(self, time: float) -> FloatArray:
-        """Return positions and rates at a time, after a jump that happens just then.
-
-        Parameters
-        ----------
-        time : float
-            In s, at least 0.
-
-        Returns
-        -------
-        ndarray of float64, shape (2, n)
-            q and q̇.
-        """
+        """Return positions and rates at a time, after a jump that happens just then."""
         state = self._linear.at(time)
         for repeated in self._repeated:
             state = state + repeated.at(time)
@@ -171,18 +119,7 @@ class Motion:
         return state
 
     def load(self, time: float) -> FloatArray:
-        """Return the load on each mode at a time.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (n,)
-            W, without the impulses of a base that jumps.
-        """
+        """Return the load on each mode at a time."""
         total = np.zeros(len(self.stiffness))
         for drive in self.drives:
             function = drive.function
@@ -193,18 +130,7 @@ class Motion:
         return total
 
     def jump(self, time: float) -> FloatArray:
-        """Return by how much the state jumps at a time.
-
-        Parameters
-        ----------
-        time : float
-            In s, at least 0; a time where a piece of a base's displacement starts.
-
-        Returns
-        -------
-        ndarray of float64, shape (2, n)
-            Of q and q̇.
-        """
+        """Return by how much the state jumps at a time."""
         total = np.zeros((2, len(self.stiffness)))
         for drive in self.drives:
             if drive.moves_base:

@@ -32,29 +32,7 @@ def residual_modes(
     loads: FloatArray,
     statics: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return shapes that make the static response to loads exact.
-
-    Parameters
-    ----------
-    shapes : ndarray of float64, shape (n, N)
-        The kept modes, mass-normalised, zero where fixed.
-    eigenvalues : ndarray of float64, shape (n,)
-        Their λ [1/s²].
-    stiffness, mass : scipy.sparse.csr_matrix of float64, shape (N, N)
-        K and M.
-    loads : ndarray of float64, shape (N, m)
-        Forces, zero on fixed components.
-    statics : ndarray of float64, shape (N, m)
-        K⁻¹ of the loads, zero on fixed components; M-orthogonal to rigid motions.
-
-    Returns
-    -------
-    eigenvalues : ndarray of float64, shape (k,)
-        λ of the residual shapes, ascending; k ≤ m, as loads that the modes hold entirely, or that
-        depend on others, add none.
-    shapes : ndarray of float64, shape (k, N)
-        Mass-normalised, M-orthogonal to the modes, and M- and K-orthogonal to each other.
-    """
+    """Return shapes that make the static response to loads exact."""
     from scipy import linalg as la  # with all it brings: a tenth of a second
 
     elastic = eigenvalues > 0.0
@@ -136,19 +114,6 @@ def movable_mass(
 
 
 def participation(shapes: FloatArray, nodal_mass: FloatArray) -> FloatArray:
-    """Return how far a uniform acceleration along each axis drives each mode.
-
-    Parameters
-    ----------
-    shapes : ndarray of float64, shape (n, 3V)
-        Mass-normalised modes.
-    nodal_mass : ndarray of float64, shape (V,)
-        Row sums of M [kg].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 3)
-        Γ = φᵀ M r [√kg]; its square is the effective mass.
-    """
+    """Return how far a uniform acceleration along each axis drives each mode."""
     modes = shapes.reshape(len(shapes), -1, 3)
     return np.einsum("nvc,v->nc", modes, nodal_mass)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -16,8 +17,6 @@ from spacemap_vtk.fabric.settle import dressed, settled_measures
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
-from spacemap_vtk.filters.cage_modes import CageModes
-from spacemap_vtk.filters.modal_model import rounding_of
 from spacemap_vtk.io.as_wif import loom_of
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
@@ -58,11 +57,10 @@ def modes(scene: Scene) -> dict[str, Any]:
     scene.check()  # before the modes are solved: how they are damped
     scene.update_stage(solver)
     grid = solver.output
-    eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", "modes")
-    rounding = rounding_of(grid)
+    cage = ModesReader().read(grid)
+    eigenvalues, rounding = cage.eigenvalues, cage.eigenvalue_rounding
     damping = mover.damping if isinstance(mover, Damped) else Damping()
     rates = damping.alphas(eigenvalues), damping.beta
-    cage = CageModes(grid)
     masses, movable = cage.effective_masses, cage.movable_mass
     # A cage held along an axis everywhere has nothing to move along it.
     shares = np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)

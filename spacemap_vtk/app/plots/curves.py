@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from spacemap_vtk.app.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
 from spacemap_vtk.draw.plots import ASIDE, frequencies_near
+from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.motion_reader import MotionReader
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -64,15 +66,19 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     times = np.linspace(wish.start, wish.stop, SAMPLES)
     if not scene.moves:
         return None
-    if scene.stage("solver") is None:
-        return (yield from _read(scene, wish, times))
-    response = scene.response
-    modes = response.cage_modes()
-    natural = np.sqrt(np.maximum(modes.eigenvalues, 0.0)) / (2 * np.pi)
+    mover = scene.deforming
+    model = mover.motion
+    if model is None:
+        # Of a stage of its own: the scene's would run anew at each time, and again for the view.
+        return None if mover.inputs else (yield from _read(type(mover)(**mover.settings), wish))
+    response = model if isinstance(model, Response) else None
+    eigenvalues = response.modes.eigenvalues if response else np.zeros(0)
+    natural = np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi)
+    shape = response.modes.shapes[0] if response else model.at(wish.stop)[0]
     places, weights, note = [], [], ""
-    for place in wish.points or (_tip(modes.shapes[0], modes.model.points),):
+    for place in wish.points or (_tip(shape, model.points),):
         try:
-            weights.append(modes.weights(np.asarray(place)))
+            weights.append(point_weights(model.points, model.cells, np.asarray(place)))
             places.append(place)
         except InputError as error:
             note = f"{error.message}."
@@ -80,17 +86,19 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     motion = np.zeros((3, len(places), len(times), 3))
     for number, weight in enumerate(weights):
         for part in _parts(len(times)):
-            motion[:, number, part] = response.history(weight, times[part])
+            motion[:, number, part] = model.history(weight, times[part])
             yield
     energies = None
-    if response.energy:
+    if "kinetic_energy" in mover.arrays:
         energies = np.zeros((len(times), 4))
         for part in _parts(len(times)):
-            energies[part] = response.energies(times[part])
+            energies[part] = model.energies(times[part])
             yield
-    frequencies = frequencies_near(natural.tolist())
+    frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
     answers = np.zeros((len(places), len(frequencies), 3))
     for number, weight in enumerate(weights):
+        if response is None:
+            break
         for part in _parts(len(frequencies)):
             try:
                 answer = response.frequency_response(weight, frequencies[part])
@@ -112,12 +120,9 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     )
 
 
-def _read(scene: Scene, wish: Wish, times: FloatArray) -> Generator[None, None, Curves | None]:
+def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
     """Follow points through a motion out of a file: at its own steps, linear between them."""
-    # One of its own: the scene's would run anew at each time, and then again for the view.
-    reader = MotionReader(**scene.motion.settings)
-    reader.update()
-    cage = reader.GetOutputDataObject(0)
+    cage = reader.update().output
     rest, cells = points_of(cage), tetrahedra_of(cage)
     steps = reader.time_steps([])
     inside = [t for t in steps if wish.start < t < wish.stop]
@@ -125,7 +130,7 @@ def _read(scene: Scene, wish: Wish, times: FloatArray) -> Generator[None, None, 
     fields = []
     for time in times:
         reader.update(time=float(time))
-        data = reader.GetOutputDataObject(0).GetPointData()
+        data = reader.output.GetPointData()
         fields.append(array_of(data, "displacement", "a plot").copy())
         yield
     moved = np.stack(fields)

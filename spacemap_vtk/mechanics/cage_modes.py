@@ -1,33 +1,22 @@
-"""What ModalResponse keeps of ModalSolver's output: modes, loads on them, residual vectors."""
+"""The modes of a cage, loads on them, and residual vectors: all of a response that has no time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import array_of, vectors_of
-from spacemap_vtk.datasets.processes import Processes
-from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.load import Load
-from spacemap_vtk.filters.modal_model import model_of, static_displacements
-from spacemap_vtk.filters.modal_solver import MODE_NAME
 from spacemap_vtk.mechanics import loads as forces
-from spacemap_vtk.mechanics.elements import shape_functions
 from spacemap_vtk.mechanics.kinematics import MeanGradient
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
-from spacemap_vtk.units import format_quantity
 
 FloatArray = NDArray[np.float64]
-
-_OWNER = "ModalResponse (put a ModalSolver before it)"
 
 
 class LoadVector(NamedTuple):
@@ -54,41 +43,52 @@ class Basis(NamedTuple):
 FAR = 0.05
 
 
+#: Displacements under forces, (3V, m), and the share of each that is rounding, (m,).
+Statics = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
 class CageModes:
-    """The modes of a cage, and whatever follows from them without a load's time function."""
+    """The modes of a cage, and whatever follows from them without a load's time function.
+
+    Parameters
+    ----------
+    model : Model
+        The cage.
+    eigenvalues : ndarray of float64, shape (n,)
+        λ of its modes [1/s²].
+    shapes : ndarray of float64, shape (n, 3V)
+        Mass-normalised [1/√kg].
+    rounding : ndarray of float64, shape (n,)
+        The share of each eigenvalue that is rounding.
+    """
 
     # Elementary vectors (gravity along an axis, a unit traction on a side, …) and their static
     # solutions are kept by name, so that another size of a load solves nothing.
 
-    def __init__(self, grid: vtkUnstructuredGrid, former: CageModes | None = None) -> None:
-        data = grid.GetPointData()
-        self.eigenvalues: FloatArray = array_of(grid.GetFieldData(), "eigenvalues", _OWNER)
-        names = [MODE_NAME.format(k) for k in range(len(self.eigenvalues))]
-        self._arrays = [data.GetArray(name) for name in names]
-        self._times = [array.GetMTime() for array in self._arrays if array is not None]
-        if former is not None and self._same_modes(former):
-            self.shapes: FloatArray = former.shapes
-        else:
-            shapes = [array_of(data, name, _OWNER) for name in names]
-            self.shapes = np.stack(shapes).reshape(len(shapes), -1)
-        self.nodal_mass: FloatArray = array_of(data, "nodal_mass", _OWNER)
-        self.model: Model = model_of(grid)
-        self._grid = data
+    def __init__(
+        self, model: Model, eigenvalues: FloatArray, shapes: FloatArray, rounding: FloatArray
+    ) -> None:
+        self.model, self.eigenvalues, self.shapes = model, eigenvalues, shapes
+        self.eigenvalue_rounding = rounding
+        self.nodal_mass = model.nodal_mass
         self._forces: dict[str, FloatArray] = {}
         self._statics: dict[str, FloatArray] = {}
         self._rounding: dict[str, float] = {}
         self._bases: dict[tuple[str, ...], Basis] = {}
 
-    def _same_modes(self, former: CageModes) -> bool:
-        # One by one: VTK's arrays compare as numpy's do.
-        return (
-            len(self._arrays) == len(former._arrays)
-            and self._times == former._times
-            and all(a is b for a, b in zip(self._arrays, former._arrays, strict=True))
-        )
-
     def away(self, place: ArrayLike) -> float:
-        """Return how far a place is from the cage's bounding box."""
+        """Return how far a place is from the cage's bounding box.
+
+        Parameters
+        ----------
+        place : array_like of float, shape (3,)
+            Where [m].
+
+        Returns
+        -------
+        float
+            In m; zero for what is inside, or nearly so.
+        """
         low, high = self.model.points.min(axis=0), self.model.points.max(axis=0)
         where = np.asarray(place, dtype=np.float64)
         distance = float(np.linalg.norm(where - where.clip(low, high)))
@@ -114,9 +114,33 @@ class CageModes:
         """What the effective masses of all modes sum to, (3,) in kg."""
         return self.model.movable_mass
 
-    def vector(self, load: Load) -> LoadVector:
-        """Return the vector of a load."""
-        action, value = load.action, getattr(load, load.action)
+    def vector(
+        self, action: str, value: Any, function: TimeFunction, place: Any = None
+    ) -> LoadVector:
+        """Return the vector of a load.
+
+        Parameters
+        ----------
+        action : str
+            "gravity", "base_acceleration", "base_displacement", "pressure", "traction", "force", or
+            "array", forces on all vertices.
+        value : float or array_like
+            Its size in SI units: a number of a pressure, (V, 3) of an array, otherwise (3,).
+        function : TimeFunction
+            Its factor over time.
+        place : object, optional
+            The side of a pressure or traction, the point of a force, the name of an array.
+
+        Returns
+        -------
+        LoadVector
+            Made of elementary vectors, each solved for once.
+
+        Raises
+        ------
+        InputError
+            If a base moves and nothing is fixed, or the cage has no face in that side.
+        """
         if action.startswith("base") and self.model.free.all():
             raise InputError(
                 "nothing is fixed, so there is no base to move",
@@ -125,46 +149,62 @@ class CageModes:
                 cure='Fix the cage ([modal] fixed = "+y")',
             )
         if action == "base_displacement":
-            base = np.array(value)
-            return LoadVector(_axes("mass", value), load.function, base)
+            return LoadVector(_axes("mass", value), function, np.array(value))
         if action in ("gravity", "base_acceleration"):
             sign = 1.0 if action == "gravity" else -1.0
-            return LoadVector(_axes("mass", [sign * v for v in value]), load.function)
+            return LoadVector(_axes("mass", [sign * v for v in value]), function)
         if action in ("pressure", "traction"):
-            where = forces.wall(self.model.points, self.model.cells, load.on)
+            where = forces.wall(self.model.points, self.model.cells, place)
             stress = -value * where.normal if action == "pressure" else value
             for axis, unit in enumerate(np.eye(3)):
                 self._forces.setdefault(
-                    f"{load.on} {axis}",
+                    f"{place} {axis}",
                     forces.traction(len(self.nodal_mass), where, unit).ravel(),
                 )
-            return LoadVector(_axes(load.on, stress), load.function)
+            return LoadVector(_axes(place, stress), function)
         if action == "force":
-            vertex = forces.nearest(self.model.points, load.at)
-            return LoadVector(_axes(f"vertex {vertex}", value), load.function)
-        try:
-            values = vectors_of(self._grid, load.array, len(self.nodal_mass), "ModalResponse")
-        except InputError as error:
-            error.key = "loads.array"
-            raise
-        self._forces[f"array {load.array}"] = values.ravel()
-        return LoadVector(((f"array {load.array}", 1.0),), load.function)
-
-    def gravity(self, acceleration: Sequence[float], function: TimeFunction) -> LoadVector:
-        """Return the vector of gravity."""
-        return LoadVector(_axes("mass", acceleration), function)
+            vertex = forces.nearest(self.model.points, place)
+            return LoadVector(_axes(f"vertex {vertex}", value), function)
+        self._forces[f"array {place}"] = np.ravel(value)
+        return LoadVector(((f"array {place}", 1.0),), function)
 
     def force(self, vector: LoadVector) -> FloatArray:
-        """Return a vector's forces."""
+        """Return a vector's forces.
+
+        Parameters
+        ----------
+        vector : LoadVector
+            Made by `vector`.
+
+        Returns
+        -------
+        ndarray of float64, shape (3V,)
+            In N, for a factor of one.
+        """
         total = np.zeros(self.shapes.shape[1])
         for name, size in vector.parts:
             total += size * self._elementary(name)
         return total
 
     def basis(
-        self, vectors: Sequence[LoadVector], residual: bool, processes: Processes | None = None
+        self, vectors: Sequence[LoadVector], residual: bool = True, statics: Statics | None = None
     ) -> Basis:
-        """Return the shapes that a cage under some loads moves in."""
+        """Return the shapes that a cage under some loads moves in.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+        residual : bool, optional
+            Whether a residual vector for each elementary vector follows the modes.
+        statics : callable, optional
+            What solves for these; by default the model.
+
+        Returns
+        -------
+        Basis
+            The same one as long as the elementary vectors are the same.
+        """
         names = tuple(sorted({name for vector in vectors for name, _ in vector.parts}))
         if not residual or self.complete or not names:
             return Basis(self.eigenvalues, self.shapes)
@@ -173,12 +213,7 @@ class CageModes:
             new = [name for name in names if name not in self._statics]
             if new:
                 load = np.stack([self._elementary(name) * free for name in new], axis=1)
-                if processes is None:
-                    found, rounding = static_displacements(self.model, load)
-                else:
-                    found, rounding = processes.from_first(
-                        lambda: list(static_displacements(self.model, load))
-                    )
+                found, rounding = (statics or self.model.statics)(load)
                 self._statics.update(zip(new, found.T, strict=True))
                 self._rounding.update(zip(new, rounding.tolist(), strict=True))
             values, shapes = residual_modes(
@@ -199,34 +234,34 @@ class CageModes:
         return self._bases[names]
 
     def rounding(self, vectors: Sequence[LoadVector]) -> float:
-        """Return how far rounding disturbs the static response to some loads."""
+        """Return how far rounding disturbs the static response to some loads.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+
+        Returns
+        -------
+        float
+            The largest share of a static response that is rounding.
+        """
         names = {name for vector in vectors for name, _ in vector.parts}
         return max((self._rounding.get(name, 0.0) for name in names), default=0.0)
 
-    def weights(self, place: FloatArray) -> FloatArray:
-        """Return how much each vertex counts in the motion of a point."""
-        cells, points = self.model.cells, self.model.points
-        where = locate([place], points, cells[:, :4], threads=1)
-        if where.outside:
-            low, high = (
-                [float(f"{x:.6g}") for x in end] for end in (points.min(axis=0), points.max(axis=0))
-            )
-            distance = format_quantity(where.largest_distance, "m")
-            raise InputError(
-                f"the point lies outside the cage, by {distance}",
-                key="point",
-                value=[float(x) for x in place],
-                allowed=f"a point inside; the cage's box goes from {low} to {high} m",
-            )
-        functions = where.weights[:1]
-        if cells.shape[1] == 10:
-            functions = shape_functions(functions)
-        result = np.zeros(len(self.model.points))
-        result[cells[where.tetrahedron[0]]] = functions[0]
-        return result
-
     def loaded_axes(self, vectors: Sequence[LoadVector]) -> NDArray[np.bool_]:
-        """Return along which axes the loads have a resultant."""
+        """Return along which axes the loads have a resultant.
+
+        Parameters
+        ----------
+        vectors : sequence of LoadVector
+            The loads.
+
+        Returns
+        -------
+        ndarray of bool, shape (3,)
+            Of x, y and z.
+        """
         loaded = np.zeros(3, dtype=bool)
         for vector in vectors:
             force = (self.force(vector) * self.model.free).reshape(-1, 3)

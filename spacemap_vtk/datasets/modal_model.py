@@ -1,0 +1,86 @@
+"""A cage's mechanical model and modes, as ModalSolver writes them into its output's arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.model import Model
+
+#: Name of the point array that holds a mode shape.
+MODE_NAME = "mode_{:03d}"
+
+_OWNER = "ModalResponse (put a ModalSolver before it)"
+
+
+def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
+    """Write what a model is made of beside mesh: supports and material."""
+    held = (~model.free).reshape(-1, 3).astype(np.uint8)
+    data = grid.GetPointData()
+    add_array(data, "fixed", held.max(axis=1))
+    add_array(data, "fixed_components", held)
+    add_array(data, "nodal_mass", model.nodal_mass)
+    field = grid.GetFieldData()
+    add_array(field, "elasticity", model.elasticity)
+    add_array(field, "density", np.array([model.density]))
+    add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
+
+
+def model_of(grid: vtkUnstructuredGrid) -> Model:
+    """Return the mechanical model that a cage's modes were computed with."""
+    # While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
+    # otherwise they are made when they are first asked for.
+    field = grid.GetFieldData()
+    return Model(
+        points_of(grid).astype(np.float64, copy=False),
+        elements_of(grid),
+        array_of(field, "elasticity", _OWNER),
+        float(array_of(field, "density", _OWNER)[0]),
+        array_of(grid.GetPointData(), "fixed_components", _OWNER) != 0,
+        bool(array_of(field, "lumped", _OWNER)[0]),
+    )
+
+
+def rounding_of(grid: vtkUnstructuredGrid) -> NDArray[np.float64]:
+    """Return the share of each eigenvalue that is rounding."""
+    field = grid.GetFieldData()
+    if field.GetArray("eigenvalue_rounding") is None:
+        return np.zeros(len(array_of(field, "eigenvalues", "the modes")))
+    return array_of(field, "eigenvalue_rounding", "the modes")
+
+
+class ModesReader:
+    """The modes of the last grid that was read; shapes are kept while their arrays are the same."""
+
+    def __init__(self) -> None:
+        self._changed = -1
+        self._arrays: list[vtkDataArray] = []
+        self._times: list[int] = []
+        self._modes: CageModes | None = None
+
+    def read(self, grid: vtkUnstructuredGrid) -> CageModes:
+        """Return the modes in ModalSolver's output."""
+        if self._modes is None or self._changed != grid.GetMTime():
+            data = grid.GetPointData()
+            eigenvalues = array_of(grid.GetFieldData(), "eigenvalues", _OWNER)
+            names = [MODE_NAME.format(k) for k in range(len(eigenvalues))]
+            arrays = [data.GetArray(name) for name in names]
+            times = [array.GetMTime() for array in arrays if array is not None]
+            if self._modes is not None and times == self._times and self._same(arrays):
+                shapes = self._modes.shapes
+            else:
+                found = [array_of(data, name, _OWNER) for name in names]
+                shapes = np.stack(found).reshape(len(found), -1)
+            self._changed, self._arrays, self._times = grid.GetMTime(), arrays, times
+            self._modes = CageModes(model_of(grid), eigenvalues, shapes, rounding_of(grid))
+        return self._modes
+
+    def _same(self, arrays: list[vtkDataArray]) -> bool:
+        # One by one: VTK's arrays compare as numpy's do.
+        return len(arrays) == len(self._arrays) and all(
+            a is b for a, b in zip(arrays, self._arrays, strict=True)
+        )

@@ -1,0 +1,313 @@
+"""Response of a cage's modes to loads: displacement at any time, history, energies, frequencies.
+
+No time step exists: everything is a closed-form sum over modes (see `spacemap_vtk.mechanics.motion`
+for the modal coordinates). `Motion` is what plots and pictures need of it, and what another model
+of a motion, which may well step, can offer instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector, Statics
+from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.energy import Account, Energy
+from spacemap_vtk.mechanics.harmonic import steady
+from spacemap_vtk.mechanics.motion import Drive, ModalMotion, State
+from spacemap_vtk.mechanics.oscillator import LOST
+
+FloatArray = NDArray[np.float64]
+
+#: A static shape is warned of where rounding is more than this share of it.
+ROUNDING = 1e-4
+
+#: Share of the movable mass that the kept modes should hold along an axis with a load.
+ENOUGH = 0.9
+
+
+@runtime_checkable
+class Motion(Protocol):
+    """The motion of a cage: where its vertices are at any time, and its points."""
+
+    points: FloatArray
+    """The vertices at rest [m], (V, 3)."""
+    cells: NDArray[np.int64]
+    """The tetrahedra, (T, 4) or (T, 10)."""
+
+    def at(self, time: float) -> FloatArray:
+        """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
+
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        """Return displacement, velocity and acceleration of a point over time, (3, t, 3)."""
+
+    def energies(self, times: FloatArray) -> FloatArray:
+        """Return kinetic, strain and dissipated energy and external work over time, (t, 4)."""
+
+
+class Response:
+    """Motion of a cage as a sum over its modes, at any time from 0 on.
+
+    Parameters
+    ----------
+    modes : CageModes
+        Of the cage.
+    loads : sequence of LoadVector
+        What acts, made by `CageModes.vector`.
+    damping : Damping
+        Of the modes.
+    equilibrium : bool, optional
+        Whether it hangs at rest under the loads at t = 0; else it starts from rest, undeformed.
+    displacement, velocity : ndarray of float64, shape (V, 3), optional
+        Added to the state at t = 0 [m, m/s]; what is held stays.
+    residual : bool, optional
+        Whether a residual vector for each load makes up for what the modes miss of its static
+        response.
+    statics : callable, optional
+        What solves for the static responses; by default the model itself.
+
+    Raises
+    ------
+    InputError
+        If there is no equilibrium, because a rigid mode is loaded or rounding has taken the shape,
+        or no steady state.
+    SolverError
+        If no digit of a static response is left by rounding.
+
+    Notes
+    -----
+    Equations (16) to (20) of Furukawa, Kitagawa and Shimizu, with the corrections of `ModalMotion`.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.mechanics.eigen import lowest
+    >>> from spacemap_vtk.mechanics.materials import isotropic
+    >>> from spacemap_vtk.mechanics.model import Model
+    >>> from spacemap_vtk.mechanics.timefunctions import step
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> held = np.arange(4)[:, None] < [3, 3, 3]
+    >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
+    >>> values, shapes, lost = lowest(model.structure.pencil, 3)
+    >>> values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
+    >>> modes = CageModes(model, values, shapes.reshape(3, -1), lost)
+    >>> load = modes.vector("gravity", (0, 0, -10.0), step())
+    >>> hung = Response(modes, [load], Damping(alpha=1.0), equilibrium=True)
+    >>> hung.at(5.0)[0, 3].round(9).tolist()  # of the vertex that is free [m]
+    [0.0, 0.0, -0.0025]
+    """
+
+    def __init__(
+        self,
+        modes: CageModes,
+        loads: Sequence[LoadVector],
+        damping: Damping,
+        *,
+        equilibrium: bool = False,
+        displacement: FloatArray | None = None,
+        velocity: FloatArray | None = None,
+        residual: bool = True,
+        statics: Statics | None = None,
+    ) -> None:
+        self.modes, self.loads, self.damping = modes, tuple(loads), damping
+        self.points, self.cells = modes.model.points, modes.model.cells
+        lost = int((modes.eigenvalue_rounding > LOST).sum())
+        if equilibrium and lost:
+            raise InputError(
+                f"rounding leaves no digit of {lost} of the cage's modes, and so none of its shape "
+                "at rest",
+                key="initial",
+                value="equilibrium",
+                cure='Take a thicker cage, fewer divisions or more modes, or start from "rest".',
+            )
+        eigenvalues, self._shapes = modes.basis(self.loads, residual, statics)
+        drives = [
+            Drive(self._shapes @ modes.force(p), p.function, p.moves_base is not None)
+            for p in self.loads
+        ]
+        #: What there is to say of its trustworthiness, in sentences.
+        self.warnings = _truncation(modes, self.loads, residual) + _rounding(modes, self.loads)
+        free = modes.model.free
+        self.warnings += [
+            "a load falls on fixed vertices only, and moves nothing"
+            for force in map(modes.force, self.loads)
+            if force.any() and not force[free].any()
+        ]
+        self.modal = ModalMotion(
+            eigenvalues,
+            damping.halves(eigenvalues),
+            drives,
+            equilibrium=equilibrium,
+            position=self._start(displacement, "displacement"),
+            rate=self._start(velocity, "velocity"),
+        )
+
+    def _start(self, field: FloatArray | None, what: str) -> FloatArray | None:
+        """Return a field in modal coordinates."""
+        if field is None or not (moved := field.ravel() * self.modes.model.free).any():
+            return None
+        inertia = self.modes.model.mass @ moved
+        start: FloatArray = self._shapes @ inertia
+        missed = 1.0 - float(start @ start) / float(moved @ inertia)
+        if missed > 1.0 - ENOUGH:
+            self.warnings.append(
+                f"the modes miss {missed:.0%} of the initial {what}; raise their number"
+            )
+        return start
+
+    @cached_property
+    def _account(self) -> Account:
+        return Account(self.modal)
+
+    def at(self, time: float, state: State | None = None) -> FloatArray:
+        """Return the motion of the vertices at a time; before t = 0 the initial state holds.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        state : State, optional
+            That of the modal coordinates at that time, where it is known already.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, V, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²].
+
+        Raises
+        ------
+        InputError
+            If the time is not a finite number.
+        """
+        state = self.modal.at(time) if state is None else state
+        return self._fields(state, self._shapes, max(time, 0.0))
+
+    def energy(self, time: float, state: State | None = None) -> Energy:
+        """Return the energies at a time [J], as `Account.at` does.
+
+        Parameters
+        ----------
+        time : float
+            In s; those at 0 hold before it.
+        state : State, optional
+            That of the modal coordinates at that time, where it is known already.
+
+        Returns
+        -------
+        Energy
+            In J. Behind many thousand periods the work, and what of it was lost, are not a number.
+        """
+        return self._account.at(time, state)
+
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how a point moves over time.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement, see `point_weights` of `embedding`.
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, t, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        shapes = self._at_point(weights)  # the point is a mesh of one vertex
+        rows = [self._fields(self.modal.at(t), shapes, t)[:, 0] for t in times]
+        return np.stack(rows, axis=1)
+
+    def energies(self, times: FloatArray) -> FloatArray:
+        """Return where the energy is over time.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (t, 4)
+            Kinetic, strain and dissipated energy, and their sum, the external work [J].
+        """
+        return np.array([self.energy(t) for t in times]).reshape(-1, 4)
+
+    def frequency_response(
+        self, weights: FloatArray, frequencies: FloatArray
+    ) -> NDArray[np.complex128]:
+        """Return how a point answers to the loads as sines, all in phase.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement.
+        frequencies : ndarray of float64, shape (f,)
+            Of the sines [Hz], above 0; loads have the sizes that they have, with factor 1.
+
+        Returns
+        -------
+        ndarray of complex128, shape (f, 3)
+            Displacement [m], its size and phase along x, y and z.
+
+        Raises
+        ------
+        InputError
+            If an undamped mode is met at its own frequency.
+        """
+        shapes = self._at_point(weights)
+        result = np.zeros((len(frequencies), 3), dtype=np.complex128)
+        for row, omega in enumerate(2 * np.pi * np.asarray(frequencies)):
+            receptance = steady(self.modal.stiffness, self.modal.half, omega)
+            for drive, load in zip(self.modal.drives, self.loads, strict=True):
+                factor = omega**2 if drive.moves_base else 1.0
+                result[row] += (receptance * drive.gain * factor) @ shapes
+                if load.moves_base is not None:
+                    result[row] += load.moves_base * weights.sum()
+        return result
+
+    def _at_point(self, weights: FloatArray) -> FloatArray:
+        shapes = self._shapes.reshape(len(self.modal.stiffness), -1, 3)
+        return np.einsum("nvc,v->nc", shapes, weights)
+
+    def _fields(self, state: State, shapes: FloatArray, time: float) -> FloatArray:
+        fields: FloatArray = (np.stack(state) @ shapes).reshape(3, -1, 3)
+        for load in self.loads:
+            if load.moves_base is not None:
+                function = load.function
+                value = function.value(time)
+                fields[0] += value * load.moves_base
+                fields[1] += function.slope(time) * load.moves_base
+                # Of a sine; a linear piece has none.
+                curvature = -(getattr(function, "omega", 0.0) ** 2) * value
+                fields[2] += curvature * load.moves_base
+        return fields
+
+
+def _truncation(modes: CageModes, loads: Sequence[LoadVector], residual: bool) -> list[str]:
+    """Say along which loaded axes the modes hold too little of the mass."""
+    if modes.complete:
+        return []
+    held = modes.effective_masses.sum(axis=0) / modes.movable_mass
+    return [
+        f"the {len(modes.eigenvalues)} modes hold {share:.0%} of the mass along {axis}, where "
+        "it is loaded; raise modal.modes to trust how fast it moves"
+        + (" (where it comes to rest is exact)" if residual else "")
+        for share, axis, loaded in zip(held, "xyz", modes.loaded_axes(loads), strict=True)
+        if loaded and share < ENOUGH
+    ]
+
+
+def _rounding(modes: CageModes, loads: Sequence[LoadVector]) -> list[str]:
+    if (share := modes.rounding(loads)) <= ROUNDING:
+        return []
+    digits = int(-np.log10(share))
+    return [
+        f"about {digits} digit{'s' * (digits != 1)} of the shape at rest hold: the cage "
+        "resists bending by so much less than stretching that the rest is rounding; take "
+        "fewer divisions, linear tetrahedra or a thicker cage to trust more"
+    ]
