@@ -257,7 +257,6 @@ def a_job(divisions: int, generation: int = 1) -> Job:
         values=values,
         base=Path(),
         settings={name: part.settings for name, part in scene.parts.items()},
-        stages=tuple(stage.section for stage in scene.stages),
         generation=generation,
         time=0.0,
     )

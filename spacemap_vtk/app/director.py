@@ -71,7 +71,6 @@ class Director(QObject):
             values=document.values,
             base=document.base,
             settings={name: part.settings for name, part in scene.parts.items()},
-            stages=tuple(stage.section for stage in scene.stages),
             generation=self.generation,
             time=self._times.time,
             coarse=coarse,

@@ -66,13 +66,14 @@ class Document(QObject):
         self._latest.setSingleShot(True)
         self._latest.setInterval(_LATEST)
         self._latest.timeout.connect(self.catch_up)
-        self._load("")
+        self._parse("")
+        self._scene = Scene({}, self.base)
         self._clean = self._settings()
 
     def open(self, name: str | Path) -> None:
         """Read a scene, a draft, or a scene that comes with the program."""
         path = library.find(name).resolve()
-        read = Scene.read(path)  # also for its message, which names the file
+        read = Scene.read(path)
         scene = registry.kind_of(path) in ("scene", None)
         if scene:
             text = path.read_text(encoding="utf-8")
@@ -81,12 +82,12 @@ class Document(QObject):
             text = tomlkit.dumps({"title": read.title, **values_of(path)})
         own = scene and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
-        self._replace(text, path.parent)
+        self._replace(text, path.parent, read)
 
     def new(self) -> None:
         """Begin a scene: a plain weave that hangs by its top edge."""
         self.file = self.source = None
-        self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n', None)
+        self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n')
 
     def save(self, path: Path | None = None) -> None:
         """Write the scene, comments and all."""
@@ -102,7 +103,8 @@ class Document(QObject):
                 self._scene = Scene(self.values, target)
                 (folder / target.name).write_text(self.text, encoding="utf-8")
         except BaseException:
-            self._load(before.text)
+            self._parse(before.text)
+            self._scene = Scene(self.values, self.base)
             raise
         self.file = self.source = target
         self._folder = target.parent
@@ -186,7 +188,7 @@ class Document(QObject):
                 self._latest.start()
             return
         waiting, self._waiting = self._waiting, None
-        if all(self.written(section, k) == v and v is not None for k, v in written.items()):
+        if all(self.written(section, k) == v for k, v in written.items()):
             return
         try:
             self._make(section, written, burst, name)
@@ -245,23 +247,25 @@ class Document(QObject):
 
     def _accepts(self, section: str, written: Mapping[str, Any]) -> bool:
         """Whether a scene surely takes values that are not yet in it."""
-        if section not in self.scene.parts or None in written.values():
+        if section not in self._scene.parts or None in written.values():
             return False
         values = self._values if self._values is not None else self._toml.unwrap()
         if section not in values:
             return False  # it may exclude another one
         try:
             for key, value in written.items():
-                parameter = self.scene.parts[section].parameter(key)
+                parameter = self._scene.parts[section].parameter(key)
                 parameter.check(parameter.within(value, self._folder))
         except InputError:
             return False
         return True
 
-    def _replace(self, text: str, folder: Path | None) -> None:
+    def _replace(self, text: str, folder: Path | None = None, read: Scene | None = None) -> None:
         self._waiting = None
         self._folder = folder or Path.cwd()
-        self._load(text)
+        self._parse(text)
+        self._scene = read or Scene(self.values, self.base)
+        self._scene.file = self.base  # a draft's is not the scene's
         self._saved_draft = self.scene.weave.draft if self.file else None
         self._clean = self._settings()
         self._overwritten.clear()
@@ -278,10 +282,6 @@ class Document(QObject):
     def _parse(self, text: str) -> None:
         self._toml = tomlkit.parse(text)
         self._text, self._values = text, None
-
-    def _load(self, text: str) -> None:
-        self._parse(text)
-        self._scene = Scene(self.values, self.base)
 
     def _put(self, section: str, key: str, written: Any) -> None:
         self._text = self._values = None
@@ -311,7 +311,7 @@ class Document(QObject):
         record = next(
             (
                 p.record
-                for part in self.scene.parts.values()
+                for part in self._scene.parts.values()
                 for k, p in part.parameters.items()
                 if k == key and hasattr(p, "record")
             ),

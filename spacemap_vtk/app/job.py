@@ -29,8 +29,6 @@ class Job:
     base: Path
     #: The values of every section's parameters, checked and in SI, as `values` have them.
     settings: dict[str, dict[str, Any]]
-    #: Sections of the stages that are connected, likewise.
-    stages: tuple[str, ...]
     #: Another number for another scene.
     generation: int
     #: In s.

@@ -100,21 +100,18 @@ class Pipeline:
     def prepared(self, job: Job) -> Scene:
         """Return the scene with a job's values set; only what differs is touched."""
         here = self._scene
-        if (
-            here is None
-            or job.generation != self._generation
-            or tuple(stage.section for stage in here.stages) != job.stages
-        ):
+        if here is None or job.generation != self._generation:
             here, self._first = Scene(job.values, job.base), 0
             self._scene, self._generation = here, job.generation
         else:
-            for section, settings in job.settings.items():
-                if settings != self._settings[section]:
-                    # An equal value changes nothing: only what lies downstream of a change runs.
-                    part = here.parts[section]
-                    part.configure(**settings)
-                    if part in here.stages:
-                        self._first = min(self._first, here.stages.index(part))
+            # An equal value changes nothing: only what lies downstream of a change runs.
+            changed = {k: v for k, v in job.settings.items() if v != self._settings[k]}
+            before = here.stages
+            here.take(changed, job.values.keys())
+            if here.stages != before:
+                self._first = 0
+            places = [n for n, stage in enumerate(here.stages) if stage.section in changed]
+            self._first = min([self._first, *places])
         self._settings = job.settings
         return here
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -483,6 +483,21 @@ class Scene:
                 cure=suggestion(section, self.parts),
             )
         return self.parts[section]
+
+    def take(self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str]) -> None:
+        """Become another scene; of what is the same in both nothing runs again.
+
+        Parameters
+        ----------
+        settings : mapping
+            For each section the values of all its parameters, as `Parameterised.settings` has them.
+        given : collection of str
+            The sections that the other scene has.
+        """
+        for section, values in settings.items():
+            self.parts[section].configure(**values)
+        self._sections = set(given)
+        self._connect()
 
     def _connect(self) -> None:
         stages = chain(self._all_stages, self._sections)
