@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QProgressDialog, QWidget
@@ -17,17 +17,12 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.export_dialog import ExportDialog
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
-from spacemap_vtk.draw.background import Order
+from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.order import Order, as_text
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
-from spacemap_vtk.io.output import check_output, whole_folder
+from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.registry import DATA, written, written_filters
-
-#: Endings, by what is written.
-_ENDINGS = {
-    "picture": {".png": "picture", ".jpg": "picture"},
-    "film": {".mp4": "film", ".gif": "film", ".png": "numbered frames, as in frame-%04d.png"},
-}
 
 
 class Exports(QObject):
@@ -77,39 +72,24 @@ class Exports(QObject):
         kind: str,
         path: Path,
         size: tuple[int, int] = (1280, 960),
-        panels: list[str] | None = None,
-        camera: dict[str, Any] | None = None,
+        panels: Sequence[str] = (),
+        place: Viewpoint | None = None,
     ) -> None:
         """Begin to write."""
-        document, times = self._document, self._times
-        endings = _ENDINGS.get(kind) or written(kind)
+        document = self._document
+        if kind == "film" and path.suffix.lower() == ".png" and "%" not in path.name:
+            path = path.with_name(f"{path.stem}-%04d.png")
         try:
             if self._process is not None:
                 raise InputError("something is being written already")
-            numbered = kind == "film" and path.suffix.lower() == ".png"
-            check_output(path, endings, numbered)
-            if kind == "film":
-                from spacemap_vtk.draw.film import require_encoder
-
-                require_encoder(path)
-            if numbered and "%" not in path.name:
-                path = path.with_name(f"{path.stem}-%04d.png")
+            order = Order(kind, path, [self._times.time], size, panels, place)
             self._files = ExitStack()
             folder = self._files.enter_context(whole_folder(path))
         except SpacemapError as error:
             self.failed.emit(error)
             return
         self._target, self._error = path, None
-        order = Order(
-            values=document.values,
-            base=str(document.base.resolve()),
-            kind=kind,
-            output=str(folder / path.name),
-            time=times.time,
-            size=size,
-            panels=panels or [],
-            camera=camera or {},
-        )
+        order.output = folder / path.name
         self._show_progress(kind)
         self._process = process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
@@ -118,9 +98,9 @@ class Exports(QObject):
         process.readyReadStandardOutput.connect(self._read)
         process.finished.connect(self._finished)
         process.errorOccurred.connect(self._failed)
-        process.start(sys.executable, ["-m", "spacemap_vtk.draw.background"])
+        process.start(sys.executable, ["-m", "spacemap_vtk.draw.order"])
         if process.state() != QProcess.ProcessState.NotRunning:
-            process.write(order.text.encode())
+            process.write(as_text(order, document.values, document.base.resolve()).encode())
             process.closeWriteChannel()
 
     @property
@@ -146,13 +126,13 @@ class Exports(QObject):
         size = tuple(scene.view.size)
         dialog = ExportDialog(self._window, kind, proposal, filters, size)
         if dialog.exec():
-            panels = camera = None
+            panels, place = [], None
             if dialog.as_window:
                 look = view.look
                 fabric = look.fabric or not scene.moves
                 panels = ["both" if fabric and look.cage else "fabric" if fabric else "cage"]
-                camera = view.place
-            self.start(kind, dialog.file, dialog.size_chosen, panels, camera)
+                place = view.place
+            self.start(kind, dialog.file, dialog.size_chosen, panels, place)
 
     def _show_progress(self, kind: str) -> None:
         words = DATA.get(kind, kind)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.camera import Viewpoint, aim
 from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, moved_points, rest_of
@@ -72,7 +72,7 @@ class View3D(QWidget):
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
-        self._aimed: tuple[str | None, dict[str, Any]] | None = None
+        self._aimed: tuple[str | None, Viewpoint] | None = None
         #: What the camera is aimed for: the share of the width that the scale takes, and arrows.
         self._aimed_for = 0.0, False
 
@@ -193,7 +193,7 @@ class View3D(QWidget):
         if self._aimed is None or self.frame is None:
             return
         (name, before), now = self._aimed, self.place
-        if all(before[key] == now[key] for key in ("position", "focus", "up")):
+        if before[:3] == now[:3]:
             self.reset_camera(name)
 
     def set_orthographic(self, on: bool) -> None:
@@ -205,15 +205,9 @@ class View3D(QWidget):
         self.render()
 
     @property
-    def place(self) -> dict[str, Any]:
-        """Where the camera stands, as `spacemap_vtk.draw.picture.Viewpoint` has it."""
-        camera = self.plotter.camera
-        return {
-            "position": camera.GetPosition(),
-            "focus": camera.GetFocalPoint(),
-            "up": camera.GetViewUp(),
-            "parallel_scale": camera.GetParallelScale() if camera.GetParallelProjection() else 0.0,
-        }
+    def place(self) -> Viewpoint:
+        """Where the camera stands."""
+        return Viewpoint.of(self.plotter.camera)
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it."""

@@ -34,7 +34,7 @@ app = App(
 _COMMANDS = {
     "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
-    "storyboard": ("draw.sheets", "Draw a motion as the paper's figure 6 does."),
+    "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),

@@ -10,14 +10,13 @@ from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.draw.order import PICTURES, Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
-    from spacemap_vtk.scenes.scene import Scene
-
-SHEET_FORMATS = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
+    pass
 
 
 def modes(
@@ -42,15 +41,15 @@ def modes(
     scene : str
         Scene file, or name of a scene (see "spacemap scenes").
     """
-    if plot is not None:
-        check_output(plot, SHEET_FORMATS)
+    sheet = None if plot is None else Order("shapes", plot)
     chosen = opened(scene, set_)
     from spacemap_vtk.scenes import report
 
-    with progress(chosen, "Solving", 1, quiet):
+    with progress(chosen, "Solving", quiet):
         figures = report.modes(chosen)
-    if plot is not None:
-        _draw_sheet(chosen, plot, min(len(figures["modes"]), 12), quiet)
+    if sheet is not None:
+        with progress(chosen, "Drawing shapes", quiet) as tell:
+            carry_out(sheet, chosen, tell)
     if json_:
         print_json(figures)
         return
@@ -124,7 +123,7 @@ def plot(
     output : Path
         A .png, .jpg, .pdf or .svg file.
     """
-    check_output(output, {**SHEET_FORMATS, ".pdf": "document", ".svg": "drawing"})
+    check_output(output, {**PICTURES, ".pdf": "document", ".svg": "drawing"})
     chosen = opened(scene, set_)
     place = None
     if point is not None:
@@ -141,16 +140,6 @@ def plot(
             )
     from spacemap_vtk.draw.plots import motion_plot
 
-    with progress(chosen, "Plotting", 1, quiet), whole_file(output) as file:
+    with progress(chosen, "Plotting", quiet), whole_file(output) as file:
         motion_plot(chosen, file, place, quantity)
     tell_warnings(chosen, quiet)
-
-
-def _draw_sheet(scene: Scene, file: Path, count: int, quiet: bool) -> None:
-    from spacemap_vtk.draw.film import write_picture
-    from spacemap_vtk.draw.sheets import mode_sheet
-
-    with progress(scene, "Drawing shapes", count, quiet) as tell:
-        image = mode_sheet(scene, tell)
-    with whole_file(file) as path:
-        write_picture(path, image)

@@ -34,7 +34,7 @@ def tell_object(scene: Scene, json: bool, quiet: bool) -> None:
     InputError
         If the object or its cage cannot be made.
     """
-    with progress(scene, "Measuring", 1, quiet):
+    with progress(scene, "Measuring", quiet):
         figures = body(scene)
     if json:
         print_json(figures)

@@ -17,7 +17,7 @@ _PATIENCE = 1.0
 
 
 @contextmanager
-def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+def progress(scene: Scene, what: str, quiet: bool) -> Iterator[Callable[[int, int], object]]:
     """Show a bar while a scene is worked on, and the running stage beside it.
 
     Parameters
@@ -26,18 +26,16 @@ def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Calla
         Its stages are watched.
     what : str
         The work, in a word or two.
-    steps : int
-        How many steps it has.
     quiet : bool
         Show nothing.
 
     Yields
     ------
     callable
-        To be called with the number of steps done.
+        To be called with the number of steps done and that of all.
     """
     if quiet or not sys.stderr.isatty():
-        yield lambda done: None
+        yield lambda done, of: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -51,7 +49,7 @@ def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Calla
         console=Console(stderr=True),
         transient=True,
     )
-    task = bar.add_task(what, total=steps, stage="")
+    task = bar.add_task(what, total=1, stage="")
 
     def tell(stage: Stage, event: str) -> None:
         share = f" {stage.GetProgress():.0%}" if event == "ProgressEvent" else ""
@@ -66,7 +64,7 @@ def progress(scene: Scene, what: str, steps: int, quiet: bool) -> Iterator[Calla
     timer.daemon = True
     timer.start()
     try:
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
     finally:
         timer.cancel()
         bar.stop()

@@ -51,7 +51,7 @@ def info(
         return
     from spacemap_vtk.scenes import report
 
-    with progress(chosen, "Weaving", 1, quiet):
+    with progress(chosen, "Weaving", quiet):
         figures = report.fabric(chosen, None if time is None else chosen.view.time)
     if json_:
         print_json(figures)

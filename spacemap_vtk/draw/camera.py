@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,33 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
 }
+
+
+class Viewpoint(NamedTuple):
+    """Where a camera stands, in m."""
+
+    position: tuple[float, float, float]
+    focus: tuple[float, float, float]
+    up: tuple[float, float, float]
+    parallel_scale: float = 0.0
+    """Half the height of what a parallel projection shows; 0 for perspective."""
+
+    @classmethod
+    def of(cls, camera: vtkCamera) -> Viewpoint:
+        """Return where a camera stands."""
+        scale = camera.GetParallelScale() if camera.GetParallelProjection() else 0.0
+        return cls(camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp(), scale)
+
+    def take(self, camera: vtkCamera) -> None:
+        """Let a camera stand here."""
+        camera.SetPosition(*self.position)
+        camera.SetFocalPoint(*self.focus)
+        camera.SetViewUp(*self.up)
+        if self.parallel_scale:
+            camera.SetParallelScale(self.parallel_scale)
+            camera.SetParallelProjection(True)
+
+
 #: Full opening of the lens, in degrees.
 VIEW_ANGLE = 24.0
 #: Share of the picture left free at each edge.

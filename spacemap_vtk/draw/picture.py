@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
 from vtkmodules.vtkRenderingCore import vtkActor
 
-from spacemap_vtk.draw.camera import VIEW_ANGLE, aim
+from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.frame import arrows_of, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
@@ -30,16 +30,6 @@ _OBJECT_RELIEF = 0.03
 _SAMPLES = 2
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
 _USUAL, _LEAST = 960, 0.6
-
-
-class Viewpoint(NamedTuple):
-    """Where a camera stands, in m."""
-
-    position: tuple[float, float, float]
-    focus: tuple[float, float, float]
-    up: tuple[float, float, float]
-    parallel_scale: float = 0.0
-    """Half the height of what a parallel projection shows; 0 for perspective."""
 
 
 class _Panel(NamedTuple):
@@ -80,7 +70,7 @@ class Picture:
         scene: Scene,
         times: Sequence[float],
         size: tuple[int, int] | None = None,
-        show: Sequence[str] | None = None,
+        show: Sequence[str] = (),
         place: Viewpoint | None = None,
     ) -> None:
         prepare_offscreen()  # a machine that cannot draw need not solve
@@ -177,12 +167,7 @@ class Picture:
         camera = window.camera
         aim(camera, extent, (1 - room) * size[0] / size[1], view.camera, view.zoom)
         if self._place is not None:
-            camera.SetPosition(*self._place.position)
-            camera.SetFocalPoint(*self._place.focus)
-            camera.SetViewUp(*self._place.up)
-            if self._place.parallel_scale:
-                camera.SetParallelScale(self._place.parallel_scale)
-                camera.SetParallelProjection(True)
+            self._place.take(camera)
         # A colour that stands for a number must be found again in the scale.
         shaded = view.shadows and panel != "cage" and self._span is None
         look = Look(fabric=panel != "cage", cage=panel != "fabric")

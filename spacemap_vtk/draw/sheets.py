@@ -30,6 +30,8 @@ from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
+#: Size of a storyboard, without its labels, in pixels; its columns, where no times are given.
+_BOARD, _TIMES = (2240, 640), 7
 #: Most shapes on a sheet, and how many in a row.
 MOST_SHAPES, COLUMNS = 12, 4
 #: A cell of the sheet in pixels, and the room below it for its label.
@@ -39,22 +41,32 @@ _SWING = 0.12
 _INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
 
 
+def swing_times(scene: Scene) -> list[float]:
+    """Return times over a period of a scene's first mode that has one, or over all its motion."""
+    if not scene.stage("solver"):
+        first, last = scene.deforming.time_range([]) or (0.0, 0.0)
+        return np.linspace(first, last, _TIMES).tolist()
+    swinging = [m["frequency_hz"] for m in report.modes(scene)["modes"] if m["frequency_hz"] > 0.0]
+    period = 1 / swinging[0] if swinging else scene.animation.stop
+    return [float(f"{time:.3g}") for time in np.linspace(0.0, period, _TIMES).tolist()]
+
+
 def storyboard(
     scene: Scene,
     times: Sequence[float],
-    size: tuple[int, int] | None = None,
-    progress: Callable[[int], None] | None = None,
+    size: tuple[int, int] | None,
+    tell: Callable[[int, int], object],
 ) -> NDArray[np.uint8]:
     """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
-    width, height = size or scene.view.size
+    width, height = size or _BOARD
     cell = width // len(times), height // 2
+    tell(0, len(times))
     picture = Picture(scene, times, (2 * cell[0], cell[1]), ["cage", "fabric"])
     columns = []
     for count, time in enumerate(times, 1):
         cage, fabric = np.split(picture.draw(time), 2, axis=1)
         columns.append(np.concatenate([cage, fabric]))
-        if progress:
-            progress(count)
+        tell(count, len(times))
     picture.close()
     return _labelled(np.concatenate(columns, axis=1), times)
 
@@ -82,15 +94,16 @@ def _labelled(image: NDArray[np.uint8], times: Sequence[float]) -> NDArray[np.ui
     return np.asarray(sheet)
 
 
-def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> NDArray[np.uint8]:
+def mode_sheet(scene: Scene, tell: Callable[[int, int], object]) -> NDArray[np.uint8]:
     """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
     figures = report.modes(scene)
     scene.update_stage(scene.modal)
     drawing = _Drawing(scene)
     shapes = figures["modes"][:MOST_SHAPES]
+    tell(0, len(shapes))
     columns = min(COLUMNS, len(shapes))
     rows = math.ceil(len(shapes) / columns)
-    sheet = Image.new("RGB", (columns * _CELL[0], rows * (_CELL[1] + _LABEL)), (255, 255, 255))
+    sheet = Image.new("RGB", (columns * _CELL[0], rows * (_CELL[1] + _LABEL)), _PAPER)
     pen = ImageDraw.Draw(sheet)
     for number, mode in enumerate(shapes):
         left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
@@ -99,8 +112,7 @@ def mode_sheet(scene: Scene, progress: Callable[[int], None] | None = None) -> N
         title = f"mode {number}: {mode['frequency_hz']:.4g} Hz"
         pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
         pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
-        if progress:
-            progress(number + 1)
+        tell(number + 1, len(shapes))
     drawing.close()
     return np.asarray(sheet)
 

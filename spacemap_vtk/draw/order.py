@@ -1,0 +1,234 @@
+"""Pictures, films and data as files: ordered and carried out alike by command line and window.
+
+``python -m spacemap_vtk.draw.order`` is a process of its own that can be ended at any moment. It
+reads an order as JSON from its standard input, see `as_text`, and prints a line of JSON for each
+step: ``{"done": 3, "of": 50}``, and at last ``{"error": ...}`` if it fails.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
+from spacemap_vtk.io.output import check_output, telling_refusals, whole_file, whole_folder
+from spacemap_vtk.io.registry import writer, written
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.camera import Viewpoint
+    from spacemap_vtk.draw.picture import Image
+    from spacemap_vtk.scenes.scene import Scene
+
+#: What files a picture and a film can be.
+PICTURES = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
+FILMS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
+
+#: Told how many steps are done, and of how many; it may raise, to end the work.
+Tell = Callable[[int, int], object]
+
+
+@dataclass
+class Order:
+    """What is to be written; one that cannot be carried out is refused when it is made."""
+
+    #: ``"picture"``, ``"film"``, ``"storyboard"``, ``"shapes"`` (of modes), or a key of
+    #: `spacemap_vtk.io.registry.DATA`; empty: the data that the output's ending stands for first.
+    what: str
+    #: The file; of a film of numbered frames, with ``%04d`` in it.
+    output: Path
+    #: Of a picture and of data, one, of a storyboard some, in s; none: as the scene says.
+    times: Sequence[float] = ()
+    #: In pixels; by default as the scene says, of a film in a .gif half of that.
+    size: tuple[int, int] | None = None
+    #: What each panel of a picture or film shows, ``"fabric"``, ``"cage"`` or ``"both"``; none: as
+    #: the scene says.
+    panels: Sequence[str] = ()
+    #: Where a picture or film is seen from; by default as the scene says.
+    place: Viewpoint | None = None
+
+    def __post_init__(self) -> None:
+        if self.what in _STILLS:
+            check_output(self.output, PICTURES)
+        elif self.what == "film":
+            self._check_film()
+        else:
+            check_output(self.output, written())
+            kinds = writer(self.output).holds
+            self.what = self.what or kinds[0]
+            if self.what not in kinds:
+                raise InputError(
+                    f"{self.output.suffix.lower()} files do not hold that",
+                    key="what",
+                    value=self.what,
+                    allowed=", ".join(kinds),
+                )
+
+    @property
+    def numbered(self) -> bool:
+        """Whether a film is written as numbered frames."""
+        return self.what == "film" and self.output.suffix.lower() == ".png"
+
+    def _check_film(self) -> None:
+        check_output(self.output, FILMS, self.numbered)
+        from spacemap_vtk.draw.film import require_encoder
+
+        require_encoder(self.output)
+        if self.numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", self.output.name):
+            example = re.sub("%[0-9]*[a-z]?", "", self.output.stem) + "-%04d.png"
+            raise InputError(
+                f"{self.output}: frames need one number in their name",
+                allowed=f"for example {self.output.with_name(example)}",
+            )
+
+
+def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> None:
+    """Write what is ordered of a scene: whole or not at all, unless the caller sees to that."""
+    if order.what == "film":
+        _write_film(order, scene, tell, whole)
+    elif order.what in _STILLS:
+        from spacemap_vtk.draw.film import write_picture
+
+        # Before there is anything to be removed if the program is ended.
+        image = _STILLS[order.what](order, scene, tell)
+        with _file(order, whole) as file:
+            write_picture(file, image)
+    else:
+        _write_data(order, scene, tell, whole)
+
+
+def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
+    from spacemap_vtk.draw.picture import Picture
+
+    time = order.times[0] if order.times else scene.view.time
+    tell(0, 1)
+    picture = Picture(scene, [time], order.size, order.panels, order.place)
+    image = picture.draw(time)
+    picture.close()
+    tell(1, 1)
+    return image
+
+
+def _storyboard(order: Order, scene: Scene, tell: Tell) -> Image:
+    from spacemap_vtk.draw.sheets import storyboard, swing_times
+
+    return storyboard(scene, order.times or swing_times(scene), order.size, tell)
+
+
+def _shapes(_order: Order, scene: Scene, tell: Tell) -> Image:
+    from spacemap_vtk.draw.sheets import mode_sheet
+
+    return mode_sheet(scene, tell)
+
+
+#: What is one picture, and what draws it.
+_STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
+    "picture": _picture,
+    "storyboard": _storyboard,
+    "shapes": _shapes,
+}
+
+
+def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
+    from spacemap_vtk.draw.film import write_film, write_frames
+    from spacemap_vtk.draw.picture import Picture
+
+    scene.check()
+    size, times = order.size, scene.animation.frame_times()
+    if size is None and order.output.suffix.lower() == ".gif":
+        width, height = (max(16, side // 2) for side in scene.view.size)
+        size = width, height
+    tell(0, len(times))
+    picture = Picture(scene, times, size, order.panels, order.place)
+
+    def images() -> Iterator[Image]:
+        for done, time in enumerate(times, 1):
+            yield picture.draw(time)
+            tell(done, len(times))
+
+    with _file(order, whole) as file:
+        if order.numbered:
+            write_frames(file, images())
+        else:
+            write_film(file, images(), scene.animation.frames_per_second)
+    picture.close()
+
+
+def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
+    format_, times = writer(order.output), list(order.times) or [scene.view.time]
+    if format_.times and scene.moves:
+        times = scene.animation.frame_times()
+    steps = len(times) + 1
+    tell(0, steps)
+
+    def data() -> Iterator[tuple[float, Any]]:
+        # One after another: all together need not fit into memory.
+        for done, time in enumerate(times, 1):
+            if order.what != "draft":  # which needs no room for its yarns
+                scene.update(time)
+            yield time, scene.data(order.what)
+            tell(done, steps)
+
+    content = data() if format_.times else next(data())[1]
+    if not format_.times:
+        tell(1, steps)
+    with _file(order, whole) as file:
+        format_.write(file, content)
+    tell(steps, steps)
+
+
+@contextmanager
+def _file(order: Order, whole: bool) -> Iterator[Path]:
+    """Yield the path to write to."""
+    if not whole:
+        yield order.output
+    elif order.what in _STILLS or (order.what == "film" and not order.numbered):
+        with whole_file(order.output) as file:
+            yield file
+    else:  # data may take other files beside
+        with whole_folder(order.output) as folder:
+            yield folder / order.output.name
+
+
+def as_text(order: Order, values: Mapping[str, Any], base: Path) -> str:
+    """Return an order for a process of its own, with its scene as a file in a folder has it."""
+    return json.dumps({"values": values, "base": str(base), "order": asdict(order)}, default=str)
+
+
+def main() -> None:
+    """Carry out the order on standard input; whoever ordered makes its files whole."""
+    warnings.simplefilter("ignore", SpacemapWarning)  # whoever ordered shows what stages doubt
+    try:
+        from spacemap_vtk.draw.camera import Viewpoint
+        from spacemap_vtk.scenes.scene import Scene
+
+        told = json.loads(sys.stdin.read())
+        given = told["order"]
+        place = given["place"] and Viewpoint(*given["place"])
+        order = Order(**{**given, "output": Path(given["output"]), "place": place})
+        scene = Scene(told["values"], Path(told["base"]))
+        # Of its folder the user has never heard.
+        with telling_refusals(order.output, order.output.name):
+            if order.what != "draft":
+                scene.check()
+            carry_out(order, scene, lambda done, of: _say({"done": done, "of": of}), whole=False)
+    except Exception as error:
+        known = isinstance(error, SpacemapError)
+        names = ("message", "section", "key", "value", "allowed", "cure")
+        why = {name: getattr(error, name, None) for name in names} if known else {}
+        _say({"error": {**why, "message": why.get("message") or str(error)}})
+        sys.exit(1)
+
+
+def _say(line: dict[str, Any]) -> None:
+    print(json.dumps(line), flush=True)
+
+
+if __name__ == "__main__":
+    main()
