@@ -18,6 +18,7 @@ import math
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -42,20 +43,18 @@ def measure(size: int, weave_name: str, exact: bool) -> dict[str, Any]:
 
     from spacemap_vtk.fabric import draft
     from spacemap_vtk.fabric.cloth import Cloth
+    from spacemap_vtk.fabric.threads import Threads
     from spacemap_vtk.fabric.weave import build, estimate_bytes
 
-    cloth = Cloth(
-        warp_diameter=0.25e-3,
-        weft_diameter=0.25e-3,
-        warp_spacing=0.5e-3,
-        weft_spacing=0.5e-3,
-        exact=exact,
-    )
     over = draft.plain(size, size) if weave_name == "plain" else draft.twill(2, 2, size, size)
-    build(over[:4, :4], cloth)  # what is loaded and compiled at first use is not the weave's
+    threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
+    cloth = Cloth(drawdown=over, warp=threads, weft=threads, exact=exact)
+    build(
+        replace(cloth, drawdown=over[:4, :4])
+    )  # what is loaded and compiled at first use is not the weave's
     before = resource.getrusage(resource.RUSAGE_SELF)
     start = perf_counter()
-    made = build(over, cloth)
+    made = build(cloth)
     seconds = perf_counter() - start
     after = resource.getrusage(resource.RUSAGE_SELF)
     peak = 1024 * (after.ru_maxrss - before.ru_maxrss)
@@ -73,7 +72,7 @@ def measure(size: int, weave_name: str, exact: bool) -> dict[str, Any]:
         "bytes_per_crossing": size_in_bytes / over.size,
         "peak_bytes": peak,
         "peak_per_crossing": peak / over.size,
-        "estimate": estimate_bytes(size, size, cloth=cloth),
+        "estimate": estimate_bytes(cloth),
     }
 
 

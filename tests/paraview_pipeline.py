@@ -110,7 +110,7 @@ satin = WeaveSource(
     exact=True,
 )
 satin.update()
-assert satin.fabric.drawdown.sum() == 56
+assert satin.cloth.drawdown.sum() == 56
 assert satin.GetOutputDataObject(0).GetPointData().GetRationalWeights() is not None
 assert 0 < satin.feasible["warp_spacing"][0] < satin.feasible["warp_spacing"][1]
 

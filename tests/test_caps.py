@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import doctest
-from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -12,18 +11,20 @@ from hypothesis import given, settings
 from test_weave import grid_of
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import mutable
-from weaves import surface, woven
+from weaves import changed, measured, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import bezier, draft
-from spacemap_vtk.fabric.axes import axes
+from spacemap_vtk.fabric.axes import axes, axis_points
 from spacemap_vtk.fabric.bezier import rational_arc
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.tessellation import Tessellation
-from spacemap_vtk.fabric.weave import Weave, axis_points, build
+from spacemap_vtk.fabric.weave import Weave, build
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 
-ROUND = Cloth(
+OVER = draft.twill(2, 1, 4, 5)
+ROUND = measured(
+    drawdown=OVER,
     warp_diameter=0.25,
     weft_diameter=0.30,
     warp_spacing=0.55,
@@ -31,14 +32,16 @@ ROUND = Cloth(
     warp_crimp_height=0.20,
 )
 #: All crimp in the warp, whose arcs turn by nearly 90 degrees.
-STEEP = Cloth(
+STEEP = measured(
+    drawdown=OVER,
     warp_diameter=0.2,
     weft_diameter=0.3,
     warp_spacing=0.7,
     weft_spacing=0.501,
     warp_crimp_height=0.5,
 )
-FLAT = Cloth(
+FLAT = measured(
+    drawdown=OVER,
     warp_diameter=0.25,
     weft_diameter=0.30,
     warp_spacing=0.75,
@@ -54,7 +57,6 @@ AREAS = {
     "steep": (pi / 4 * 0.2**2, pi / 4 * 0.3**2),
     "flat": (pi / 4 * 0.25 * 0.35, pi / 4 * 0.30**2 + 0.30 * 0.15),
 }
-OVER = draft.twill(2, 1, 4, 5)
 
 
 def volumes(made: Weave, nodes: int = 24) -> np.ndarray:
@@ -69,7 +71,7 @@ def lengths(cloth: Cloth) -> np.ndarray:
     return np.concatenate(
         [
             np.add.reduceat(family.length, np.cumsum(family.parts) - family.parts)
-            for family in axes(OVER, cloth)
+            for family in axes(cloth)
         ]
     )
 
@@ -78,8 +80,8 @@ def lengths(cloth: Cloth) -> np.ndarray:
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
     """By Pappus the volume of a tube is its section times its length."""
-    cloth = replace(CLOTHS[kind], exact=exact)
-    found = volumes(build(OVER, cloth))
+    cloth = changed(CLOTHS[kind], exact=exact)
+    found = volumes(build(cloth))
     expected = lengths(cloth) * np.repeat(AREAS[kind], [4, 5])
     np.testing.assert_allclose(found, expected, rtol=1e-12 if exact else 1e-3)
     if not exact:
@@ -88,8 +90,8 @@ def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_caps_share_the_points_of_their_ring(kind: str) -> None:
-    made = build(OVER, CLOTHS[kind])
-    bare = build(OVER, replace(CLOTHS[kind], caps=False))
+    made = build(CLOTHS[kind])
+    bare = build(changed(CLOTHS[kind], caps=False))
     tubes = made.tube_patches
     assert np.array_equal(made.patches[:tubes], bare.patches)
     assert np.array_equal(made.points[: len(bare.points)], bare.points)
@@ -110,11 +112,9 @@ def test_caps_share_the_points_of_their_ring(kind: str) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(woven(most=3))
-def test_caps_are_flat_and_face_outwards(case: tuple[np.ndarray, Cloth]) -> None:
-    over, cloth = case
-    made = build(over, cloth)
-    bare = replace(cloth, caps=False)
-    assert len(build(over, bare).patches) == made.tube_patches
+def test_caps_are_flat_and_face_outwards(cloth: Cloth) -> None:
+    made = build(cloth)
+    assert len(build(changed(cloth, caps=False)).patches) == made.tube_patches
     tessellation = Tessellation(made.patches, (3, 3), 3)
     positions, normals = tessellation.evaluate(made.points, np.float64)
     assert np.isfinite(positions).all()
@@ -130,14 +130,14 @@ def test_caps_are_flat_and_face_outwards(case: tuple[np.ndarray, Cloth]) -> None
 
 
 def test_shortest_ends_are_closed() -> None:
-    cloth = replace(FLAT, overhang=0.0)
-    made = build(OVER, cloth)
+    cloth = changed(FLAT, overhang=0.0)
+    made = build(cloth)
     assert np.isfinite(made.points).all()
     expected = lengths(cloth) * np.repeat(AREAS["flat"], [4, 5])
     np.testing.assert_allclose(volumes(made), expected, rtol=1e-3)
     # a single crossing, cut on the flat of the yarn crossed
-    short = replace(FLAT, overhang=0.05)
-    made = build([[1]], short)
+    short = changed(FLAT, overhang=0.05)
+    made = build(changed(short, drawdown=[[1]]))
     assert made.points[:, 1].max() == pytest.approx(0.225)
     np.testing.assert_allclose(volumes(made), 0.1 * np.array(AREAS["flat"]), rtol=1e-3)
 
@@ -145,12 +145,12 @@ def test_shortest_ends_are_closed() -> None:
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
     """Every point of the surface is at the radius from the axis, to rounding."""
-    cloth = replace(CLOTHS[kind], exact=True)
-    made = build(OVER, cloth)
+    cloth = changed(CLOTHS[kind], exact=True)
+    made = build(cloth)
     assert made.radial_error == 0.0
     points, *_ = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))
-    aspect = cloth.warp_aspect, cloth.weft_aspect
-    for number, family in enumerate(axes(OVER, cloth)):
+    aspect = cloth.warp.aspect, cloth.weft.aspect
+    for number, family in enumerate(axes(cloth)):
         # seen from each part's own arc: its centre, and the distance from it
         part = np.arange(len(family.length))
         station = part + family.owner
@@ -168,7 +168,7 @@ def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
         )
         beside = mine[..., number] - family.lateral[family.owner][:, None]
         radius = family.radius[family.owner][:, None]
-        if cloth.yarns(("warp", "weft")[number], 4 + number).section == "racetrack":
+        if cloth.threads[number].section == "racetrack":
             beside = np.maximum(abs(beside) - (aspect[number] - 1) * radius, 0)
         elif aspect[number] > 1:
             beside = beside / aspect[number]
@@ -176,19 +176,19 @@ def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
 
 
 def test_exact_cloth_needs_fewer_patches() -> None:
-    exact = build(OVER, replace(STEEP, exact=True))
-    assert exact.tube_patches < build(OVER, STEEP).tube_patches
+    exact = build(changed(STEEP, exact=True))
+    assert exact.tube_patches < build(STEEP).tube_patches
     assert exact.weights is not None
     assert exact.weights.shape == (len(exact.points),)
     assert exact.weights.min() > 0.5
     # corners of patches have weight 1, so that neighbours agree
     assert (exact.weights[exact.patches[: exact.tube_patches, :4]] == 1).all()
-    assert build(OVER, STEEP).weights is None
+    assert build(STEEP).weights is None
 
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_vtk_agrees_with_rational_patches(kind: str) -> None:
-    made = build(OVER, replace(CLOTHS[kind], exact=True))
+    made = build(changed(CLOTHS[kind], exact=True))
     grid = grid_of(made)
     weights = numpy_to_vtk(made.weights)
     weights.SetName("RationalWeights")
@@ -222,13 +222,13 @@ def test_rational_arcs_stop_at_half_a_turn() -> None:
 def test_largest_deviation_is_reported() -> None:
     """The bound holds, and is not far from what is found."""
     for cloth in (ROUND, STEEP):
-        made = build(OVER, cloth)
-        axis, yarn = axis_points(OVER, cloth, samples=300)
+        made = build(cloth)
+        axis, yarn = axis_points(cloth, samples=300)
         points, *_ = surface(made, np.linspace(0, 1, 9), made.yarn == 1)
         points = points[:-4].reshape(-1, 3)
         line = axis[yarn == 1]
         away = np.array([np.linalg.norm(line - p, axis=1).min() for p in points[::7]])
-        worst = abs(away / (cloth.warp_diameter / 2) - 1).max()
+        worst = abs(away / (cloth.warp.diameter / 2) - 1).max()
         assert worst < made.radial_error + 1e-4
         assert made.radial_error < 2 * worst + 1e-4
 
@@ -237,7 +237,7 @@ def test_largest_deviation_is_reported() -> None:
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
     """Positions and normals by the formula of one patch, and the surface exactly round."""
-    made = build(OVER, replace(CLOTHS[kind], exact=True))
+    made = build(changed(CLOTHS[kind], exact=True))
     n = 3
     tessellation = Tessellation(made.patches, (3, 3), n)
     positions, normals = tessellation.evaluate(made.points, dtype, made.weights)
@@ -261,7 +261,7 @@ def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
 
 
 def test_the_filter_takes_vtks_rational_weights() -> None:
-    made = build([[1]], replace(ROUND, exact=True))
+    made = build(changed(ROUND, exact=True, drawdown=[[1]]))
     grid = grid_of(made)
     weights = numpy_to_vtk(made.weights)
     weights.SetName("RationalWeights")

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft
-from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
 
 matrices = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=9))
 
@@ -152,16 +152,18 @@ def test_floats_by_counting(matrix: np.ndarray) -> None:
 
 
 def test_draft_checks_its_arrays() -> None:
-    made = Draft([[1, 0], [0, 1], [1, 1]], weft_colors=[[1, 2, 3]] * 3, warnings=["odd"])  # type: ignore[arg-type]
+    made = Draft(
+        [[1, 0], [0, 1], [1, 1]], weft=DraftThreads(colors=[[1, 2, 3]] * 3), warnings=["odd"]
+    )  # type: ignore[arg-type]
     assert made.drawdown.dtype == bool
-    assert made.weft_colors is not None
-    assert made.weft_colors.dtype == np.uint8
+    assert made.weft.colors is not None
+    assert made.weft.colors.dtype == np.uint8
     assert made.warnings == ("odd",)
-    assert made.warp_spacing is None
+    assert made.warp.spacing is None
     with pytest.raises(AttributeError):
         made.title = "x"  # type: ignore[misc]
     with pytest.raises(InputError, match="warp_colors"):
-        Draft(draft.plain(3, 2), warp_colors=np.zeros((2, 3), np.uint8))
+        Draft(draft.plain(3, 2), warp=DraftThreads(colors=np.zeros((2, 3), np.uint8)))
     for bad in ([1, 0], np.zeros((0, 3)), 1):
         with pytest.raises(InputError, match="drawdown"):
             Draft(bad)  # type: ignore[arg-type]

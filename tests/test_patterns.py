@@ -53,7 +53,7 @@ def test_drawdowns_by_hand(name: str) -> None:
     assert canonical(name) == name
     source = WeaveSource(pattern=name, ends=20, picks=20)
     repeat = draft.from_matrix(BY_HAND[name].split())
-    np.testing.assert_array_equal(source.fabric.drawdown, draft.tile(repeat, 20, 20))
+    np.testing.assert_array_equal(source.cloth.drawdown, draft.tile(repeat, 20, 20))
 
 
 @pytest.mark.parametrize(
@@ -134,9 +134,9 @@ def test_rib(over: int, under: int, family: str) -> None:
 def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
     file = tmp_path / "weave.txt"
     file.write_text(text, encoding="utf-8", newline="")
-    assert draft.rows(read_draft(file).draft.drawdown) == ["110", "011"]
+    assert draft.rows(read_draft(file).drawdown) == ["110", "011"]
     source = WeaveSource(draft=file)
-    assert draft.rows(source.fabric.drawdown) == ["110", "011"]
+    assert draft.rows(source.cloth.drawdown) == ["110", "011"]
     source.update()
 
 
@@ -163,7 +163,7 @@ def test_a_picture(mode: str, ending: str, tmp_path: Path) -> None:
     seen = np.array([[255, 0, 0], [0, 255, 255]], dtype=np.uint8)
     file = tmp_path / f"weave{ending}"
     Image.fromarray(seen).convert(mode).save(file)
-    found = read_draft(file).draft
+    found = read_draft(file)
     assert draft.rows(found.drawdown) == ["100", "011"]
     assert found.warnings == ()
     assert found.title == "weave"
@@ -172,11 +172,11 @@ def test_a_picture(mode: str, ending: str, tmp_path: Path) -> None:
 def test_a_gray_or_transparent_picture(tmp_path: Path) -> None:
     file = tmp_path / "gray.png"
     Image.fromarray(np.array([[100, 255], [0, 200]], dtype=np.uint8)).save(file)
-    found = read_draft(file).draft
+    found = read_draft(file)
     assert draft.rows(found.drawdown) == ["10", "10"]
     assert "2 of 4 pixels are neither black nor white" in found.warnings[0]
     Image.fromarray(np.array([[[0, 0, 0, 0], [0, 0, 0, 255]]], dtype=np.uint8)).save(file)
-    assert draft.rows(read_draft(file).draft.drawdown) == ["01"]
+    assert draft.rows(read_draft(file).drawdown) == ["01"]
 
 
 def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,15 +208,13 @@ def test_a_wif_by_any_name(tmp_path: Path) -> None:
     expected = read_draft(REAL)
     for name in ("copy.txt", "copy.wifw", "copy"):
         (tmp_path / name).write_bytes(REAL.read_bytes())
-        np.testing.assert_array_equal(
-            read_draft(tmp_path / name).draft.drawdown, expected.draft.drawdown
-        )
+        np.testing.assert_array_equal(read_draft(tmp_path / name).drawdown, expected.drawdown)
 
 
 def test_a_text_draft_has_a_loom(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1100\n0110\n")
     found = read_draft(tmp_path / "a.txt")
-    np.testing.assert_array_equal(found.loom.drawdown(), found.draft.drawdown)
+    np.testing.assert_array_equal(found.loom.drawdown(), found.drawdown)
     assert b"Title=a" in format_wif(found)
 
 
@@ -225,4 +223,4 @@ def test_a_pattern_and_a_draft_are_one_too_many(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"weave\.pattern.*a pattern and a draft"):
         source.update()
     source.pattern = "plain"
-    assert source.fabric.drawdown.shape == (62, 62)
+    assert source.cloth.drawdown.shape == (62, 62)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
+from weaves import measured
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric import peirce
-from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.units import parse_quantity
 
@@ -55,7 +55,7 @@ def test_symmetric_cloth() -> None:
 
 
 def test_unequal_cloth() -> None:
-    cloth = Cloth(
+    cloth = measured(
         warp_diameter=0.25,
         weft_diameter=0.30,
         warp_spacing=0.55,
@@ -220,7 +220,7 @@ def test_check_names_the_key(measures: tuple[float, ...], key: str) -> None:
     assert caught.value.key == key
     assert caught.value.cure
     with pytest.raises(GeometryError):
-        Cloth(
+        measured(
             **dict(
                 zip(
                     ("warp_diameter", "weft_diameter", "warp_spacing", "weft_spacing"),
@@ -228,7 +228,7 @@ def test_check_names_the_key(measures: tuple[float, ...], key: str) -> None:
                     strict=False,
                 )
             )
-        )
+        ).check()
 
 
 def test_yarns_may_touch_their_neighbours() -> None:
@@ -240,4 +240,4 @@ def test_overhang_is_checked() -> None:
     measures |= dict.fromkeys(("warp_spacing", "weft_spacing"), 0.2)
     for overhang in (-1.0, float("nan"), float("inf")):
         with pytest.raises(GeometryError, match="overhang"):
-            Cloth(**measures, overhang=overhang)
+            measured(**measures, overhang=overhang).check()

@@ -65,9 +65,9 @@ def test_a_cloth_as_woven_touches_and_an_open_one_does_not() -> None:
     scene.update()
     found = measure(scene.polygons, "clearance")
     assert found is not None
-    diameter = scene.weave.fabric.cloth.diameter_sum / 2
+    diameter = scene.weave.cloth.diameter_sum / 2
     weave = WeaveSource(ends=4, picks=4)
-    exact = least_clearance(weave.fabric.drawdown, weave.fabric.cloth).distance
+    exact = least_clearance(weave.cloth).distance
     assert abs(exact) < 1e-12
     assert abs(found.min() - exact) < 0.01 * diameter
     assert found.max() > 0.3 * diameter

@@ -183,10 +183,10 @@ def a_basket(scene: Scene) -> None:
 
 
 def a_tartan(scene: Scene) -> None:
-    fabric = scene.weave.fabric
-    assert len(np.unique(fabric.warp_colors, axis=0)) == 4
-    np.testing.assert_array_equal(fabric.warp_colors[0], fabric.warp_colors[14])
-    thick = np.flatnonzero(np.asarray(fabric.cloth.warp_diameter) > 0.3e-3)
+    cloth = scene.weave.cloth
+    assert len(np.unique(cloth.warp.colors, axis=0)) == 4
+    np.testing.assert_array_equal(cloth.warp.colors[0], cloth.warp.colors[14])
+    thick = np.flatnonzero(np.asarray(cloth.warp.diameter) > 0.3e-3)
     np.testing.assert_array_equal(thick, [13, 27, 41, 55])
     assert abs(report.fabric(scene)["least_clearance"]["distance"]) < 1e-15
 

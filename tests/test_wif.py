@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io import wif, wif_writer
-from spacemap_vtk.io.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.io.wif import parse_wif, read_wif
 from spacemap_vtk.io.wif_writer import format_wif
 
 REAL = Path(__file__).parent.parent / "scenes" / "32-shaft_twill.wif"
@@ -83,10 +83,10 @@ def rows(draft):
 
 
 def same(first, second):
-    """Assert that two WifDrafts are one draft, their warnings apart."""
-    for one, other in ((first.draft, second.draft), (first, second)):
+    """Assert that two drafts are one, their warnings apart."""
+    for one, other in ((first, second), (first.warp, second.warp), (first.weft, second.weft)):
         for field in dataclasses.fields(one):
-            if field.name not in ("warnings", "draft"):
+            if field.name not in ("warnings", "warp", "weft"):
                 a, b = getattr(one, field.name), getattr(other, field.name)
                 if isinstance(a, np.ndarray):
                     assert b.dtype == a.dtype
@@ -97,13 +97,16 @@ def same(first, second):
 
 def written(draft):
     """Return the draft that a file of it holds: with the program's own colours if it has none."""
-    own = draft.draft if isinstance(draft, WifDraft) else draft
-    counts = {"warp_colors": own.drawdown.shape[1], "weft_colors": own.drawdown.shape[0]}
-    given = {"warp_colors": (0x2D, 0x6A, 0x8E), "weft_colors": (0xE8, 0xC7, 0x8F)}
-    lacking = [name for name in counts if getattr(own, name) is None]
-    colors = {name: np.full((counts[name], 3), given[name], np.uint8) for name in lacking}
-    colored = dataclasses.replace(own, **colors)
-    return dataclasses.replace(draft, draft=colored) if isinstance(draft, WifDraft) else colored
+
+    def colored(threads, count, color):
+        if threads.colors is not None:
+            return threads
+        return dataclasses.replace(threads, colors=np.full((count, 3), color, np.uint8))
+
+    ends, picks = draft.size
+    warp = colored(draft.warp, ends, (0x2D, 0x6A, 0x8E))
+    weft = colored(draft.weft, picks, (0xE8, 0xC7, 0x8F))
+    return dataclasses.replace(draft, warp=warp, weft=weft)
 
 
 # --- a draft that a weaver's program wrote
@@ -124,8 +127,7 @@ def naive_sections(path):
 
 def test_real_draft_against_a_naive_reading():
     sections = naive_sections(REAL)
-    found = read_wif(REAL)
-    draft = found.draft
+    draft = found = read_wif(REAL)
     expected = np.zeros((62, 62), dtype=bool)
     for pick in range(62):
         for end in range(62):
@@ -137,30 +139,29 @@ def test_real_draft_against_a_naive_reading():
     assert draft.drawdown.dtype == bool
     assert 0.5 < expected.mean() < 0.57
     assert draft.warnings == ()
-    for family, colors in (("WARP", draft.warp_colors), ("WEFT", draft.weft_colors)):
+    for family, colors in (("WARP", draft.warp.colors), ("WEFT", draft.weft.colors)):
         assert colors.dtype == np.uint8
         for thread in range(62):
             index = sections[family + " COLORS"][str(thread + 1)]
             assert ",".join(map(str, colors[thread])) == sections["COLOR TABLE"][index]
-    assert tuple(draft.warp_colors[0]) == (55, 117, 178)
-    assert tuple(draft.warp_colors[1]) == (125, 60, 87)
-    for length in (draft.warp_spacing, draft.weft_spacing, draft.warp_thickness):
+    assert tuple(draft.warp.colors[0]) == (55, 117, 178)
+    assert tuple(draft.warp.colors[1]) == (125, 60, 87)
+    for length in (draft.warp.spacing, draft.weft.spacing, draft.warp.thickness):
         assert length == pytest.approx(0.04167 * 0.0254, rel=1e-15)
-    assert draft.weft_thickness == draft.weft_spacing
+    assert draft.weft.thickness == draft.weft.spacing
     assert (found.loom.shafts, found.loom.treadles, found.loom.rising) == (32, 32, True)
     assert found.loom.treadling[0] == (32,)
-    assert found.warp_spacings is None
 
 
 def test_real_draft_written_and_read_again():
     found = read_wif(REAL)
     again = parse_wif(format_wif(found))
     same(found, again)
-    assert again.draft.warnings == ()
+    assert again.warnings == ()
     assert format_wif(again) == format_wif(found)
     # without its loom the cloth stays, woven by the smallest loom
-    derived = parse_wif(format_wif(found.draft))
-    np.testing.assert_array_equal(derived.draft.drawdown, found.draft.drawdown)
+    derived = parse_wif(format_wif(dataclasses.replace(found, loom=None)))
+    np.testing.assert_array_equal(derived.drawdown, found.drawdown)
     assert derived.loom.shafts == 32
 
 
@@ -198,14 +199,14 @@ ALLOWED = {
 @pytest.mark.parametrize("name", ALLOWED)
 def test_allowed(name):
     changes, expected = ALLOWED[name]
-    draft = parse_wif(changed(changes)).draft
+    draft = parse_wif(changed(changes))
     assert rows(draft) == expected
     assert draft.warnings == ()
 
 
 def test_any_order_of_sections():
     sections = ["[" + part for part in BASE.split("[")[1:]]
-    draft = parse_wif("".join(reversed(sections))).draft
+    draft = parse_wif("".join(reversed(sections)))
     same(parse_wif(BASE), parse_wif("".join(reversed(sections))))
     assert draft.warnings == ()
 
@@ -214,16 +215,14 @@ def test_sparse_colours_and_lengths_over_the_defaults():
     extra = "[WARP COLORS]\n3=2\n[WARP SPACING]\n2=0.3\n[WARP THICKNESS]\n4=0.05\n1=0.05\n[WARP]"
     listed = "COLOR TABLE=true\nWARP COLORS=1\nWARP SPACING=1\nWARP THICKNESS=1"
     found = parse_wif(changed({16: extra, 11: listed, 20: "Spacing=0.1\nThickness=0.02"}))
-    draft = found.draft
+    draft = found
     assert draft.warnings == ()
     red, blue = [255, 0, 0], [0, 0, 255]
-    assert draft.warp_colors.tolist() == [red, red, blue, red]
-    assert draft.weft_colors.tolist() == [blue, blue]
-    assert draft.warp_spacing == 0.001
-    assert found.warp_spacings.tolist() == [0.001, 0.003, 0.001, 0.001]
-    assert draft.warp_thickness == 0.0002
-    assert found.warp_thicknesses.tolist() == [0.0005, 0.0002, 0.0002, 0.0005]
-    assert (draft.weft_spacing, draft.weft_thickness, found.weft_spacings) == (0.002, None, None)
+    assert draft.warp.colors.tolist() == [red, red, blue, red]
+    assert draft.weft.colors.tolist() == [blue, blue]
+    assert found.warp.spacing.tolist() == [0.001, 0.003, 0.001, 0.001]
+    assert found.warp.thickness.tolist() == [0.0005, 0.0002, 0.0002, 0.0005]
+    assert (draft.weft.spacing, draft.weft.thickness) == (0.002, None)
     same(found, parse_wif(format_wif(found)))
 
 
@@ -236,9 +235,9 @@ def test_sparse_colours_and_lengths_over_the_defaults():
     ],
 )
 def test_units(units, metres):
-    draft = parse_wif(changed({19: f"Units={units}", 20: "Spacing=.5"})).draft
-    assert draft.warp_spacing == pytest.approx(0.5 * metres, rel=1e-15)
-    assert draft.weft_spacing == 0.002
+    draft = parse_wif(changed({19: f"Units={units}", 20: "Spacing=.5"}))
+    assert draft.warp.spacing == pytest.approx(0.5 * metres, rel=1e-15)
+    assert draft.weft.spacing == 0.002
     assert draft.warnings == ()
 
 
@@ -254,30 +253,30 @@ def test_units(units, metres):
     ],
 )
 def test_colour_ranges(range_, color, expected):
-    draft = parse_wif(changed({28: f"Range={range_}", 30: f"1={color}", 31: "2=0,0,0"})).draft
+    draft = parse_wif(changed({28: f"Range={range_}", 30: f"1={color}", 31: "2=0,0,0"}))
     if expected:
-        assert draft.warp_colors.tolist() == [expected] * 4
+        assert draft.warp.colors.tolist() == [expected] * 4
 
 
 def test_inline_colours_stand_in_for_the_palette():
-    draft = parse_wif(changed({18: "Color=7,1,2,3", 23: "Color=1,9,9,9"})).draft
-    assert draft.warp_colors.tolist() == [[1, 2, 3]] * 4
+    draft = parse_wif(changed({18: "Color=7,1,2,3", 23: "Color=1,9,9,9"}))
+    assert draft.warp.colors.tolist() == [[1, 2, 3]] * 4
     # the table wins, as the standard has it
-    assert draft.weft_colors.tolist() == [[255, 0, 0]] * 2
+    assert draft.weft.colors.tolist() == [[255, 0, 0]] * 2
     assert draft.warnings == ()
 
 
 def test_no_colours_at_all():
     gone = dict.fromkeys([10, 11, 18, 23, *range(26, 32)])
-    draft = parse_wif(changed(gone)).draft
-    assert (draft.warp_colors, draft.weft_colors, draft.warnings) == (None, None, ())
+    draft = parse_wif(changed(gone))
+    assert (draft.warp.colors, draft.weft.colors, draft.warnings) == (None, None, ())
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("codec", ["utf-8", "utf-8-sig"])
 def test_encodings_and_line_ends(codec, end):
     text = changed({3: "[TEXT]\nTitle=Köper; breit \n[CONTENTS]\nTEXT=1"}).replace("\n", end)
-    draft = parse_wif(text.encode(codec)).draft
+    draft = parse_wif(text.encode(codec))
     # a semicolon in a string is no comment
     assert (draft.title, draft.warnings, rows(draft)) == ("Köper; breit", (), PLAIN)
 
@@ -285,7 +284,7 @@ def test_encodings_and_line_ends(codec, end):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_latin_1_is_noted_where_it_shows(end):
     text = changed({3: "[TEXT]\nTitle=Köper\n[CONTENTS]\nTEXT=1"}).replace("\n", end)
-    draft = parse_wif(text.encode("latin-1")).draft
+    draft = parse_wif(text.encode("latin-1"))
     assert draft.title == "Köper"
     assert len(draft.warnings) == 1
     assert draft.warnings[0].startswith("line 4: ")
@@ -293,7 +292,7 @@ def test_latin_1_is_noted_where_it_shows(end):
 
 
 def test_utf_16():
-    draft = parse_wif(BASE.encode("utf-16")).draft
+    draft = parse_wif(BASE.encode("utf-16"))
     assert rows(draft) == PLAIN
     assert draft.warnings[0].startswith("line 1: the file is in UTF-16")
 
@@ -400,7 +399,7 @@ LENIENT = {
 def test_leniency(name):
     changes, line, said, expected = LENIENT[name]
     found = parse_wif(changed(changes))
-    draft = found.draft
+    draft = found
     assert rows(draft) == expected
     assert len(draft.warnings) == 1, draft.warnings
     assert draft.warnings[0].startswith(f"line {line}: ")
@@ -409,29 +408,29 @@ def test_leniency(name):
 
 
 def test_a_warning_is_given_once_with_the_count():
-    draft = parse_wif(changed({33: "1=1 x", 35: "3=1 y", 38: "1=1 z"})).draft
+    draft = parse_wif(changed({33: "1=1 x", 35: "3=1 y", 38: "1=1 z"}))
     assert draft.warnings == (
         'line 33: "x" after the numbers is ignored (and 2 more, the last in line 38)',
     )
 
 
 def test_units_of_nobody_are_inches():
-    draft = parse_wif(changed({19: None, 24: None})).draft
-    assert draft.warp_spacing == 0.1 * 0.0254
+    draft = parse_wif(changed({19: None, 24: None}))
+    assert draft.warp.spacing == 0.1 * 0.0254
     assert [warning.split(":")[0] for warning in draft.warnings] == ["line 16", "line 20"]
 
 
 def test_values_that_leniency_gives():
-    assert parse_wif(changed({28: None, 30: "1=999,500,0"})).draft.warp_colors[0].tolist() == [
+    assert parse_wif(changed({28: None, 30: "1=999,500,0"})).warp.colors[0].tolist() == [
         255,
         128,
         0,
     ]
-    assert parse_wif(changed({18: "Color=1,2,3"})).draft.warp_colors[0].tolist() == [1, 2, 3]
-    assert parse_wif(changed({20: "Spacing=0,1"})).draft.warp_spacing == 0.001
-    assert parse_wif(changed({20: "Spacing=0"})).draft.warp_spacing is None
-    assert parse_wif(changed({18: "Color=7"})).draft.warp_colors is None
-    assert parse_wif(changed({30: "1=300,0,-5"})).draft.warp_colors[0].tolist() == [255, 0, 0]
+    assert parse_wif(changed({18: "Color=1,2,3"})).warp.colors[0].tolist() == [1, 2, 3]
+    assert parse_wif(changed({20: "Spacing=0,1"})).warp.spacing == 0.001
+    assert parse_wif(changed({20: "Spacing=0"})).warp.spacing is None
+    assert parse_wif(changed({18: "Color=7"})).warp.colors is None
+    assert parse_wif(changed({30: "1=300,0,-5"})).warp.colors[0].tolist() == [255, 0, 0]
 
 
 # --- refusals: lines changed, line in the message, what it says
@@ -531,25 +530,23 @@ titles = st.text(st.characters(codec="utf-8"), max_size=20)
 @st.composite
 def drafts(draw):
     picks, ends = draw(st.integers(1, 9)), draw(st.integers(1, 9))
-    return Draft(
-        drawdown=draw(arrays(bool, (picks, ends))),
-        warp_colors=draw(st.none() | arrays(np.uint8, (ends, 3))),
-        weft_colors=draw(st.none() | arrays(np.uint8, (picks, 3))),
-        warp_spacing=draw(lengths),
-        weft_spacing=draw(lengths),
-        warp_thickness=draw(lengths),
-        weft_thickness=draw(lengths),
-        title=draw(titles),
+    warp, weft = (
+        DraftThreads(
+            colors=draw(st.none() | arrays(np.uint8, (count, 3))),
+            spacing=draw(lengths),
+            thickness=draw(lengths),
+        )
+        for count in (ends, picks)
     )
+    return Draft(draw(arrays(bool, (picks, ends))), None, warp, weft, draw(titles))
 
 
 @settings(max_examples=150, deadline=None)
 @given(drafts())
 def test_any_draft_written_and_read(draft):
     first = parse_wif(format_wif(draft))
-    expected = dataclasses.replace(written(draft), title=first.draft.title)
-    same(WifDraft(expected, first.loom), first)
-    assert first.draft.title == re.sub("[\r\n]+", " ", draft.title).strip()
+    same(dataclasses.replace(written(draft), title=first.title, loom=first.loom), first)
+    assert first.title == re.sub("[\r\n]+", " ", draft.title).strip()
     same(first, parse_wif(format_wif(first)))
 
 
@@ -600,25 +597,26 @@ def test_any_loom_written_and_read(loom, data):
     drawdown = loom.drawdown()
     assert drawdown.tolist() == naive_drawdown(loom)
     own = arrays(np.float64, drawdown.shape[1], elements=st.floats(1e-6, 1.0))
-    spacings = data.draw(own.filter(lambda found: (found != 0.5).any()))
-    first = WifDraft(Draft(drawdown, warp_spacing=0.5), loom, warp_spacings=spacings)
+    spacings = data.draw(own)
+    alike = (spacings == spacings.mean()).all()
+    first = Draft(drawdown, loom, DraftThreads(spacing=spacings.mean() if alike else spacings))
     same(written(first), parse_wif(format_wif(first)))
 
 
 def test_what_is_given_for_each_thread_has_a_default():
     each = np.array([1e-3, 2e-3, 2e-3, 3e-3])
-    found = WifDraft(parse_wif(BASE).draft, parse_wif(BASE).loom, warp_thicknesses=each)
+    found = parse_wif(BASE)
+    found = dataclasses.replace(found, warp=dataclasses.replace(found.warp, thickness=each))
     text = format_wif(found).decode().split("\r\n")
     warp = text[text.index("[WARP]") : text.index("[WEFT]")]
     assert "Thickness=0.2" in warp  # their mean, in cm
-    np.testing.assert_array_equal(parse_wif(format_wif(found)).warp_thicknesses, each)
+    np.testing.assert_array_equal(parse_wif(format_wif(found)).warp.thickness, each)
 
 
 def test_a_changed_drawdown_is_written_with_another_loom():
     found = parse_wif(BASE)
-    other = dataclasses.replace(found.draft, drawdown=~found.draft.drawdown)
-    again = parse_wif(format_wif(dataclasses.replace(found, draft=other)))
-    np.testing.assert_array_equal(again.draft.drawdown, other.drawdown)
+    again = parse_wif(format_wif(dataclasses.replace(found, drawdown=~found.drawdown)))
+    np.testing.assert_array_equal(again.drawdown, ~found.drawdown)
 
 
 # --- fuzzing
@@ -633,8 +631,8 @@ def understood_or_refused(data):
         return
     finally:
         assert time.process_time() - start < 1
-    assert all(warning.startswith("line ") for warning in found.draft.warnings)
-    if found.draft.drawdown.size < 10_000:
+    assert all(warning.startswith("line ") for warning in found.warnings)
+    if found.drawdown.size < 10_000:
         same(written(found), parse_wif(format_wif(found)))
 
 
@@ -705,5 +703,5 @@ def test_a_treadling_for_picks_that_the_cloth_lacks_presses_nothing():
     assert "12=2" in text
     found = parse_wif(text)
     assert found.loom.liftplan == ((1,), (2,))
-    assert any("presses no treadle" in warning for warning in found.draft.warnings)
+    assert any("presses no treadle" in warning for warning in found.warnings)
     same(written(found), parse_wif(format_wif(found)))

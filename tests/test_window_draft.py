@@ -117,7 +117,7 @@ def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> No
 def woven(window: Any) -> np.ndarray:
     """The drawdown of the fabric that is drawn."""
     wait_until(lambda: settled(window))
-    return window.engine._pipeline._scene.weave.fabric.drawdown
+    return window.engine._pipeline._scene.weave.cloth.drawdown
 
 
 def runs(window: Any) -> dict[str, int]:
@@ -272,7 +272,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     qtbot.mouseMove(view, spot(window, "warp", 3, 0))
     qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 3, 0))
     wait_until(lambda: settled(window))
-    colors = window.engine._pipeline._scene.weave.fabric.warp_colors
+    colors = window.engine._pipeline._scene.weave.cloth.warp.colors
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
     assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
     assert window.document.undo.count() == 1
@@ -281,7 +281,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     index = [color.name() for color in draft.palette_row.colors].index("#112233")
     qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
     wait_until(lambda: settled(window))
-    assert (window.engine._pipeline._scene.weave.fabric.warp_colors[:3] == (0xAA, 0x33, 0)).all()
+    assert (window.engine._pipeline._scene.weave.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
     window.document.undo.undo()
     window.document.undo.undo()
     assert window.document.written("weave", "warp_color") is None
@@ -337,7 +337,7 @@ def test_a_draft_that_found_no_room_is_kept_whole_later(
     with pytest.raises(InputError, match=f"Make room in {disk}"):
         keeper.keep(wif)
     (disk / "fill").unlink()
-    np.testing.assert_array_equal(read_wif(keeper.keep(wif)).draft.drawdown, drawdown)
+    np.testing.assert_array_equal(read_wif(keeper.keep(wif)).drawdown, drawdown)
 
 
 def test_drafts_are_opened_and_saved_as_wif(
@@ -439,10 +439,10 @@ def test_a_draft_that_was_opened_is_saved_as_one(
     save_draft(window, qtbot, monkeypatch, file)
     assert not window.isWindowModified()
     # Nothing is lost by leaving: the file is what is seen.
-    seen = window.document.scene.weave.fabric
-    again = Scene.read(file).weave.fabric
+    seen = window.document.scene.weave.cloth
+    again = Scene.read(file).weave.cloth
     np.testing.assert_array_equal(again.drawdown, seen.drawdown)
-    np.testing.assert_array_equal(again.warp_colors, seen.warp_colors)
+    np.testing.assert_array_equal(again.warp.colors, seen.warp.colors)
     window.document.undo.undo()
     assert window.isWindowModified()
     window.document.undo.redo()
@@ -556,15 +556,15 @@ def test_colours_are_written_as_their_repeat() -> None:
 def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> None:
     source = library.folder() / "32-shaft_twill.wif"
     window = draft_of(source)
-    before = window.document.scene.weave.fabric
+    before = window.document.scene.weave.cloth
     click(qtbot, window, "threading", 31, 1)
     now = window.document.scene.weave
     kept, original = read_wif(now.draft), read_wif(source)
     assert kept.loom.tieup == original.loom.tieup
-    assert kept.draft.warp_thickness == original.draft.warp_thickness
-    np.testing.assert_array_equal(kept.draft.warp_colors, original.draft.warp_colors)
-    np.testing.assert_array_equal(now.fabric.warp_colors, before.warp_colors)
-    assert np.array_equal(now.fabric.cloth.warp_diameter, before.cloth.warp_diameter)
+    assert kept.warp.thickness == original.warp.thickness
+    np.testing.assert_array_equal(kept.warp.colors, original.warp.colors)
+    np.testing.assert_array_equal(now.cloth.warp.colors, before.warp.colors)
+    assert np.array_equal(now.cloth.warp.diameter, before.warp.diameter)
     assert format_wif(kept) == now.draft.read_bytes()
 
 

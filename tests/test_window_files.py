@@ -248,18 +248,18 @@ def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, P
     loom = replace(wif.loom, rising=not wif.loom.rising)
     edited = replace(wif, loom=loom, draft=replace(wif.draft, drawdown=loom.drawdown()))
     document.set("weave", "draft", str(document.drafts.keep(edited)))
-    inverted = document.scene.weave.wif.draft.drawdown
+    inverted = document.scene.weave.wif.drawdown
     document.save()
     assert (first / "twill.wif").read_bytes() != original
     document.undo.undo()
     assert document.scene.weave.draft.read_bytes() == original
     document.undo.redo()
-    assert (document.scene.weave.wif.draft.drawdown == inverted).all()
+    assert (document.scene.weave.wif.drawdown == inverted).all()
     document.undo.undo()
     document.save(second / "twill.toml")
     assert Scene.read(second / "twill.toml").weave.draft.read_bytes() == original
     document.undo.redo()
-    assert (document.scene.weave.wif.draft.drawdown == inverted).all()
+    assert (document.scene.weave.wif.drawdown == inverted).all()
 
 
 def test_undo_to_a_file_that_is_gone_is_told(open_window: Any, folders: tuple[Path, Path]) -> None:

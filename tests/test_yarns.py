@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import doctest
-from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from scipy.optimize import brentq
-from weaves import loosened, scaled, surface, woven
+from weaves import changed, loosened, measured, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import draft, yarn_clearance
+from spacemap_vtk.fabric.axes import axis_points
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.weave import Weave, axis_points, build, estimate_bytes, fabric_figures
+from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.weave import Weave, build, estimate_bytes
 from spacemap_vtk.fabric.yarn_clearance import clearance_of, least_clearance
 
 UNEQUAL = loosened(
     0.3,
-    warp_diameter=np.array([0.2, 0.5, 0.1, 0.1, 0.3]),
-    weft_diameter=np.array([0.4, 0.1, 0.1, 0.6]),
-    warp_spacing=np.array([0.9, 0.4, 0.5, 0.3]),
-    weft_spacing=np.array([0.5, 0.6, 0.7]),
+    measured(
+        drawdown=draft.twill(2, 1, 5, 4),
+        warp_diameter=np.array([0.2, 0.5, 0.1, 0.1, 0.3]),
+        weft_diameter=np.array([0.4, 0.1, 0.1, 0.6]),
+        warp_spacing=np.array([0.9, 0.4, 0.5, 0.3]),
+        weft_spacing=np.array([0.5, 0.6, 0.7]),
+    ),
 )
-KEMP = Cloth(
+KEMP = measured(
+    drawdown=draft.twill(2, 1, 5, 4),
     warp_diameter=0.25,
     weft_diameter=0.30,
     warp_spacing=0.55,
@@ -42,11 +47,10 @@ def test_examples() -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(woven())
-def test_any_cloth_touches_and_never_overlaps(case: tuple[np.ndarray, Cloth]) -> None:
-    over, cloth = case
-    size = np.max(cloth.warp_diameter) + np.max(cloth.weft_diameter)
-    assert least_clearance(over, cloth).distance == pytest.approx(0, abs=1e-9 * size)
-    made = build(over, cloth)
+def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
+    size = np.max(cloth.warp.diameter) + np.max(cloth.weft.diameter)
+    assert least_clearance(cloth).distance == pytest.approx(0, abs=1e-9 * size)
+    made = build(cloth)
     assert np.isfinite(made.points).all()
     assert len(made.points) == made.patches.max() + 1
     found = clearance_of(made)
@@ -55,43 +59,42 @@ def test_any_cloth_touches_and_never_overlaps(case: tuple[np.ndarray, Cloth]) ->
 
 @settings(max_examples=50, deadline=None)
 @given(woven(most=4))
-def test_surfaces_hold_their_distance(case: tuple[np.ndarray, Cloth]) -> None:
+def test_surfaces_hold_their_distance(cloth: Cloth) -> None:
     """No point of a warp yarn's surface lies inside a weft yarn, by the definition of a section."""
-    over, cloth = case
-    made = build(over, cloth)
+    made = build(cloth)
     points, *_ = surface(made, np.linspace(0, 1, 5), made.family == 0)
     points = points.reshape(-1, 3)
-    axis, yarn = axis_points(over, cloth, samples=16)
-    weft = cloth.yarns("weft", over.shape[0])
-    for pick in range(over.shape[0]):
-        line = axis[yarn == over.shape[1] + pick]
+    axis, yarn = axis_points(cloth, samples=16)
+    weft = cloth.yarns[1]
+    for pick in range(cloth.size[1]):
+        line = axis[yarn == cloth.size[0] + pick]
         beside = np.maximum(abs(points[:, 1] - line[0, 1]) - weft.flat[pick] / 2, 0)
         square = np.min(
             (points[:, None, 0] - line[:, 0]) ** 2 + (points[:, None, 2] - line[:, 2]) ** 2, axis=1
         )
         least = np.sqrt(square + beside**2).min() / (weft.diameter[pick] / 2)
-        ratio = np.max(cloth.warp_diameter) / weft.diameter[pick]
+        ratio = np.max(cloth.warp.diameter) / weft.diameter[pick]
         assert least > 1 - 1e-9 - made.radial_error * ratio
 
 
 def test_crossings_share_the_distance() -> None:
-    over = draft.twill(2, 1, 5, 4)
-    points, yarn = axis_points(over, UNEQUAL, samples=1)
+    over = UNEQUAL.drawdown
+    points, yarn = axis_points(UNEQUAL, samples=1)
     share = UNEQUAL.height / UNEQUAL.diameter_sum
-    x, y = (UNEQUAL.yarns(*f).position for f in (("warp", 5), ("weft", 4)))
-    np.testing.assert_allclose(np.diff(x), UNEQUAL.warp_spacing)
-    np.testing.assert_allclose(np.diff(y), UNEQUAL.weft_spacing)
+    x, y = (yarns.position for yarns in UNEQUAL.yarns)
+    np.testing.assert_allclose(np.diff(x), UNEQUAL.warp.spacing)
+    np.testing.assert_allclose(np.diff(y), UNEQUAL.weft.spacing)
     for end, pick in np.ndindex(5, 4):
         at = np.linalg.norm(points[:, :2] - (x[end], y[pick]), axis=1) < 1e-12
         warp, weft = (points[at & (yarn == k), 2] for k in (end, 5 + pick))
-        apart = (UNEQUAL.warp_diameter[end] + UNEQUAL.weft_diameter[pick]) / 2
+        apart = (UNEQUAL.warp.diameter[end] + UNEQUAL.weft.diameter[pick]) / 2
         sign = 1 if over[pick, end] else -1
         assert warp == pytest.approx(sign * share * apart)
         assert warp - weft == pytest.approx(sign * apart)
 
 
 def test_floats_over_unequal_yarns_bend() -> None:
-    straight = build(np.ones((4, 5), dtype=bool), UNEQUAL)
+    straight = build(changed(UNEQUAL, drawdown=np.ones((4, 5), dtype=bool)))
     parts = straight.tubes[0].parts
     # between unequal picks arc, straight, arc; between the equal ones in the middle one straight
     assert (parts == 2 + 3 + 1 + 3).all()
@@ -114,10 +117,10 @@ def test_kemp_by_an_independent_solution() -> None:
     assert weft.width == pytest.approx(0.45)
     # the weft crosses round yarns: it is Peirce's own
     assert np.degrees(weft.crimp.theta) == pytest.approx(50.033787, abs=5e-7)
-    points, yarn = axis_points(draft.plain(4, 6), KEMP, samples=200)
+    points, yarn = axis_points(changed(KEMP, drawdown=draft.plain(4, 6)), samples=200)
     step = np.linalg.norm(np.diff(points[yarn == 1], axis=0), axis=1)
     assert step.sum() == pytest.approx(5 * length + 0.80, rel=1e-6)
-    figures = fabric_figures(draft.plain(4, 6), KEMP)
+    figures = fabric_figures(changed(KEMP, drawdown=draft.plain(4, 6)))
     assert figures["warp"]["yarn_length"] == pytest.approx(4 * (5 * length + 0.80))
     assert figures["weft"]["cover"] == pytest.approx(0.45 / 0.80)
     area = pi / 4 * 0.30**2 + 0.15 * 0.30
@@ -127,7 +130,7 @@ def test_kemp_by_an_independent_solution() -> None:
 
 @pytest.mark.parametrize("section", ["racetrack", "elliptic"])
 def test_sections_have_their_shape(section: str) -> None:
-    made = build([[1]], replace(KEMP, weft_section=section, exact=True))
+    made = build(changed(KEMP, weft_section=section, exact=True, drawdown=[[1]]))
     points, *_ = surface(made, np.linspace(0, 1, 9), slice(0, made.tube_patches))
     y, z = np.moveaxis(points[made.family[: made.tube_patches] == 1], -1, 0)[1:]
     z = z + KEMP.families[1].height / 2
@@ -139,16 +142,15 @@ def test_sections_have_their_shape(section: str) -> None:
 
 
 def test_figures_are_those_of_the_axes() -> None:
-    over = draft.twill(2, 1, 5, 4)
-    figures = fabric_figures(over, UNEQUAL, density=1.0)
-    points, yarn = axis_points(over, UNEQUAL, samples=300)
+    figures = fabric_figures(UNEQUAL)
+    points, yarn = axis_points(UNEQUAL, samples=300)
     lengths = [np.linalg.norm(np.diff(points[yarn == k], axis=0), axis=1).sum() for k in range(9)]
     assert figures["warp"]["yarn_length"] == pytest.approx(sum(lengths[:5]), rel=1e-5)
     assert figures["weft"]["yarn_length"] == pytest.approx(sum(lengths[5:]), rel=1e-5)
-    made = build(over, UNEQUAL)
+    made = build(UNEQUAL)
     tallest = 2 * abs(made.points[:, 2]).max()
     assert figures["thickness"] >= tallest * (1 - 1e-12)
-    plain = fabric_figures(draft.plain(5, 4), UNEQUAL)
+    plain = fabric_figures(changed(UNEQUAL, drawdown=draft.plain(5, 4)))
     assert plain["warp"]["mean_crimp"] > figures["warp"]["mean_crimp"]
 
 
@@ -156,10 +158,9 @@ def sheared(made: Weave) -> np.ndarray:
     return made.points @ np.array([[1, 0.4, 0], [0, 1, 0], [0.2, 0, 0.5]])
 
 
-@pytest.mark.parametrize("cloth", [UNEQUAL, KEMP, replace(UNEQUAL, exact=True)])
+@pytest.mark.parametrize("cloth", [UNEQUAL, KEMP, changed(UNEQUAL, exact=True)])
 def test_clearance_after_deformation(cloth: Cloth) -> None:
-    over = draft.plain(5, 4)
-    made = build(over, cloth)
+    made = build(changed(cloth, drawdown=draft.plain(5, 4)))
     # what is deformed as a whole cannot overlap: sections are sheared and flattened with the rest
     assert clearance_of(made, sheared(made)).distance == pytest.approx(0, abs=2e-3)
     # one yarn pushed down into those below it
@@ -170,13 +171,13 @@ def test_clearance_after_deformation(cloth: Cloth) -> None:
     assert found.distance == pytest.approx(-0.01, abs=2e-3)
     assert found.yarns[1] == 7
     # and the place is where it crosses the yarn found
-    x = cloth.yarns("warp", 5).position[found.yarns[0]]
-    y = cloth.yarns("weft", 4).position[2]
+    x = cloth.yarns[0].position[found.yarns[0]]
+    y = cloth.yarns[1].position[2]
     assert np.linalg.norm(found.place[:2] - (x, y)) < 0.3
     # the families apart: what is left are neighbours, which pass each other at the same height
     points = made.points.copy()
     points[np.unique(made.patches[made.family == 1]), 2] += 5.0
-    warp = cloth.yarns("warp", 5)
+    warp = cloth.yarns[0]
     room = warp.spacing - (warp.diameter[1:] + warp.diameter[:-1]) / 2
     assert clearance_of(made, points).distance == pytest.approx(room.min(), abs=1e-12)
     points[0] = np.nan
@@ -186,7 +187,9 @@ def test_clearance_after_deformation(cloth: Cloth) -> None:
 
 def test_two_straight_yarns() -> None:
     """The distance of skew lines, in closed form."""
-    made = build([[1]], replace(KEMP, weft_section="circular", weft_aspect=1.0, overhang=2.0))
+    made = build(
+        changed(KEMP, weft_section="circular", weft_aspect=1.0, overhang=2.0, drawdown=[[1]])
+    )
     points = made.points.copy()
     mine = np.unique(made.patches[made.yarn == 1])
     points[mine, 2] -= 0.1 + 0.5 * points[mine, 0]
@@ -204,20 +207,19 @@ def test_shape_does_not_depend_on_the_unit(kind: str) -> None:
     cloth = {
         "unequal": UNEQUAL,
         "kemp": KEMP,
-        "spline": replace(UNEQUAL, axis="spline"),
-        "exact": replace(UNEQUAL, exact=True),
+        "spline": changed(UNEQUAL, axis="spline"),
+        "exact": changed(UNEQUAL, exact=True),
     }[kind]
-    over = draft.twill(2, 1, 5, 4)
-    reference, figures = build(over, cloth), fabric_figures(over, cloth)
+    reference, figures = build(cloth), fabric_figures(cloth)
     size = abs(reference.points).max()
-    gap = least_clearance(over, cloth)
+    gap = least_clearance(cloth)
     for unit in (1e3, 1e6, 1e-3, 1 / 3):
-        made = build(over, scaled(cloth, unit))
+        made = build(scaled(cloth, unit))
         assert np.array_equal(made.patches, reference.patches)
         assert abs(made.points / unit - reference.points).max() < 1e-12 * size
-        other = fabric_figures(over, scaled(cloth, unit))
+        other = fabric_figures(scaled(cloth, unit))
         assert other["volume_fraction"] == pytest.approx(figures["volume_fraction"], rel=1e-12)
-        again = least_clearance(over, scaled(cloth, unit)).distance / unit
+        again = least_clearance(scaled(cloth, unit)).distance / unit
         assert again == pytest.approx(gap.distance, abs=1e-12 * size)
 
 
@@ -225,32 +227,34 @@ def test_memory_is_estimated_from_above() -> None:
     import tracemalloc
 
     over = draft.plain(40, 30)
-    base = replace(KEMP, warp_section="racetrack", warp_aspect=1.2, warp_spacing=0.65)
-    for cloth in (base, replace(base, exact=True), replace(base, axis="spline")):
+    base = changed(
+        KEMP, drawdown=over, warp_section="racetrack", warp_aspect=1.2, warp_spacing=0.65
+    )
+    for cloth in (base, changed(base, exact=True), changed(base, axis="spline")):
         tracemalloc.start()
-        build(over, cloth)
+        build(cloth)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        estimate = estimate_bytes(40, 30, cloth=cloth)
+        estimate = estimate_bytes(cloth)
         assert 0.5 * estimate < peak < estimate
 
 
 def test_refusals() -> None:
     with pytest.raises(InputError, match=r"weft_diameter.*4 values for 3 yarns"):
-        build(np.ones((3, 5)), UNEQUAL)
+        build(changed(UNEQUAL, drawdown=np.ones((3, 5))))
     with pytest.raises(InputError, match=r"warp_spacing.*allowed: one value, or 4"):
-        replace(UNEQUAL, warp_spacing=np.ones(7))
+        changed(UNEQUAL, warp_spacing=np.ones(7)).check()
     with pytest.raises(GeometryError, match="yarns 2 and 3 overlap"):
-        replace(UNEQUAL, warp_spacing=np.array([9, 0.1, 9, 9]))
+        changed(UNEQUAL, warp_spacing=np.array([9, 0.1, 9, 9])).check()
     with pytest.raises(GeometryError, match="warp_spacing"):
-        replace(UNEQUAL, warp_spacing=np.array([1, 1, -1, 1]))
+        changed(UNEQUAL, warp_spacing=np.array([1, 1, -1, 1])).check()
     with pytest.raises(GeometryError, match="warp_aspect"):
-        replace(KEMP, warp_aspect=1.5)
+        changed(KEMP, warp_aspect=1.5).check()
     with pytest.raises(GeometryError, match="weft_aspect"):
-        replace(KEMP, weft_aspect=0.5)
+        changed(KEMP, weft_aspect=0.5).check()
     with pytest.raises(GeometryError, match=r"overlap: they are 900 mm wide"):
-        replace(KEMP, weft_aspect=3.0)
+        changed(KEMP, weft_aspect=3.0).check()
     with pytest.raises(InputError, match="racetrack"):
-        replace(KEMP, weft_section="square")
+        changed(KEMP, weft_section="square").check()
     with pytest.raises(InputError, match="spline"):
-        replace(KEMP, axis="polyline")
+        changed(KEMP, axis="polyline").check()

@@ -11,15 +11,12 @@ from hypothesis.extra.numpy import arrays
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import Weave
 
 #: VTK's order of a 3 x 3 Bézier quadrilateral, by hand: its place in the list for each (i, j).
 PLACES = [[0, 10, 11, 3], [4, 12, 14, 8], [5, 13, 15, 9], [1, 6, 7, 2]]
-LENGTHS = (
-    *(f"{family}_{what}" for family in ("warp", "weft") for what in ("diameter", "spacing")),
-    "warp_crimp_height",
-    "overhang",
-)
+PLAIN = [[1, 0], [0, 1]]
 
 
 def bernstein(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -44,39 +41,65 @@ def surface(made: Weave, t: np.ndarray, which: Any = slice(None)) -> tuple[np.nd
     return point, *((d[..., :3] - d[..., 3:] * point) / p[..., 3:] for d in (u, v))
 
 
+def measured(**measures: Any) -> Cloth:
+    """A cloth of measures by the names that a user gives them; plain where nothing else is said."""
+    none = Threads(diameter=1.0, spacing=1.0)
+    return changed(Cloth(drawdown=PLAIN, warp=none, weft=none), **measures)
+
+
+def changed(cloth: Cloth, **measures: Any) -> Cloth:
+    """The same cloth with other measures, by the names that a user gives them."""
+    if "warp_crimp_height" in measures:
+        measures["crimp_height"] = measures.pop("warp_crimp_height")
+    for family, threads in (("warp", cloth.warp), ("weft", cloth.weft)):
+        own = [name for name in measures if name.startswith(family)]
+        measures[family] = replace(threads, **{name[5:]: measures.pop(name) for name in own})
+    return replace(cloth, **measures)
+
+
 def scaled(cloth: Cloth, unit: float) -> Cloth:
     """The same cloth in another unit."""
-    values = {name: getattr(cloth, name) for name in LENGTHS}
-    return replace(cloth, **{n: v * unit for n, v in values.items() if v is not None})
+    warp, weft = (
+        replace(threads, diameter=threads.diameter * unit, spacing=threads.spacing * unit)
+        for threads in cloth.threads
+    )
+    height, overhang = (
+        None if value is None else value * unit for value in (cloth.crimp_height, cloth.overhang)
+    )
+    return replace(cloth, warp=warp, weft=weft, crimp_height=height, overhang=overhang)
 
 
-def loosened(share: float, **measures: Any) -> Cloth:
+def loosened(share: float, cloth: Cloth) -> Cloth:
     """A cloth with spacings stretched until it can be woven, at a share of its crimp interval."""
     for _ in range(400):
         try:
-            cloth = Cloth(**measures)
+            low, high = cloth.feasible_heights
         except GeometryError:
-            for name in ("warp_spacing", "weft_spacing"):
-                measures[name] = 1.05 * measures[name]
+            warp, weft = (replace(t, spacing=1.05 * t.spacing) for t in cloth.threads)
+            cloth = replace(cloth, warp=warp, weft=weft)
             continue
-        low, high = cloth.feasible_heights
-        return replace(cloth, warp_crimp_height=low + share * (high - low))
+        return replace(cloth, crimp_height=low + share * (high - low))
     raise AssertionError("no cloth")
 
 
 @st.composite
-def woven(draw: st.DrawFn, most: int = 5, sections: bool = True) -> tuple[np.ndarray, Cloth]:
+def woven(draw: st.DrawFn, most: int = 5, sections: bool = True) -> Cloth:
     """Any weave of yarns of any diameters, spacings and sections."""
     picks, ends = draw(st.integers(1, most)), draw(st.integers(1, most))
-    over = draw(arrays(bool, (picks, ends)))
-    measures: dict[str, Any] = {"exact": draw(st.booleans())}
-    for family, count in (("warp", ends), ("weft", picks)):
+    over, exact = draw(arrays(bool, (picks, ends))), draw(st.booleans())
+    families = []
+    for count in (ends, picks):
         diameter = draw(arrays(float, count, elements=st.floats(0.05, 1)))
         section = draw(st.sampled_from(["circular", "racetrack", "elliptic"]))
         aspect = draw(st.floats(1.01, 3)) if sections and section != "circular" else 1.0
         loose = draw(arrays(float, count - 1, elements=st.floats(1, 2)))
-        measures[f"{family}_diameter"] = diameter
-        measures[f"{family}_spacing"] = aspect * loose * (diameter[1:] + diameter[:-1]) / 2
-        measures[f"{family}_section"] = section if sections else "circular"
-        measures[f"{family}_aspect"] = aspect
-    return over, loosened(draw(st.floats(0, 1)), **measures)
+        families.append(
+            Threads(
+                diameter=diameter,
+                spacing=aspect * loose * (diameter[1:] + diameter[:-1]) / 2,
+                section=section if sections else "circular",
+                aspect=aspect,
+            )
+        )
+    cloth = Cloth(drawdown=over, warp=families[0], weft=families[1], exact=exact)
+    return loosened(draw(st.floats(0, 1)), cloth)

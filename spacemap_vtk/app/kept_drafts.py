@@ -10,7 +10,7 @@ import weakref
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.wif import WifDraft
+from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.io.wif_writer import format_wif
 
 
@@ -23,9 +23,9 @@ class KeptDrafts:
     def __init__(self) -> None:
         self._folder: Path | None = None
 
-    def keep(self, wif: WifDraft) -> Path:
+    def keep(self, draft: Draft) -> Path:
         """Write a draft."""
-        return self._keep(format_wif(wif), ".wif")
+        return self._keep(format_wif(draft), ".wif")
 
     def keep_file(self, file: Path) -> Path:
         """Write a copy of a draft's file."""

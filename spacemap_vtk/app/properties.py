@@ -107,7 +107,7 @@ class Properties(QScrollArea):
     def _show_limits(self) -> None:
         begun = time.thread_time()
         part = self._document.scene.parts[self.section]
-        feasible, known = _intervals(part), _settled(part)
+        feasible, known = _intervals(part), _resolved(part)
         for name, row in self.rows.items():
             row.settled = known.get(name)
             row.show_feasible(feasible.get(name))
@@ -157,18 +157,9 @@ def _intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
     return {}
 
 
-def _settled(part: Parameterised) -> dict[str, Any]:
-    """Return what automatic parameters have settled to."""
-    if not isinstance(part, WeaveSource):
-        return {}
+def _resolved(part: Parameterised) -> dict[str, Any]:
+    """Return what automatic parameters are resolved to."""
     try:
-        fabric = part.fabric
+        return dict(part.found) if isinstance(part, WeaveSource) else {}
     except SpacemapError:
         return {}
-    picks, ends = fabric.drawdown.shape
-    known: dict[str, Any] = {"ends": int(ends), "picks": int(picks)}
-    for name in part.parameters:
-        value = getattr(fabric.cloth, "height" if name == "warp_crimp_height" else name, None)
-        if isinstance(value, float):
-            known[name] = value
-    return known

@@ -223,6 +223,6 @@ def _depth_without(window: Offscreen, actors: list[vtkActor]) -> NDArray[np.floa
 def _relief(scene: Scene) -> float:
     """Return the size of the scene's relief in m, by which its contact shadows are made."""
     if scene.source is scene.weave:
-        cloth = scene.weave.fabric.cloth
-        return float(max(np.max(cloth.warp_diameter), np.max(cloth.weft_diameter)))
+        cloth = scene.weave.cloth
+        return float(max(np.max(cloth.warp.diameter), np.max(cloth.weft.diameter)))
     return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()

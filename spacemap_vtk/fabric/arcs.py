@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.axis import Axes, crossing_heights
 from spacemap_vtk.fabric.bezier import rational_handles
-from spacemap_vtk.fabric.cloth import Yarns
 from spacemap_vtk.fabric.peirce import solve
+from spacemap_vtk.fabric.threads import Yarns
 
 #: Longer arcs are split: one cubic misses the radius by 2.4e-5 at this angle, 2.7e-4 at 90 degrees.
 LONGEST_ARC = pi / 3

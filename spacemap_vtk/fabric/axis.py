@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein
-from spacemap_vtk.fabric.cloth import Yarns
+from spacemap_vtk.fabric.threads import Yarns
 
 
 class Axes(NamedTuple):

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.drawdown import as_drawdown, floats, from_matrix, repeat, rows, tile
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.loom_edit import tiled
 from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
+from spacemap_vtk.fabric.threads import Lengths, along
 
 # What a caller needs to make a draft, in one place.
 __all__ = [
     "Draft",
+    "DraftThreads",
     "basket",
     "floats",
     "from_matrix",
@@ -27,6 +31,50 @@ __all__ = [
 ]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DraftThreads:
+    """What a draft says of its warp or weft; None where it says nothing.
+
+    These are not yet the measures of a cloth: a draft gives each thread a space of its own, in
+    whose middle it stands, and draws its width.
+
+    Parameters
+    ----------
+    spacing, thickness : float or ndarray, optional
+        In metres: of all threads, or (n,) of each.
+    colors : (n, 3) uint8, optional
+        RGB colour of each thread.
+    """
+
+    spacing: Lengths | None = None
+    thickness: Lengths | None = None
+    colors: NDArray[np.uint8] | None = None
+
+    def __post_init__(self) -> None:
+        if self.colors is not None:
+            object.__setattr__(self, "colors", np.ascontiguousarray(self.colors, dtype=np.uint8))
+
+    def repeated(self, count: int) -> DraftThreads:
+        """Return the same over so many threads.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+
+        Returns
+        -------
+        DraftThreads
+            What is said of each thread begins again after the last.
+        """
+        return replace(
+            self,
+            spacing=None if self.spacing is None else along(self.spacing, count),
+            thickness=None if self.thickness is None else along(self.thickness, count),
+            colors=None if self.colors is None else np.resize(self.colors, (count, 3)),
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Draft:
     """A weave to be made: its drawdown and what else a draft file may say.
@@ -35,14 +83,10 @@ class Draft:
     ----------
     drawdown : (picks, ends) bool
         True: the end lies over the pick.
-    warp_colors : (ends, 3) uint8, optional
-        RGB colour of each end.
-    weft_colors : (picks, 3) uint8, optional
-        RGB colour of each pick.
-    warp_spacing, weft_spacing : float, optional
-        Distance between ends and between picks, in metres.
-    warp_thickness, weft_thickness : float, optional
-        Diameter of the warp and weft yarns, in metres.
+    loom : Loom, optional
+        The threading, tie-up, treadling or liftplan that weave it.
+    warp, weft : DraftThreads, optional
+        Colours, spacings and thicknesses.
     title : str, optional
         Name of the draft.
     warnings : tuple of str, optional
@@ -61,29 +105,47 @@ class Draft:
     """
 
     drawdown: NDArray[np.bool_]
-    warp_colors: NDArray[np.uint8] | None = None
-    weft_colors: NDArray[np.uint8] | None = None
-    warp_spacing: float | None = None
-    weft_spacing: float | None = None
-    warp_thickness: float | None = None
-    weft_thickness: float | None = None
+    loom: Loom | None = None
+    warp: DraftThreads = field(default_factory=DraftThreads)
+    weft: DraftThreads = field(default_factory=DraftThreads)
     title: str = ""
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        drawdown = as_drawdown(self.drawdown)
-        object.__setattr__(self, "drawdown", drawdown)
+        object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))
         object.__setattr__(self, "warnings", tuple(self.warnings))
-        yarns = {"warp_colors": (drawdown.shape[1], "end"), "weft_colors": (len(drawdown), "pick")}
-        for name, (count, yarn) in yarns.items():
-            colors = getattr(self, name)
-            if colors is None:
-                continue
-            colors = np.ascontiguousarray(colors, dtype=np.uint8)
-            if colors.shape != (count, 3):
+        picks, ends = self.drawdown.shape
+        for key, colors, count, yarn in (
+            ("warp_colors", self.warp.colors, ends, "end"),
+            ("weft_colors", self.weft.colors, picks, "pick"),
+        ):
+            if colors is not None and colors.shape != (count, 3):
                 raise InputError(
                     f"one RGB colour for each {yarn} is needed, not an array of {colors.shape}",
-                    key=name,
+                    key=key,
                     allowed=f"({count}, 3)",
                 )
-            object.__setattr__(self, name, colors)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Ends and picks."""
+        return self.drawdown.shape[1], self.drawdown.shape[0]
+
+    def loom_for(self, drawdown: NDArray[np.bool_]) -> Loom:
+        """Return the loom for a cloth.
+
+        Parameters
+        ----------
+        drawdown : (picks, ends) bool
+            Of the cloth.
+
+        Returns
+        -------
+        Loom
+            The draft's own, repeated, if that weaves it; else the smallest that does.
+        """
+        if self.loom is not None:
+            loom = tiled(self.loom, drawdown.shape[1], len(drawdown))
+            if np.array_equal(loom.drawdown(), drawdown):
+                return loom
+        return Loom.from_drawdown(drawdown)

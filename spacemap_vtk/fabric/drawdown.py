@@ -37,30 +37,7 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> NDArray[np.b
 
 
 def tile(matrix: ArrayLike, ends: int, picks: int) -> NDArray[np.bool_]:
-    """Repeat a drawdown over a cloth, and cut it off at its far edges.
-
-    Parameters
-    ----------
-    matrix : (m, n) array_like
-        One repeat.
-    ends, picks : int
-        Size of the cloth.
-
-    Returns
-    -------
-    (picks, ends) bool
-        ``matrix[j % m, i % n]`` at pick j and end i.
-
-    Raises
-    ------
-    InputError
-        A size below 1, or no matrix.
-
-    Examples
-    --------
-    >>> rows(tile([[1, 0], [0, 1]], 3, 3))
-    ['101', '010', '101']
-    """
+    """Repeat a drawdown over a cloth, and cut it off at its far edges."""
     unit = as_drawdown(matrix)
     at_least_one(ends=ends, picks=picks)
     return unit[np.arange(picks)[:, None] % len(unit), np.arange(ends) % unit.shape[1]]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crimp_height import feasible_crimp
 
 Interval = tuple[float, float]
 
@@ -17,59 +17,72 @@ _STEPS = 60
 _TOLERANCE = 1e-12
 
 
-def feasible_intervals(
-    measures: dict[str, object], crimp: tuple[str, float] | None = None
-) -> dict[str, Interval]:
+def feasible_intervals(cloth: Cloth) -> dict[str, Interval]:
     """Return the interval of each input of a cloth, all the others as they are.
 
     Parameters
     ----------
-    measures : dict
-        Arguments of `Cloth`, which need not be feasible.
-    crimp : tuple of str and float, optional
-        Family and crimp that stand in for the crimp height.
+    cloth : Cloth
+        Need not be feasible.
 
     Returns
     -------
     dict
-        ``warp_crimp_height`` (m), ``warp_crimp`` and ``weft_crimp``; and ``warp_diameter``,
-        ``weft_diameter``, ``warp_spacing``, ``weft_spacing`` (m) where they are one value. Low and
-        high, feasible themselves but for a diameter of 0; infinite where there is no bound. An
-        input without any feasible value is left out.
+        By the names that a user knows: ``warp_crimp_height`` (m), ``warp_crimp`` and
+        ``weft_crimp``; and ``warp_diameter``, ``weft_diameter``, ``warp_spacing``,
+        ``weft_spacing`` (m) where they are one value. Low and high, feasible themselves but for a
+        diameter of 0; infinite where there is no bound. An input without any feasible value is
+        left out.
 
     Notes
     -----
     Found by bisection of `Cloth` itself, to 1e-12 of the value: what these intervals allow is what
     is accepted, whatever the sections of the yarns.
     """
-    free = {**measures, "warp_crimp_height": None}
     result: dict[str, Interval] = {}
     try:
-        cloth = Cloth(**free)  # type: ignore[arg-type]
         result["warp_crimp_height"] = cloth.feasible_heights
-        result["warp_crimp"] = feasible_crimp(cloth, "warp")
-        result["weft_crimp"] = feasible_crimp(cloth, "weft")
+        result["warp_crimp"] = cloth.feasible_crimps(0)
+        result["weft_crimp"] = cloth.feasible_crimps(1)
     except GeometryError:
         pass  # no height is feasible at all; a diameter or spacing may still mend it
-    for name in ("warp_diameter", "weft_diameter", "warp_spacing", "weft_spacing"):
-        value = measures[name]
+    warp, weft = cloth.threads
+    changes: dict[str, tuple[object, Callable[[float], Cloth]]] = {
+        "warp_diameter": (
+            warp.diameter,
+            lambda x: replace(cloth, warp=replace(warp, diameter=x)),
+        ),
+        "weft_diameter": (
+            weft.diameter,
+            lambda x: replace(cloth, weft=replace(weft, diameter=x)),
+        ),
+        "warp_spacing": (
+            warp.spacing,
+            lambda x: replace(cloth, warp=replace(warp, spacing=x)),
+        ),
+        "weft_spacing": (
+            weft.spacing,
+            lambda x: replace(cloth, weft=replace(weft, spacing=x)),
+        ),
+    }
+    for name, (value, changed) in changes.items():
         if isinstance(value, float):
-            interval = _interval(lambda x, n=name: _woven({**measures, n: x}, crimp), value)  # type: ignore[misc]
+            interval = _interval(lambda x, changed=changed: _woven(changed(x)), value)  # type: ignore[misc]
             if interval is not None:
                 result[name] = interval
     return result
 
 
-def _woven(measures: dict[str, object], crimp: tuple[str, float] | None) -> bool:
+def _woven(cloth: Cloth) -> bool:
     try:
-        cloth = Cloth(**measures)  # type: ignore[arg-type]
-        if crimp is None:
-            return True
-        family, wanted = crimp
-        low, high = feasible_crimp(cloth, family)
+        for number, threads in enumerate(cloth.threads):
+            if threads.crimp is not None:
+                low, high = cloth.feasible_crimps(number)
+                return low <= threads.crimp <= high
+        cloth.check()
     except GeometryError:
         return False
-    return low <= wanted <= high
+    return True
 
 
 def _interval(feasible: Callable[[float], bool], start: float) -> Interval | None:

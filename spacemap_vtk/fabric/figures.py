@@ -6,31 +6,25 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.axes import checked
 from spacemap_vtk.fabric.axis import crossing_heights
-from spacemap_vtk.fabric.cloth import Cloth, Yarns
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.spline import spline_axes
+from spacemap_vtk.fabric.threads import Yarns
 
 #: Crossings that are looked at in one go: some ten megabytes.
 _CROSSINGS = 20_000
 
 
-def fabric_figures(
-    drawdown: ArrayLike, cloth: Cloth, density: float | None = None
-) -> dict[str, Any]:
+def fabric_figures(cloth: Cloth) -> dict[str, Any]:
     """Return the figures by which a cloth is judged.
 
     Parameters
     ----------
-    drawdown : (picks, ends) array_like of bool
-        As for `build`.
     cloth : Cloth
         As for `build`.
-    density : float, optional
-        Density of the yarns, the air between their fibres included, in kg/m3.
 
     Returns
     -------
@@ -49,25 +43,23 @@ def fabric_figures(
         - ``cover``: K1 + K2 - K1 K2, the share of the plane that the yarns cover;
         - ``volume_fraction``: V / thickness, with the volume of yarn per area
           V = A1 (1 + c1) / p1 + A2 (1 + c2) / p2, sections A and each yarn's own crimp;
-        - ``areal_mass``: density V (kg/m2), None without a density.
+        - ``areal_mass``: density V (kg/m2), None for a cloth without a density.
 
     Examples
     --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> figures = fabric_figures([[1, 0], [0, 1]], cloth)
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> figures = fabric_figures(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
     >>> figures["thickness"], figures["cover"]
     (0.2, 0.75)
     """
-    over = checked(drawdown, cloth)
-    result: dict[str, Any] = {"ends": over.shape[1], "picks": over.shape[0]}
-    shares = cloth.share, 1.0 - cloth.share
-    tallest = [float(np.max(d)) for d in (cloth.warp_diameter, cloth.weft_diameter)]
+    result: dict[str, Any] = dict(zip(("ends", "picks"), cloth.size, strict=True))
+    tallest = [float(np.max(threads.diameter)) for threads in cloth.threads]
     volume = thickness = 0.0
-    excess = _excess_lengths(over, cloth)
-    for number, (name, family) in enumerate(zip(("warp", "weft"), cloth.families, strict=True)):
-        yarns = cloth.yarns(name, over.shape[1 - number])
-        across = cloth.yarns("weft" if number == 0 else "warp", over.shape[number]).spacing.sum()
-        crimp = excess[number] / across if across > 0.0 else np.zeros_like(excess[number])
+    for number, (name, family) in enumerate(zip(FAMILIES, cloth.families, strict=True)):
+        yarns, across = cloth.yarns[number], cloth.yarns[1 - number].spacing.sum()
+        excess = _excess_lengths(cloth, number)
+        crimp = excess / across if across > 0.0 else np.zeros_like(excess)
         result[name] = {
             "theta_deg": float(np.degrees(family.crimp.theta)),
             "length": float(family.crimp.length),
@@ -75,43 +67,37 @@ def fabric_figures(
             "height": family.height,
             "mean_crimp": float(crimp.mean()),
             "cover": family.width / family.spacing,
-            "yarn_length": float(
-                len(crimp) * (2 * family.overhang + across) + excess[number].sum()
-            ),
+            "yarn_length": float(len(crimp) * (2 * family.overhang + across) + excess.sum()),
         }
         volume += float(np.mean(_area(yarns) * (1.0 + crimp))) / family.spacing
-        thickness = max(thickness, shares[number] * sum(tallest) + tallest[number])
+        thickness = max(thickness, cloth.shares[number] * sum(tallest) + tallest[number])
     k1, k2 = result["warp"]["cover"], result["weft"]["cover"]
     result["thickness"] = thickness
     result["cover"] = k1 + k2 - k1 * k2
     result["volume_fraction"] = volume / thickness
-    result["areal_mass"] = None if density is None else density * volume
+    result["areal_mass"] = None if cloth.density is None else cloth.density * volume
     return result
 
 
-def _excess_lengths(over: NDArray[np.bool_], cloth: Cloth) -> list[NDArray[np.float64]]:
-    """Return by how much each yarn of each family is longer than straight, in m."""
-    warp, weft = cloth.yarns("warp", over.shape[1]), cloth.yarns("weft", over.shape[0])
-    result = []
-    for number, (side, own, crossed, share) in enumerate(
-        ((over.T, warp, weft, cloth.share), (~over, weft, warp, 1.0 - cloth.share))
-    ):
-        if cloth.axis == "spline":
-            family = cloth.families[number]
-            path = spline_axes(side, own, crossed, share, family.overhang)
-            straight = path.along[path.last] - path.along[0]
-            result.append(path.length.reshape(len(side), -1).sum(axis=1) - straight)
-            continue
-        room = crossed.spacing - 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
-        excess, step = np.empty(len(side)), max(1, _CROSSINGS // side.shape[1])
-        for first in range(0, len(side), step):
-            some = slice(first, first + step)
-            arc, height = crossing_heights(side[some], own.chosen(some), crossed, share)
-            rise = np.abs(np.diff(height, axis=1))
-            crimp = solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp
-            excess[some] = (crimp * room).sum(axis=1)
-        result.append(excess)
-    return result
+def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
+    """Return by how much each yarn of a family is longer than straight, in m."""
+    own, crossed, share = cloth.yarns[number], cloth.yarns[1 - number], cloth.shares[number]
+    if cloth.axis == "spline":
+        past = cloth.families[number].overhang
+        path = spline_axes(cloth.upper(number), own, crossed, share, past)
+        straight = path.along[path.last] - path.along[0]
+        return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)
+    room = crossed.spacing - 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
+    excess = np.empty(cloth.size[number])
+    step = max(1, _CROSSINGS // cloth.size[1 - number])
+    for first in range(0, len(excess), step):
+        some = slice(first, first + step)
+        upper = cloth.upper(number, some)
+        arc, height = crossing_heights(upper, own.chosen(some), crossed, share)
+        rise = np.abs(np.diff(height, axis=1))
+        crimp = solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp
+        excess[some] = (crimp * room).sum(axis=1)
+    return excess
 
 
 def _area(yarns: Yarns) -> NDArray[np.float64]:

@@ -156,20 +156,7 @@ def used(loom: Loom) -> tuple[int, int]:
 
 
 def tiled(loom: Loom, ends: int, picks: int) -> Loom:
-    """Repeat threading and treadling over a cloth of another size, and cut them off there.
-
-    Parameters
-    ----------
-    loom : Loom
-        With at least one end and one pick.
-    ends, picks : int
-        Size of the cloth.
-
-    Returns
-    -------
-    Loom
-        It weaves the drawdown that `spacemap_vtk.fabric.drawdown.tile` makes of this loom's.
-    """
+    """Repeat threading and treadling over a cloth of another size, and cut them off there."""
     return replace(
         loom,
         threading=_along(loom.threading, ends),

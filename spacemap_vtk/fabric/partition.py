@@ -7,9 +7,9 @@ control points, so that pieces need no layer of neighbours.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.axes import Share, checked
+from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.axis import crossing_heights
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import section
@@ -19,15 +19,13 @@ from spacemap_vtk.fabric.weave import build
 _CROSSINGS = 20_000
 
 
-def share_of(drawdown: ArrayLike, cloth: Cloth, piece: int, pieces: int) -> Share:
+def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
     """Return the yarns of a piece: all pieces are about the same work.
 
     Parameters
     ----------
-    drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
     cloth : Cloth
-        Its measures.
+        The whole of it.
     piece, pieces : int
         Number of the piece, from 0, and of how many. Each yarn belongs to one piece; the first
         piece is never empty, others are where there are more pieces than yarns.
@@ -39,24 +37,25 @@ def share_of(drawdown: ArrayLike, cloth: Cloth, piece: int, pieces: int) -> Shar
 
     Examples
     --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> share_of([[1, 0, 1], [0, 1, 0], [1, 0, 1]], cloth, 1, 3)
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> over = [[1, 0, 1], [0, 1, 0], [1, 0, 1]]
+    >>> share_of(Cloth(drawdown=over, warp=threads, weft=threads), 1, 3)
     Share(ends=slice(2, 3, None), picks=slice(0, 1, None))
     """
-    over = checked(drawdown, cloth)
-    parts = np.concatenate([_parts(over.T, cloth, "warp"), _parts(over, cloth, "weft")])
+    parts = np.concatenate([_parts(cloth, 0), _parts(cloth, 1)])
     middle = np.cumsum(parts) - 0.5 * parts
     owner = np.floor(pieces * middle / parts.sum())
     owner -= owner[0]
     start, stop = np.searchsorted(owner, [piece, piece + 1]).tolist()
-    ends = over.shape[1]
+    ends = cloth.size[0]
     return Share(
         slice(min(start, ends), min(stop, ends)),
         slice(max(start - ends, 0), max(stop - ends, 0)),
     )
 
 
-def whole_bounds(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.float64]:
+def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:
     """Return the bounds of all control points of a cloth, from a few of its yarns.
 
     Peirce's axes are highest and lowest at crossings, so that the yarns which are the highest, the
@@ -65,10 +64,8 @@ def whole_bounds(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.float64]:
 
     Parameters
     ----------
-    drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
     cloth : Cloth
-        Its measures.
+        The whole of it.
 
     Returns
     -------
@@ -77,29 +74,29 @@ def whole_bounds(drawdown: ArrayLike, cloth: Cloth) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> whole_bounds([[1, 0], [0, 1]], cloth).round(9).tolist()
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> whole_bounds(cloth).round(9).tolist()
     [-0.2, 0.2, -0.2, 0.2, -0.1, 0.1]
     """
-    over = checked(drawdown, cloth)
-    ends = _telling(over.T, cloth, "warp", cloth.share)
-    picks = _telling(~over, cloth, "weft", 1.0 - cloth.share)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     nothing = np.empty(0, dtype=np.int64)
-    for across, chosen in ((over.shape[0], ends), (over.shape[1], picks)):
+    for number, across in enumerate(cloth.size[::-1]):
+        chosen = _telling(cloth, number)
         step = max(_CROSSINGS // across, 1)
         for first in range(0, len(chosen), step):
             some = chosen[first : first + step]
-            share = Share(some, nothing) if chosen is ends else Share(nothing, some)
-            points = build(over, cloth, share).points
+            share = Share(nothing, some) if number else Share(some, nothing)
+            points = build(cloth, share).points
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return np.stack([low, high], axis=1).ravel()
 
 
-def _parts(upper: NDArray[np.bool_], cloth: Cloth, family: str) -> NDArray[np.float64]:
-    """Return about how many patches each yarn has."""
-    yarns = cloth.yarns(family, len(upper))
-    ring = section(yarns.section, yarns.aspect, cloth.exact).size
+def _parts(cloth: Cloth, number: int) -> NDArray[np.float64]:
+    """Return about how many patches each yarn of a family has."""
+    upper, threads = cloth.upper(number), cloth.threads[number]
+    ring = section(threads.shape, threads.aspect, cloth.exact).size
     gaps = upper.shape[1] + 1
     if cloth.axis == "spline":
         return np.full(len(upper), float(ring * gaps))
@@ -107,12 +104,10 @@ def _parts(upper: NDArray[np.bool_], cloth: Cloth, family: str) -> NDArray[np.fl
     return ring * (gaps + (cloth.parts_per_gap - 1.0) * changes)
 
 
-def _telling(
-    upper: NDArray[np.bool_], cloth: Cloth, family: str, share: float
-) -> NDArray[np.int64]:
+def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
     """Return the numbers of the yarns that bound a family."""
-    own = cloth.yarns(family, len(upper))
-    crossed = cloth.yarns("weft" if family == "warp" else "warp", upper.shape[1])
+    own, crossed = cloth.yarns[number], cloth.yarns[1 - number]
+    upper = cloth.upper(number)
     radius = 0.5 * own.diameter
     wide = own.aspect * radius
     telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
@@ -122,6 +117,7 @@ def _telling(
         )
         telling |= set(np.unique(course, axis=0, return_index=True)[1].tolist())
         return np.array(sorted(telling))
+    share = cloth.shares[number]
     top, bottom = np.empty(len(upper)), np.empty(len(upper))
     step = max(_CROSSINGS // upper.shape[1], 1)
     for first in range(0, len(upper), step):

@@ -27,6 +27,8 @@ class Section(NamedTuple):
     """(m,) Rational weights; 1 where segments meet, and everywhere for polynomial sections."""
     error: float
     """Largest distance from the true section."""
+    aspect: float
+    """Width over height."""
 
     @property
     def size(self) -> int:
@@ -45,7 +47,7 @@ def section(kind: str, aspect: float, exact: bool) -> Section:
     weights = np.tile([1.0, weight, weight], 4)
     error = 0.0 if exact else cubic_error(0.5 * pi)
     if kind != "racetrack":
-        return Section(aspect * across, up, weights, aspect * error)
+        return Section(aspect * across, up, weights, aspect * error, aspect)
     half, third = aspect - 1.0, (aspect - 1.0) / 3.0
     closed = np.append(across, across[0]), np.append(up, up[0]), np.append(weights, 1.0)
     ones = np.ones(2)
@@ -56,6 +58,7 @@ def section(kind: str, aspect: float, exact: bool) -> Section:
         np.concatenate([closed[1][:7], -ones, closed[1][6:], ones]),
         np.concatenate([closed[2][:7], ones, closed[2][6:], ones]),
         error,
+        aspect,
     )
 
 

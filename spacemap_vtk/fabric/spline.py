@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axis import Axes, crossing_heights
-from spacemap_vtk.fabric.cloth import Yarns
+from spacemap_vtk.fabric.threads import Yarns
 
 #: Parts of an axis between two crossings. The tube's surface is a cubic along each, which misses
 #: the radius by less the shorter it is; the axis itself is exact in any number.

@@ -6,13 +6,14 @@ round yarn can be woven so: there would be no room for the other family to pass 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.threads import Lengths, Threads
 from spacemap_vtk.units import format_quantity
 
 #: Such yarns are drawn this share of the thickest (or, flattened, the highest) feasible.
@@ -22,58 +23,73 @@ WIDTH_SHARE = 0.8
 #: Thinner than this share of the draft's thickness is no mending.
 _LEAST = 1e-3
 
+#: Whether warp and weft are as thick as a draft says, and may be mended.
+Thick = tuple[bool, bool]
 
-def scaled(measures: dict[str, Any], families: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """Make a draft's yarns thinner until they can interlace."""
 
-    def at(factor: float) -> dict[str, Any]:
-        return {f"{f}_diameter": factor * measures[f"{f}_diameter"] for f in families}
+def scaled(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
+    """Make a draft's yarns thinner until they can interlace; say what was changed."""
 
-    limit = _largest(lambda factor: _feasible(measures | at(factor)))
+    def at(factor: float) -> Cloth:
+        return _changed(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
+
+    limit = _largest(lambda factor: _feasible(at(factor)))
     if limit is None or limit == 1.0:
-        return {}, ""
-    changes = at(THICKNESS_SHARE * limit)
-    return changes, (
-        f"{_too_thick(measures, families)}; drawn {_sizes(changes, families, '_diameter')} thick, "
+        return cloth, ""
+    found = at(THICKNESS_SHARE * limit)
+    return found, (
+        f"{_too_thick(cloth, thick)}; drawn {_diameters(found, thick)} thick, "
         f"{THICKNESS_SHARE:.0%} of the most that can be woven"
     )
 
 
-def flattened(measures: dict[str, Any], families: Sequence[str]) -> tuple[dict[str, Any], str]:
+def flattened(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
-    if _feasible(measures):
-        return {}, ""
-    widths = {}
-    for family in families:
-        thickness = measures[f"{family}_aspect"] * np.asarray(measures[f"{family}_diameter"])
-        between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
-        room = np.min(np.asarray(measures[f"{family}_spacing"]) / between)
-        widths[family] = min(1.0, WIDTH_SHARE * float(room)) * thickness
+    if _feasible(cloth):
+        return cloth, ""
 
-    def at(height: float) -> dict[str, Any]:
-        changes: dict[str, Any] = {}
-        for family, width in widths.items():
-            own = measures[f"{family}_section"]
-            changes[f"{family}_diameter"] = height * width
-            changes[f"{family}_aspect"] = 1.0 / height
-            changes[f"{family}_section"] = "racetrack" if own == "circular" else own
-        return changes
+    def at(height: float) -> Cloth:
+        def flat(threads: Threads) -> Threads:
+            return replace(
+                threads,
+                diameter=height * _width(threads),
+                aspect=1.0 / height,
+                section="racetrack" if threads.section == "circular" else threads.section,
+            )
 
-    limit = _largest(lambda height: _feasible(measures | at(height)))
+        return _changed(cloth, thick, flat)
+
+    limit = _largest(lambda height: _feasible(at(height)))
     if limit is None:
-        return {}, ""
-    changes = at(THICKNESS_SHARE * limit)
-    shown = {f"{f}_width": width for f, width in widths.items()}
-    return changes, (
-        f"{_too_thick(measures, families)}; flattened to {_sizes(shown, families, '_width')} wide "
-        f"and {_sizes(changes, families, '_diameter')} high, {THICKNESS_SHARE:.0%} of the most "
+        return cloth, ""
+    found = at(THICKNESS_SHARE * limit)
+    widths = _named(thick, *(_width(threads) for threads in cloth.threads))
+    return found, (
+        f"{_too_thick(cloth, thick)}; flattened to {widths} wide "
+        f"and {_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the most "
         "that can be woven"
     )
 
 
-def _feasible(measures: dict[str, Any]) -> bool:
+def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -> Cloth:
+    warp, weft = (
+        change(threads) if mine else threads
+        for threads, mine in zip(cloth.threads, thick, strict=True)
+    )
+    return replace(cloth, warp=warp, weft=weft)
+
+
+def _width(threads: Threads) -> Lengths:
+    """Return how wide a flattened yarn is: its thickness, as far as others can pass beside it."""
+    thickness = threads.aspect * np.asarray(threads.diameter)
+    between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
+    room = np.min(np.asarray(threads.spacing) / between)
+    return np.asarray(min(1.0, WIDTH_SHARE * float(room)) * thickness)
+
+
+def _feasible(cloth: Cloth) -> bool:
     try:
-        Cloth(**measures)
+        _ = cloth.feasible_heights
     except GeometryError:
         return False
     return True
@@ -92,18 +108,27 @@ def _largest(feasible: Callable[[float], bool]) -> float | None:
     return low
 
 
-def _too_thick(measures: dict[str, Any], families: Sequence[str]) -> str:
+def _too_thick(cloth: Cloth, thick: Thick) -> str:
+    spacings = _named(thick, cloth.warp.spacing, cloth.weft.spacing)
     return (
-        f"the draft's yarns, {_sizes(measures, families, '_diameter')} thick at spacings of "
-        f"{_sizes(measures, families, '_spacing')}, are too thick to interlace"
+        f"the draft's yarns, {_diameters(cloth, thick)} thick at spacings of "
+        f"{spacings}, are too thick to interlace"
     )
 
 
-def _sizes(measures: dict[str, Any], families: Sequence[str], what: str) -> str:
-    return " and ".join(f"{_range(measures[f + what])} ({f})" for f in families)
+def _diameters(cloth: Cloth, thick: Thick) -> str:
+    return _named(thick, cloth.warp.diameter, cloth.weft.diameter)
 
 
-def _range(values: Any) -> str:
+def _named(thick: Thick, *lengths: Lengths) -> str:
+    return " and ".join(
+        f"{_range(values)} ({family})"
+        for family, values, mine in zip(FAMILIES, lengths, thick, strict=True)
+        if mine
+    )
+
+
+def _range(values: Lengths) -> str:
     shown = [
         format_quantity(float(f"{value:.4g}"), "m") for value in (np.min(values), np.max(values))
     ]

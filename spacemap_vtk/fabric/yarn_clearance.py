@@ -62,15 +62,13 @@ class _Tubes(NamedTuple):
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
 
 
-def least_clearance(drawdown: ArrayLike, cloth: Cloth, samples: int = 4) -> Clearance:
+def least_clearance(cloth: Cloth, samples: int = 4) -> Clearance:
     """Return the least clearance between the yarns of a cloth as woven, by its exact axes.
 
     Parameters
     ----------
-    drawdown : (picks, ends) array_like of bool
-        First pick and first end first; True: the end lies over the pick.
     cloth : Cloth
-        Its measures.
+        As woven.
     samples : int
         Places on each part of an axis from which the search starts, at least 1.
 
@@ -83,17 +81,18 @@ def least_clearance(drawdown: ArrayLike, cloth: Cloth, samples: int = 4) -> Clea
     Raises
     ------
     InputError
-        The drawdown is no matrix, or does not fit the cloth.
+        A measure of the cloth does not fit another.
 
     Examples
     --------
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> found = least_clearance([[1, 0], [0, 1]], cloth)
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> found = least_clearance(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
     >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
     (True, True)
     """
-    families = axes(drawdown, cloth)
-    aspects = cloth.warp_aspect, cloth.weft_aspect
+    families = axes(cloth)
+    aspects = cloth.warp.aspect, cloth.weft.aspect
     first = len(families[0].length)
     owners = [family.owner for family in families]
 
@@ -153,8 +152,10 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4
     Examples
     --------
     >>> from spacemap_vtk.fabric.weave import build
-    >>> cloth = Cloth(warp_diameter=0.1, weft_diameter=0.1, warp_spacing=0.2, weft_spacing=0.2)
-    >>> found = clearance_of(build([[1, 0], [0, 1]], cloth))
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> found = clearance_of(build(cloth))
     >>> abs(found.distance) < 0.1 * 1e-4
     True
     """

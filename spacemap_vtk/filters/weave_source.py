@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,25 +11,17 @@ from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_point
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
+from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL
-from spacemap_vtk.fabric.cloth import AXES, SECTIONS
+from spacemap_vtk.fabric.cloth import AXES, Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
-from spacemap_vtk.fabric.settle import (
-    COLORS,
-    Fabric,
-    asked_crimp,
-    dressed,
-    settle,
-    settled_measures,
-)
-from spacemap_vtk.fabric.wishes import Wishes
+from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR, Asked, ThreadsAsked, resolve
+from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
-from spacemap_vtk.io.as_wif import as_wif
 from spacemap_vtk.io.draft_file import read_draft
-from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
@@ -68,7 +59,8 @@ class WeaveSource(Stage):
     }
     seamless = True
 
-    _settled: tuple[tuple[Any, ...], Fabric] | None = None
+    #: For which parameters, of which draft, and which cloth.
+    _resolved: tuple[tuple[Any, ...], Draft, Cloth] | None = None
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
@@ -222,33 +214,34 @@ class WeaveSource(Stage):
         AXES,
     )
     warp_color = PerYarn(
-        Color(COLORS["warp"], "Colour of the warp."), automatic="the draft's, or #2d6a8e"
+        Color(WARP_COLOR, "Colour of the warp."), automatic="the draft's, or #2d6a8e"
     )
     weft_color = PerYarn(
-        Color(COLORS["weft"], "Colour of the weft."), automatic="the draft's, or #e8c78f"
+        Color(WEFT_COLOR, "Colour of the weft."), automatic="the draft's, or #e8c78f"
     )
 
     @property
-    def fabric(self) -> Fabric:
-        """The fabric as the parameters ask for it; reads the draft, builds nothing.
+    def cloth(self) -> Cloth:
+        """The cloth as the parameters ask for it; reads the draft, builds nothing.
+
+        There may be no room for its yarns: `Cloth.check` tells.
 
         Raises
         ------
-        GeometryError
-            If the cloth is jammed or impossible.
         InputError
-            If the draft cannot be read.
+            If the draft cannot be read, or parameters exclude each other.
         SizeError
             If not even the crossings would fit into memory; `counts` looks after the patches.
         """
         # asked for at every frame, by whoever draws it
         stamp = self.draft.stat().st_mtime_ns if self.draft and self.draft.is_file() else 0
-        key = (*self.settings.values(), stamp, self.piece.of)
-        if self._settled is None or self._settled[0] != key:
-            source, wishes = self.source, self.wishes
-            self._require(*self._size(source, wishes))
-            self._settled = key, settle(source, wishes)
-        return self._settled[1]
+        key = (*self.settings.values(), stamp)
+        if self._resolved is None or self._resolved[0] != key:
+            source, asked = self.source, self.asked
+            ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
+            self._require(_CROSSING_BYTES * ends * picks, ends, picks)
+            self._resolved = key, source, resolve(source, asked)
+        return self._resolved[2]
 
     @property
     def counts(self) -> weave.Counts:
@@ -256,16 +249,18 @@ class WeaveSource(Stage):
 
         Raises
         ------
+        GeometryError
+            If the cloth is jammed or impossible.
         SpacemapError
-            As for `fabric`.
+            As for `cloth`.
         SizeError
             If the patches would not fit into memory.
         """
-        fabric = self.fabric
-        picks, ends = fabric.drawdown.shape
-        known: dict[str, Any] = {"cloth": fabric.cloth, "drawdown": fabric.drawdown}
-        self._require(ends, picks, weave.estimate_bytes(ends, picks, **known))
-        return weave.estimate_counts(ends, picks, **known)
+        cloth = self.cloth
+        # A piece has its share, and at most a yarn more.
+        pieces = min(self.piece.of, sum(cloth.size))
+        self._require(weave.estimate_bytes(cloth) // pieces, *cloth.size, pieces)
+        return weave.estimate_counts(cloth)
 
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
@@ -278,16 +273,13 @@ class WeaveSource(Stage):
 
         Raises
         ------
-        InputError
-            If the draft cannot be read, or parameters exclude each other.
+        SpacemapError
+            As for `cloth`.
         """
-        wishes = self.wishes
-        measures, _ = settled_measures(self.source, wishes)
-        measures["warp_crimp_height"] = wishes.warp_crimp_height
-        return feasible_intervals(measures, asked_crimp(wishes))
+        return feasible_intervals(self.cloth)
 
     @property
-    def wif(self) -> WifDraft:
+    def wif(self) -> Draft:
         """The draft of the fabric: the file's own, as far as no parameter changes it.
 
         It is a draft of yarns that have no room to be woven, too.
@@ -301,12 +293,12 @@ class WeaveSource(Stage):
         """
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
-        source, wishes = self.source, self.wishes
-        self._require(*self._size(source, wishes))
-        return as_wif(dressed(source, wishes), source, wishes, title)
+        cloth = self.cloth
+        assert self._resolved is not None
+        return as_draft(cloth, self._resolved[1], self.asked, title)
 
     @property
-    def wishes(self) -> Wishes:
+    def asked(self) -> Asked:
         """What the parameters ask of the fabric, the default size of a pattern among it.
 
         Raises
@@ -314,13 +306,68 @@ class WeaveSource(Stage):
         InputError
             If parameters exclude each other.
         """
-        asked = {field.name: getattr(self, field.name) for field in fields(Wishes)}
-        if self.draft is None:
-            asked |= {name: asked[name] or SIZE for name in ("ends", "picks")}
-        return Wishes(**asked)
+        # here, and nowhere else, the names that a user writes become warp and weft
+        size = SIZE if self.draft is None else None
+        return Asked(
+            ends=self.ends or size,
+            picks=self.picks or size,
+            warp=ThreadsAsked(
+                diameter=self.warp_diameter,
+                count=self.warp_count,
+                spacing=self.warp_spacing,
+                sett=self.warp_sett,
+                crimp=self.warp_crimp,
+                section=self.warp_section,
+                aspect=self.warp_aspect,
+                color=self.warp_color,
+            ),
+            weft=ThreadsAsked(
+                diameter=self.weft_diameter,
+                count=self.weft_count,
+                spacing=self.weft_spacing,
+                sett=self.weft_sett,
+                crimp=self.weft_crimp,
+                section=self.weft_section,
+                aspect=self.weft_aspect,
+                color=self.weft_color,
+            ),
+            fibre_density=self.fibre_density,
+            packing=self.packing,
+            crimp_height=self.warp_crimp_height,
+            thick_yarns=self.thick_yarns,
+            overhang=self.overhang,
+            caps=self.caps,
+            exact=self.exact,
+            axis=self.axis,
+        )
 
     @property
-    def source(self) -> WifDraft | Draft:
+    def found(self) -> dict[str, float]:
+        """What automatic parameters are resolved to, by name, where it is one value for all yarns.
+
+        Raises
+        ------
+        GeometryError
+            If the cloth is jammed or impossible.
+        SpacemapError
+            As for `cloth`.
+        """
+        cloth = self.cloth
+        values = {
+            "ends": cloth.size[0],
+            "picks": cloth.size[1],
+            "warp_crimp_height": cloth.height,
+            "warp_diameter": cloth.warp.diameter,
+            "weft_diameter": cloth.weft.diameter,
+            "warp_spacing": cloth.warp.spacing,
+            "weft_spacing": cloth.weft.spacing,
+            "warp_aspect": cloth.warp.aspect,
+            "weft_aspect": cloth.weft.aspect,
+        }
+        return {name: value for name, value in values.items() if isinstance(value, (int, float))}
+
+    @property
+    def source(self) -> Draft:
         """The weave to be made: the draft's file, or one repeat of the pattern.
 
         Raises
@@ -349,47 +396,39 @@ class WeaveSource(Stage):
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
         _ = self.counts
-        fabric = self.fabric
-        for text in fabric.warnings:
+        cloth = self.cloth
+        for text in cloth.warnings:
             self.warn(text)
         share = ALL
         if self.piece.of > 1:
-            share = share_of(fabric.drawdown, fabric.cloth, self.piece.number, self.piece.of)
-        made = weave.build(fabric.drawdown, fabric.cloth, share)
+            share = share_of(cloth, self.piece.number, self.piece.of)
+        made = weave.build(cloth, share)
         output.SetPoints(to_points(made.points))
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
         if made.weights is not None:
             output.GetPointData().SetRationalWeights(to_array(made.weights, "RationalWeights"))
         add_array(output.GetCellData(), "yarn", made.yarn)
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
-        colors = np.concatenate([fabric.warp_colors, fabric.weft_colors])
+        colors = np.concatenate([cloth.warp.colors, cloth.weft.colors])
         add_array(output.GetCellData(), "color", colors[made.yarn])
-        heights = fabric.cloth.height, fabric.cloth.diameter_sum - fabric.cloth.height
-        for family, crimp, height in zip(
-            ("warp", "weft"), (made.warp, made.weft), heights, strict=True
+        for name, crimp, height in (
+            ("warp", made.warp, cloth.height),
+            ("weft", made.weft, cloth.diameter_sum - cloth.height),
         ):
-            for name, value in (
+            for figure, value in (
                 ("theta", crimp.theta),
                 ("length", crimp.length),
                 ("crimp", crimp.crimp),
                 ("height", height),
             ):
-                add_array(output.GetFieldData(), f"{family}_{name}", np.array([float(value)]))
+                add_array(output.GetFieldData(), f"{name}_{figure}", np.array([float(value)]))
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
         if self.piece.of > 1:
-            tell_bounds(output, whole_bounds(fabric.drawdown, fabric.cloth))
+            tell_bounds(output, whole_bounds(cloth))
 
-    @staticmethod
-    def _size(source: WifDraft | Draft, wishes: Wishes) -> tuple[int, int]:
-        """Return ends and picks of the cloth."""
-        picks, ends = (source if isinstance(source, Draft) else source.draft).drawdown.shape
-        return wishes.ends or ends, wishes.picks or picks
-
-    def _require(self, ends: int, picks: int, size: int | None = None) -> None:
-        # A piece has its share, and at most a yarn more.
-        pieces = 1 if size is None else min(self.piece.of, ends + picks)
+    def _require(self, size: int, ends: int, picks: int, pieces: int = 1) -> None:
         require(
-            _CROSSING_BYTES * ends * picks if size is None else size // pieces,
+            size,
             f"a weave of {ends} x {picks} yarns"
             + (f", each of its {pieces} pieces," if pieces > 1 else ""),
             key="ends",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from spacemap_vtk.errors import InputError, MissingLibraryError, SizeError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.wif import MAX_CROSSINGS, WifDraft, read_wif
+from spacemap_vtk.io.wif import MAX_CROSSINGS, read_wif
 from spacemap_vtk.io.wif_text import MAX_LENGTH
 
 #: Characters of a row.
@@ -20,20 +21,20 @@ _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
 _APART = " \t,;"
 
 
-def read_draft(path: str | os.PathLike[str]) -> WifDraft:
+def read_draft(path: str | os.PathLike[str]) -> Draft:
     """Read a draft, of the kind that the file's ending tells."""
     path = Path(path)
     try:
-        draft: Draft | WifDraft = registry.read(path, "draft")
+        draft: Draft = registry.read(path, "draft")
     except InputError as error:
         error.file = error.file or str(path)
         raise
-    if isinstance(draft, WifDraft):
-        return draft
-    return WifDraft(draft, Loom.from_drawdown(draft.drawdown))
+    if draft.loom is None:
+        return replace(draft, loom=Loom.from_drawdown(draft.drawdown))
+    return draft
 
 
-def read_rows(path: Path) -> Draft | WifDraft:
+def read_rows(path: Path) -> Draft:
     """Read a drawdown from rows of text, unless it has the sections of a WIF."""
     text = _text(path)
     if any(line.lstrip().startswith("[") for line in text.splitlines()):

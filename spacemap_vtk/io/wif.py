@@ -20,13 +20,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.io.wif_text import (
     MAX_LENGTH,
@@ -48,22 +44,7 @@ _Found = dict[int, tuple[Entry, tuple[int, ...]]]
 _CURE = "Check that it is a whole WIF file, or export it again from the weaving program"
 
 
-@dataclass(frozen=True, eq=False)
-class WifDraft:
-    """A draft with what a Weaving Information File says beyond it."""
-
-    #: The cloth: drawdown, colours, a spacing and thickness for each family, title, warnings.
-    draft: Draft
-    #: The threading, tie-up, treadling or liftplan that weave it.
-    loom: Loom
-    #: (ends,) or (picks,) float64, m, of each thread; None where all have the draft's one value.
-    warp_spacings: NDArray[np.float64] | None = None
-    weft_spacings: NDArray[np.float64] | None = None
-    warp_thicknesses: NDArray[np.float64] | None = None
-    weft_thicknesses: NDArray[np.float64] | None = None
-
-
-def read_wif(path: str | os.PathLike[str]) -> WifDraft:
+def read_wif(path: str | os.PathLike[str]) -> Draft:
     """Read a Weaving Information File."""
     try:
         with open(path, "rb") as stream:
@@ -82,7 +63,7 @@ def read_wif(path: str | os.PathLike[str]) -> WifDraft:
         raise error from None
 
 
-def parse_wif(data: str | bytes) -> WifDraft:
+def parse_wif(data: str | bytes) -> Draft:
     """Read the content of a Weaving Information File."""
     if len(data) > MAX_LENGTH:
         raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes", cure=_CURE)
@@ -93,24 +74,19 @@ def parse_wif(data: str | bytes) -> WifDraft:
     _check_head(text)
     loom = _read_loom(text)
     ends, picks = len(loom.threading), len(loom.sheds())
-    warp_colors, weft_colors = read_colors(text, ends, picks)
-    warp_spacing, warp_spacings = read_lengths(text, "WARP", "SPACING", ends)
-    weft_spacing, weft_spacings = read_lengths(text, "WEFT", "SPACING", picks)
-    warp_thickness, warp_thicknesses = read_lengths(text, "WARP", "THICKNESS", ends)
-    weft_thickness, weft_thicknesses = read_lengths(text, "WEFT", "THICKNESS", picks)
-    title = text.entry("TEXT", "title")
-    draft = Draft(
-        drawdown=loom.drawdown(),
-        warp_colors=warp_colors,
-        weft_colors=weft_colors,
-        warp_spacing=warp_spacing,
-        weft_spacing=weft_spacing,
-        warp_thickness=warp_thickness,
-        weft_thickness=weft_thickness,
-        title=title.value if title else "",
-        warnings=notes.texts(),
+    colors = read_colors(text, ends, picks)
+    warp, weft = (
+        DraftThreads(
+            spacing=read_lengths(text, family, "SPACING", count),
+            thickness=read_lengths(text, family, "THICKNESS", count),
+            colors=own,
+        )
+        for family, count, own in zip(("WARP", "WEFT"), (ends, picks), colors, strict=True)
     )
-    return WifDraft(draft, loom, warp_spacings, weft_spacings, warp_thicknesses, weft_thicknesses)
+    title = text.entry("TEXT", "title")
+    return Draft(
+        loom.drawdown(), loom, warp, weft, title.value if title else "", warnings=notes.texts()
+    )
 
 
 def _missing(text: WifText, what: str, section: str = "") -> InputError:

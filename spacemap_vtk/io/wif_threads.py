@@ -11,6 +11,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.fabric.threads import Lengths
 from spacemap_vtk.io.wif_text import Entry, WifText
 from spacemap_vtk.io.wif_values import decimal
 
@@ -173,15 +174,13 @@ def within(text: WifText, section: str, threads: int) -> dict[int, Entry]:
     return kept
 
 
-def read_lengths(
-    text: WifText, family: str, name: str, threads: int
-) -> tuple[float | None, NDArray[np.float64] | None]:
-    """Read the spacing or thickness of a family."""
+def read_lengths(text: WifText, family: str, name: str, threads: int) -> Lengths | None:
+    """Read the spacing or thickness of a family: of all threads, or of each."""
     section = f"{family} {name}"
     default = text.entry(family, name.lower())
     entries = [entry for entry in within(text, section, threads).items() if entry[1].value]
     if default is None and not entries:
-        return None, None
+        return None
     size = _unit(text, family)
     base = _length(text, default, size) if default else None
     own = {
@@ -190,14 +189,14 @@ def read_lengths(
         if (length := _length(text, entry, size)) is not None
     }
     if not own:
-        return base, None
+        return base
     mean = float(np.mean(list(own.values())))
     if base is None and len(own) < threads:
         what = f"threads without {name.lower()}, which [{family}] lacks too, are given the others'"
         text.notes.add(text.line(section), f"{what} mean")
     fill = mean if base is None else base
     lengths = np.array([own.get(thread, fill) for thread in range(1, threads + 1)])
-    return fill, None if (lengths == fill).all() else lengths
+    return fill if (lengths == fill).all() else lengths
 
 
 def _length(text: WifText, entry: Entry, size: Decimal) -> float | None:

@@ -10,48 +10,39 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.settle import colors_of
-from spacemap_vtk.fabric.wishes import Wishes
-from spacemap_vtk.io.wif import WifDraft
+from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
+from spacemap_vtk.fabric.threads import Lengths
 
 
-def format_wif(draft: Draft | WifDraft) -> bytes:
+def format_wif(draft: Draft) -> bytes:
     """Write a draft as a Weaving Information File."""
     # `parse_wif` gives the same draft again, its warnings apart: lengths to the last bit, colours
     # in the range 0 to 255. A family without colours gets the one that it is woven in here: there
     # are programs that read no draft without a palette, and none without the defaults of what is
     # given for each thread.
-    wif = draft if isinstance(draft, WifDraft) else None
-    cloth = draft.draft if isinstance(draft, WifDraft) else draft
-    if wif is None or not _weaves(wif.loom, cloth):
-        wif = WifDraft(cloth, Loom.from_drawdown(cloth.drawdown))
-    loom = wif.loom
-    picks, ends = cloth.drawdown.shape
-    (warp_numbers, weft_numbers), table = _color_table(
-        colors_of("warp", ends, cloth.warp_colors, Wishes()),
-        colors_of("weft", picks, cloth.weft_colors, Wishes()),
+    loom = draft.loom
+    if loom is None or not _weaves(loom, draft):
+        loom = Loom.from_drawdown(draft.drawdown)
+    numbers, table = _color_table(
+        *(
+            np.resize(np.array(color, np.uint8), (count, 3)) if own.colors is None else own.colors
+            for own, count, color in (
+                (draft.warp, draft.size[0], WARP_COLOR),
+                (draft.weft, draft.size[1], WEFT_COLOR),
+            )
+        )
     )
     sections: dict[str, list[str]] = {
-        "TEXT": [f"Title={title}"] if (title := _one_line(cloth.title)) else [],
+        "TEXT": [f"Title={title}"] if (title := _one_line(draft.title)) else [],
         "WEAVING": [
             f"Shafts={loom.shafts}",
             f"Treadles={loom.treadles or loom.shafts}",
             f"Rising Shed={'true' if loom.rising else 'false'}",
         ],
-        "WARP": _family(
-            len(loom.threading),
-            warp_numbers,
-            _default(cloth.warp_spacing, wif.warp_spacings),
-            _default(cloth.warp_thickness, wif.warp_thicknesses),
-        ),
-        "WEFT": _family(
-            len(loom.sheds()),
-            weft_numbers,
-            _default(cloth.weft_spacing, wif.weft_spacings),
-            _default(cloth.weft_thickness, wif.weft_thicknesses),
-        ),
+        "WARP": _family(len(loom.threading), numbers[0], draft.warp),
+        "WEFT": _family(len(loom.sheds()), numbers[1], draft.weft),
         "COLOR PALETTE": [f"Entries={len(table)}", "Form=RGB", "Range=0,255"],
         "COLOR TABLE": _listed(table),
         "THREADING": _listed(loom.threading),
@@ -59,12 +50,12 @@ def format_wif(draft: Draft | WifDraft) -> bytes:
         "TIEUP": [] if loom.liftplan else _listed(loom.tieup or ((),)),
         "TREADLING": [] if loom.liftplan else _listed(loom.treadling),
         "LIFTPLAN": _listed(loom.liftplan or ()),
-        "WARP COLORS": _lines(warp_numbers),
-        "WEFT COLORS": _lines(weft_numbers),
-        "WARP SPACING": _lengths(wif.warp_spacings),
-        "WEFT SPACING": _lengths(wif.weft_spacings),
-        "WARP THICKNESS": _lengths(wif.warp_thicknesses),
-        "WEFT THICKNESS": _lengths(wif.weft_thicknesses),
+        "WARP COLORS": _lines(numbers[0]),
+        "WEFT COLORS": _lines(numbers[1]),
+        "WARP SPACING": _lengths(draft.warp.spacing),
+        "WEFT SPACING": _lengths(draft.weft.spacing),
+        "WARP THICKNESS": _lengths(draft.warp.thickness),
+        "WEFT THICKNESS": _lengths(draft.weft.thickness),
     }
     sections = {name: lines for name, lines in sections.items() if lines}
     head = {
@@ -83,32 +74,25 @@ def format_wif(draft: Draft | WifDraft) -> bytes:
     return "\r\n".join(blocks).encode("utf-8", errors="replace")
 
 
-def _weaves(loom: Loom, cloth: Draft) -> bool:
-    """Return whether a loom is that of a cloth, and one that can be read from a file."""
+def _weaves(loom: Loom, draft: Draft) -> bool:
+    """Return whether a loom is that of a draft, and one that can be read from a file."""
     moved = loom.treadling if loom.liftplan is None else loom.liftplan
     if not any(loom.threading) or not any(moved):
         return False
-    return np.array_equal(loom.drawdown(), cloth.drawdown)
+    return np.array_equal(loom.drawdown(), draft.drawdown)
 
 
 def _one_line(title: str) -> str:
     return re.sub("[\r\n]+", " ", title).strip()
 
 
-def _family(
-    threads: int, colors: Sequence[int], spacing: float | None, thickness: float | None
-) -> list[str]:
+def _family(count: int, colors: Sequence[int], threads: DraftThreads) -> list[str]:
     common = Counter(colors).most_common(1)[0][0]
-    lines = [f"Threads={threads}", f"Color={common}", "Units=Centimeters"]
-    if spacing is not None:
-        lines.append(f"Spacing={_centimetres(spacing)}")
-    if thickness is not None:
-        lines.append(f"Thickness={_centimetres(thickness)}")
+    lines = [f"Threads={count}", f"Color={common}", "Units=Centimeters"]
+    for name, lengths in (("Spacing", threads.spacing), ("Thickness", threads.thickness)):
+        if lengths is not None:
+            lines.append(f"{name}={_centimetres(float(np.mean(lengths)))}")
     return lines
-
-
-def _default(length: float | None, threads: NDArray[np.float64] | None) -> float | None:
-    return float(threads.mean()) if length is None and threads is not None else length
 
 
 def _color_table(
@@ -129,8 +113,10 @@ def _centimetres(length: float) -> str:
     return format(Decimal(repr(float(length))).scaleb(2), "f")
 
 
-def _lengths(lengths: NDArray[np.float64] | None) -> list[str]:
-    return _lines(_centimetres(length) for length in lengths) if lengths is not None else []
+def _lengths(lengths: Lengths | None) -> list[str]:
+    if not isinstance(lengths, np.ndarray):
+        return []
+    return _lines(_centimetres(length) for length in lengths.tolist())
 
 
 def _listed(rows: Iterable[Sequence[int]]) -> list[str]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg as la
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics import threads
+from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
 from spacemap_vtk.mechanics.pencil import Component, Pencil
@@ -109,7 +109,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     _check_count(count)
     report: Progress = progress or _ignore
     report(0.0)
-    with threads.one():
+    with blas_threads.one():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
         _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
     shapes = np.zeros((len(eigenvalues), pencil.size))

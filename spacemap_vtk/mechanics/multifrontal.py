@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 
 from spacemap_vtk.errors import SolverError
-from spacemap_vtk.mechanics import threads
+from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.dissection import dissection
 from spacemap_vtk.mechanics.fronts import fronts
 from spacemap_vtk.memory import require
@@ -126,7 +126,7 @@ class Cholesky:
                     cure="Look for badly shaped tetrahedra in the cage",
                 )
             if len(side):
-                with threads.several(side.size * len(side)):
+                with blas_threads.several(side.size * len(side)):
                     side = blas.dtrsm(1, triangle, side, side=1, lower=1, trans_a=1, overwrite_b=1)
                     left[number] = blas.dsyrk(-1.0, side, beta=1.0, c=rest, lower=1, overwrite_c=1)
             self._blocks.append((triangle, side))
@@ -187,12 +187,12 @@ def _eliminated(pivot: FloatArray, side: FloatArray, rest: FloatArray) -> int:
     inside = len(pivot) - size
     for first in range(0, inside, PANEL):
         strip = slice(first, min(first + PANEL, inside))
-        with threads.several(below[first:].size * PANEL):
+        with blas_threads.several(below[first:].size * PANEL):
             change = _product(below[first:], solved[:, strip])
         pivot[size + first :, size:][:, strip] -= change[: inside - first]
         side[:, size:][:, strip] -= change[inside - first :]
     if len(side):
-        with threads.several(below[inside:].size * len(side)):
+        with blas_threads.several(below[inside:].size * len(side)):
             blas.dgemm(-1.0, below[inside:], solved[:, inside:], beta=1.0, c=rest, overwrite_c=1)
     # A block of two has one eigenvalue of either sign, or it would not have been chosen.
     single = swaps >= 0

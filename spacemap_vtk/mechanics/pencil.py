@@ -12,7 +12,7 @@ from scipy import linalg as la
 from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics import lanczos, threads
+from spacemap_vtk.mechanics import blas_threads, lanczos
 from spacemap_vtk.mechanics.factors import Factors, Solve, factorise
 from spacemap_vtk.mechanics.multifrontal import Analysis
 
@@ -150,7 +150,7 @@ class Pencil:
     def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does."""
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
-        with threads.one():
+        with blas_threads.one():
             rigid = self.rigid
             for component in self.components:
                 mine = rigid[component.rows]

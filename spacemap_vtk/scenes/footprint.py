@@ -78,7 +78,7 @@ def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
     now = scene.surface.subdivisions
     try:
         with naming_section(scene.weave.section):
-            picks, ends = scene.weave.fabric.drawdown.shape
+            ends, picks = scene.weave.cloth.size
             counts = scene.weave.counts
     except SizeError:
         raise

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,12 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.settle import dressed, settled_measures
+from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
-from spacemap_vtk.io.as_wif import loom_of
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.scenes.scene import Scene
@@ -99,31 +98,25 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
-    missing = scene.obstacle()
+    room = not isinstance(scene.obstacle(), GeometryError)
     weave = scene.weave
-    if isinstance(missing, GeometryError):
-        cloth, bare = None, dressed(weave.source, weave.wishes)
-        measures, _ = settled_measures(weave.source, weave.wishes)
-    else:
-        bare, cloth = weave.fabric, weave.fabric.cloth
-        measures = vars(cloth)
-    over = bare.drawdown
+    cloth, over = weave.cloth, weave.cloth.drawdown
     density = weave.packing * weave.fibre_density
     figures = _NO_FIGURES | {"ends": over.shape[1], "picks": over.shape[0]}
-    if cloth is not None:
-        figures |= fabric_figures(over, cloth, density)
+    if room:
+        figures |= fabric_figures(cloth)
         figures["fibre_volume_fraction"] = weave.packing * figures["volume_fraction"]
         figures["feasible_height"] = list(cloth.feasible_heights)
-        counts, figures["radial_error"] = count(over, cloth)
+        counts, figures["radial_error"] = count(cloth)
         figures["patches"], figures["control_points"] = counts.patches, counts.points
         figures["memory_bytes"] = counts.bytes(cloth.exact)
-    loom = loom_of(weave.source, over)
+    loom = weave.source.loom_for(over)
     floats = draft.floats(over)
-    for number, family in enumerate(("warp", "weft")):
-        colors = np.unique(getattr(bare, f"{family}_colors"), axis=0)
+    for number, (family, threads) in enumerate(zip(FAMILIES, cloth.threads, strict=True)):
+        colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
             "yarns": over.shape[1 - number],
-            **_yarns(measures, family, density),
+            **_yarns(threads, density),
             "longest_float": floats[number],
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
         }
@@ -137,26 +130,24 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     }
     if over.size > MOST_CROSSINGS:
         scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
-    elif cloth is not None:
-        figures["least_clearance"] = _clearance(least_clearance(over, cloth))
+    elif room:
+        figures["least_clearance"] = _clearance(least_clearance(cloth))
         if time is not None:
             scene.update_stage(scene.warp, time)
             moved = points_of(scene.patches)
-            figures["deformed_clearance"] = _clearance(clearance_of(build(over, cloth), moved))
+            figures["deformed_clearance"] = _clearance(clearance_of(build(cloth), moved))
     figures["warnings"] = scene.warnings
     return figures
 
 
-def _yarns(measures: Mapping[str, Any], family: str, density: float) -> dict[str, Any]:
+def _yarns(threads: Threads, density: float) -> dict[str, Any]:
     """Return what the yarns of a family measure, whether or not they can be woven."""
-    aspect, height = measures[f"{family}_aspect"], np.asarray(measures[f"{family}_diameter"])
-    spacing = np.asarray(measures[f"{family}_spacing"])
-    section = measures[f"{family}_section"] if aspect > 1.0 else "circular"
+    height, aspect, section = np.asarray(threads.diameter), threads.aspect, threads.shape
     diameter = float(height.mean())
     return {
         "diameter": diameter,
         "width": aspect * diameter,
-        "spacing": float(spacing.mean()) if spacing.size else aspect * diameter,
+        "spacing": threads.mean_spacing(aspect * diameter),
         "section": section,
         "tex": 1e6 * density * section_factor(aspect, section) * float((height**2).mean()),
     }

@@ -24,6 +24,7 @@ from spacemap_vtk.errors import (
     UnknownNameError,
     naming_section,
 )
+from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
@@ -34,7 +35,6 @@ from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.wif import WifDraft
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
@@ -359,7 +359,8 @@ class Scene:
         what = "there is no room for its yarns, so that it cannot be drawn"
         with self._naming_file(), naming_section("weave"):
             try:
-                self._warnings |= dict.fromkeys(self.weave.fabric.warnings)
+                self.weave.cloth.check()
+                self._warnings |= dict.fromkeys(self.weave.cloth.warnings)
             except GeometryError as error:
                 found = error
             else:
@@ -414,12 +415,12 @@ class Scene:
         return self.deforming.output
 
     @property
-    def draft(self) -> WifDraft:
+    def draft(self) -> Draft:
         """The draft of the weave; needs no update."""
         with self._naming_file(), naming_section("weave"):
-            wif = self.weave.wif
-            self._warnings |= dict.fromkeys(wif.draft.warnings)
-            return wif
+            draft = self.weave.wif
+            self._warnings |= dict.fromkeys(draft.warnings)
+            return draft
 
     def data(self, kind: str) -> Any:
         """Return what is a key of `spacemap_vtk.io.registry.DATA`, as of the last update.
@@ -431,7 +432,7 @@ class Scene:
 
         Returns
         -------
-        vtkDataSet or WifDraft
+        vtkDataSet or Draft
             The pipeline's own.
 
         Raises

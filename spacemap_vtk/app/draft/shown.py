@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.drawdown import rows, tile
+from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.settle import FAMILIES, colors_of
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.as_wif import loom_of
-from spacemap_vtk.io.wif import MAX_CROSSINGS, WifDraft
+from spacemap_vtk.io.wif import MAX_CROSSINGS
 
 Colors = NDArray[np.uint8]
 #: Values of a weave by key, as a scene file has them; None: the key goes.
@@ -41,7 +39,7 @@ class Shown:
     #: can be edited.
     bare: bool
     #: What it was made from.
-    source: Draft | WifDraft
+    source: Draft
 
     @property
     def size(self) -> tuple[int, int]:
@@ -65,44 +63,39 @@ class Shown:
 
 def shown_of(weave: WeaveSource) -> Shown:
     """Return what there is to see of a weave; builds nothing."""
-    source, wishes = weave.source, weave.wishes
-    own = source.draft if isinstance(source, WifDraft) else source
-    picks, ends = wishes.picks or len(own.drawdown), wishes.ends or own.drawdown.shape[1]
+    source, asked = weave.source, weave.asked
+    ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
     if ends * picks > MAX_CROSSINGS:
         raise SizeError(
             f"a draft of {ends} x {picks} yarns is too large to be shown",
             allowed=f"up to {MAX_CROSSINGS} crossings",
         )
-    drawdown = tile(own.drawdown, ends, picks)
+    cloth = weave.cloth
     # Rows and pictures say nothing of a loom.
     reader = registry.reader(weave.draft, "draft") if weave.draft else None
     return Shown(
-        loom_of(source, drawdown),
-        drawdown,
-        colors_of("warp", ends, own.warp_colors, wishes),
-        colors_of("weft", picks, own.weft_colors, wishes),
+        source.loom_for(cloth.drawdown),
+        cloth.drawdown,
+        cloth.warp.colors,
+        cloth.weft.colors,
         reader is None or reader.general,
         source,
     )
 
 
-def as_draft(shown: Shown) -> WifDraft:
+def as_draft(shown: Shown) -> Draft:
     """Return the draft of an edited loom: what the source says besides, over all of its threads."""
-    if not isinstance(shown.source, WifDraft):
-        return WifDraft(Draft(shown.drawdown), shown.loom)
-    own = shown.source.draft
-    counts = dict(zip(FAMILIES, shown.size, strict=True))
-    changed: dict[str, Any] = {}
-    each: dict[str, Any] = {}
-    for family, count in counts.items():
-        colors = getattr(own, f"{family}_colors")
-        changed[f"{family}_colors"] = None if colors is None else np.resize(colors, (count, 3))
-        for name in (f"{family}_spacings", f"{family}_thicknesses"):
-            values = getattr(shown.source, name)
-            each[name] = None if values is None else np.resize(values, count)
-    rest = {f.name: getattr(own, f.name) for f in fields(own) if f.name not in changed}
-    rest |= {"drawdown": shown.drawdown, "warnings": ()}
-    return WifDraft(Draft(**rest, **changed), shown.loom, **each)
+    source = shown.source
+    if source.loom is None:
+        return Draft(shown.drawdown, shown.loom)
+    ends, picks = shown.size
+    return Draft(
+        shown.drawdown,
+        shown.loom,
+        source.warp.repeated(ends),
+        source.weft.repeated(picks),
+        title=source.title,
+    )
 
 
 def as_pattern(shown: Shown) -> Changes:

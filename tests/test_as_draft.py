@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,31 +16,29 @@ from numpy.typing import NDArray
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.draft import Draft
-from spacemap_vtk.fabric.settle import settle
-from spacemap_vtk.fabric.wishes import Wishes
-from spacemap_vtk.io.wif import WifDraft, parse_wif, read_wif
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
+from spacemap_vtk.fabric.resolve import resolve
+from spacemap_vtk.io.wif import parse_wif, read_wif
 from spacemap_vtk.io.wif_writer import format_wif
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.scene import Scene
 
+#: Nothing, but what is so without a word.
+ASKED = replace(WeaveSource().asked, ends=None, picks=None)
 REAL = Path(__file__).parents[1] / "scenes" / "32-shaft_twill.wif"
-THREADS = ("warp_spacings", "weft_spacings", "warp_thicknesses", "weft_thicknesses")
-ONCE = ("warp_spacing", "weft_spacing", "warp_thickness", "weft_thickness", "title")
 
 
-def same(first: WifDraft, second: WifDraft) -> None:
-    np.testing.assert_array_equal(first.draft.drawdown, second.draft.drawdown)
+def same(first: Draft, second: Draft) -> None:
+    np.testing.assert_array_equal(first.drawdown, second.drawdown)
+    assert first.loom is not None
+    assert second.loom is not None
     np.testing.assert_array_equal(first.loom.drawdown(), second.loom.drawdown())
-    for name in ("warp_colors", "weft_colors"):
-        np.testing.assert_array_equal(getattr(first.draft, name), getattr(second.draft, name))
-    for name in ONCE:
-        assert getattr(first.draft, name) == getattr(second.draft, name)
-    for name in THREADS:
-        one, other = getattr(first, name), getattr(second, name)
-        assert (one is None) == (other is None)
-        if one is not None:
-            np.testing.assert_array_equal(one, other)
+    assert first.title == second.title
+    for one, other in ((first.warp, second.warp), (first.weft, second.weft)):
+        for name in ("colors", "spacing", "thickness"):
+            a, b = getattr(one, name), getattr(other, name)
+            assert np.shape(a) == np.shape(b)
+            np.testing.assert_array_equal(a, b)
 
 
 def test_a_wif_is_handed_on_as_it_was() -> None:
@@ -53,15 +52,15 @@ def test_a_wif_is_handed_on_as_it_was() -> None:
 def test_what_the_user_changes_is_changed() -> None:
     source = WeaveSource(draft=REAL, ends=70, warp_sett="20 /cm", weft_color="#ff0000")
     found = parse_wif(format_wif(source.wif))
-    original = read_wif(REAL).draft
-    assert found.draft.drawdown.shape == (62, 70)
-    assert found.draft.warp_spacing == pytest.approx(0.5e-3)
-    assert found.draft.weft_spacing == original.weft_spacing
-    assert found.draft.warp_thickness == original.warp_thickness
-    assert found.draft.weft_colors is not None
-    assert (found.draft.weft_colors == [255, 0, 0]).all()
-    assert original.warp_colors is not None
-    np.testing.assert_array_equal(found.draft.warp_colors, np.resize(original.warp_colors, (70, 3)))
+    original = read_wif(REAL)
+    assert found.drawdown.shape == (62, 70)
+    assert found.warp.spacing == pytest.approx(0.5e-3)
+    assert found.weft.spacing == original.weft.spacing
+    assert found.warp.thickness == original.warp.thickness
+    assert found.weft.colors is not None
+    assert (found.weft.colors == [255, 0, 0]).all()
+    assert original.warp.colors is not None
+    np.testing.assert_array_equal(found.warp.colors, np.resize(original.warp.colors, (70, 3)))
 
 
 @settings(max_examples=40, deadline=None)
@@ -88,19 +87,16 @@ def test_any_fabric_is_woven_again(
     )
     found = parse_wif(format_wif(source.wif))
     # a cloth cut out of a repeat may have picks without a binding point
-    assert all("across the cloth" in text for text in found.draft.warnings)
+    assert all("across the cloth" in text for text in found.warnings)
     same(found, source.wif)
-    fabric, again = source.fabric, settle(found, Wishes())
-    np.testing.assert_array_equal(again.drawdown, fabric.drawdown)
-    np.testing.assert_array_equal(again.warp_colors, fabric.warp_colors)
-    np.testing.assert_array_equal(again.weft_colors, fabric.weft_colors)
-    for name in ("warp_diameter", "weft_diameter", "warp_spacing", "weft_spacing"):
-        if min(ends, picks) > 1:
-            np.testing.assert_allclose(
-                getattr(again.cloth, name) * np.ones(1),
-                getattr(fabric.cloth, name) * np.ones(1),
-                rtol=1e-12,
-            )
+    cloth, again = source.cloth, resolve(found, ASKED)
+    np.testing.assert_array_equal(again.drawdown, cloth.drawdown)
+    np.testing.assert_array_equal(again.warp.colors, cloth.warp.colors)
+    np.testing.assert_array_equal(again.weft.colors, cloth.weft.colors)
+    if min(ends, picks) > 1:
+        for one, other in zip(again.threads, cloth.threads, strict=True):
+            for a, b in ((one.diameter, other.diameter), (one.spacing, other.spacing)):
+                np.testing.assert_allclose(a * np.ones(1), b * np.ones(1), rtol=1e-12)
 
 
 def test_distances_that_no_spaces_give() -> None:
@@ -128,17 +124,15 @@ def woven_by_another(file: Path) -> tuple[Any, NDArray[np.bool_]]:
 def test_another_program_reads_a_draft_that_had_no_colors(
     colors: tuple[str, ...], tmp_path: Path
 ) -> None:
-    own = {f"{family}_colors": np.full((2, 3), 9, np.uint8) for family in colors}
-    original, file = Draft(np.eye(2, dtype=bool), **own), tmp_path / "plain.wif"
+    nine = DraftThreads(colors=np.full((2, 3), 9, np.uint8))
+    original = Draft(np.eye(2, dtype=bool), **dict.fromkeys(colors, nine))
+    file = tmp_path / "plain.wif"
     file.write_bytes(format_wif(original))
     pattern, up = woven_by_another(file)
     np.testing.assert_array_equal(up, np.eye(2, dtype=bool))
-    woven = settle(original, Wishes())
-    for family in ("warp", "weft"):
-        number = getattr(pattern, family).color
-        np.testing.assert_array_equal(
-            [pattern.color_table[number]] * 2, getattr(woven, f"{family}_colors")
-        )
+    woven = resolve(original, ASKED)
+    for family, threads in ((pattern.warp, woven.warp), (pattern.weft, woven.weft)):
+        np.testing.assert_array_equal([pattern.color_table[family.color]] * 2, threads.colors)
 
 
 @pytest.mark.parametrize("name", [*library.names(), str(REAL)])
@@ -148,5 +142,5 @@ def test_every_scene_is_exported_as_a_draft(name: str, tmp_path: Path) -> None:
         main(["export", name, "-o", str(file), "-q"])
     assert done.value.code == 0
     found = read_wif(file)
-    assert found.draft.warnings == ()
-    np.testing.assert_array_equal(found.draft.drawdown, Scene.read(name).weave.fabric.drawdown)
+    assert found.warnings == ()
+    np.testing.assert_array_equal(found.drawdown, Scene.read(name).weave.cloth.drawdown)

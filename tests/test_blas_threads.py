@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics import threads
+from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.eigen import solve_modes
 from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
 
@@ -17,9 +17,9 @@ threadpoolctl = pytest.importorskip("threadpoolctl")
 def two():
     """Let every library have two threads, whatever the machine and its environment say."""
     with threadpoolctl.threadpool_limits(2):
-        threads._pools.cache_clear()
+        blas_threads._pools.cache_clear()
         yield
-    threads._pools.cache_clear()
+    blas_threads._pools.cache_clear()
 
 
 def taken() -> dict[str, set[int]]:
@@ -34,11 +34,11 @@ def taken() -> dict[str, set[int]]:
 
 
 def test_large_blocks_alone_are_shared():
-    with threads.one():
+    with blas_threads.one():
         assert taken() == {"numpy": {1}, "scipy": {1}}
-        with threads.several(1e6):
+        with blas_threads.several(1e6):
             assert taken() == {"numpy": {1}, "scipy": {1}}
-        with threads.several(1e10):
+        with blas_threads.several(1e10):
             assert taken() == {"numpy": {1}, "scipy": {2}}
         assert taken() == {"numpy": {1}, "scipy": {1}}
     assert taken() == {"numpy": {2}, "scipy": {2}}

@@ -1,0 +1,89 @@
+"""A cloth as a draft that weaving programs read, whatever it was made from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
+from spacemap_vtk.fabric.resolve import Asked
+from spacemap_vtk.fabric.threads import Lengths
+
+
+def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft:
+    """Return the draft of a cloth.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        Whether or not there is room for its yarns.
+    draft : Draft
+        What it was resolved from. What was not changed by what was asked is handed on as it was,
+        the thickness of yarns that would have to be thinned among it.
+    asked : Asked
+        What was asked.
+    title : str
+        For a draft without one.
+
+    Returns
+    -------
+    Draft
+        With a loom; `spacemap_vtk.fabric.resolve.resolve` makes the same cloth of it.
+
+    Raises
+    ------
+    InputError
+        No spaces of the threads give the distances between the yarns.
+    """
+    families = []
+    for number, (own, wanted) in enumerate(((draft.warp, asked.warp), (draft.weft, asked.weft))):
+        threads, count = cloth.threads[number], cloth.size[number]
+        kept = own.repeated(count)
+        spacing, thickness = kept.spacing, kept.thickness
+        colors: NDArray[np.uint8] | None = threads.colors
+        bare = draft.loom is None
+        if wanted.spacing is not None or wanted.sett is not None or (bare and spacing is None):
+            spacing = _usual(_spaces(cloth, number))
+        if wanted.thick or wanted.aspect is not None or (bare and thickness is None):
+            thickness = _usual(np.resize(threads.aspect * np.asarray(threads.diameter), count))
+        if not bare and own.colors is None and wanted.color is None:
+            colors = None
+        families.append(DraftThreads(spacing=spacing, thickness=thickness, colors=colors))
+    return Draft(
+        cloth.drawdown,
+        draft.loom_for(cloth.drawdown),
+        warp=families[0],
+        weft=families[1],
+        title=draft.title or title,
+        warnings=draft.warnings,
+    )
+
+
+def _usual(lengths: NDArray[np.float64]) -> Lengths:
+    """Return one value for all threads, if all have the mean."""
+    mean = float(lengths.mean())
+    return mean if (lengths == mean).all() else lengths
+
+
+def _spaces(cloth: Cloth, number: int) -> NDArray[np.float64]:
+    """Return the space of each thread, in whose middle it stands."""
+    gaps, count = np.asarray(cloth.threads[number].spacing), cloth.size[number]
+    if gaps.ndim == 0 or gaps.size == 0:
+        return np.full(count, float(gaps) if gaps.ndim == 0 else cloth.diameter_sum)
+    # s[i] + s[i + 1] = 2 gap[i]: all follow from the first, with alternating signs
+    sign = (-1.0) ** np.arange(count)
+    rest = np.zeros(count)
+    for index, gap in enumerate(gaps.tolist()):
+        rest[index + 1] = 2.0 * gap - rest[index]
+    low = max(float((-rest[sign > 0]).max()), 0.0)
+    high = float(rest[sign < 0].min())
+    if not low < high:
+        raise InputError(
+            f"a WIF cannot hold the distances between the {FAMILIES[number]} yarns",
+            key=f"{FAMILIES[number]}_spacing",
+            cure="It gives each thread a space, in whose middle it stands: let distances change "
+            "more gently",
+        )
+    return np.asarray(rest + sign * 0.5 * (low + high))

@@ -1,0 +1,185 @@
+"""From a draft and what a user asks of it to a cloth with every measure resolved.
+
+The user's word comes first, then the draft's, then a default.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
+from spacemap_vtk.fabric.drawdown import tile
+from spacemap_vtk.fabric.thick_yarns import flattened, scaled
+from spacemap_vtk.fabric.threads import Lengths, Threads, alike, along
+from spacemap_vtk.fabric.yarn import section_area, yarn_height
+
+#: Distance between yarns where neither the user nor the draft gives one, in m.
+SPACING = 0.5e-3
+#: Diameter over spacing where neither the user nor the draft gives a thickness.
+FILLING = 0.5
+#: Width over height of yarns that are not round, where the user gives none.
+ASPECT = 1.5
+#: Colours of warp and weft where neither the user nor the draft gives any.
+WARP_COLOR, WEFT_COLOR = (0x2D, 0x6A, 0x8E), (0xE8, 0xC7, 0x8F)
+
+#: One value for a family, or several that are repeated over its yarns.
+PerYarn = float | tuple[float, ...]
+Rgb = tuple[int, int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThreadsAsked:
+    """What a user asks of the warp or the weft; None leaves it to the draft, or to a default.
+
+    What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
+    """
+
+    diameter: PerYarn | None
+    count: PerYarn | None
+    spacing: PerYarn | None
+    sett: float | None
+    crimp: float | None
+    section: str
+    aspect: float | None
+    color: Rgb | tuple[Rgb, ...] | None
+
+    @property
+    def thick(self) -> bool:
+        """Whether it says how thick the yarns are."""
+        return self.diameter is not None or self.count is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a user asks of a cloth, in SI; None leaves it to the draft, or to a default.
+
+    What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
+
+    Raises
+    ------
+    InputError
+        Two that say the same thing in different ways.
+    """
+
+    ends: int | None
+    picks: int | None
+    warp: ThreadsAsked
+    weft: ThreadsAsked
+    fibre_density: float
+    packing: float
+    crimp_height: float | None
+    thick_yarns: str
+    overhang: float | None
+    caps: bool
+    exact: bool
+    axis: str
+
+    def __post_init__(self) -> None:
+        warp, weft = self.warp, self.weft
+        for rivals in (
+            {"warp_diameter": warp.diameter, "warp_count": warp.count},
+            {"weft_diameter": weft.diameter, "weft_count": weft.count},
+            {"warp_spacing": warp.spacing, "warp_sett": warp.sett},
+            {"weft_spacing": weft.spacing, "weft_sett": weft.sett},
+            {
+                "warp_crimp_height": self.crimp_height,
+                "warp_crimp": warp.crimp,
+                "weft_crimp": weft.crimp,
+            },
+        ):
+            given = [key for key, value in rivals.items() if value is not None]
+            if given[1:]:
+                raise InputError(
+                    f"{' and '.join(given)} are given, and each follows from the others",
+                    key=given[1],
+                    value=rivals[given[1]],
+                    allowed=f"one of {', '.join(rivals)}",
+                    cure="Leave out " + " or ".join(given),
+                )
+
+
+def resolve(draft: Draft, asked: Asked) -> Cloth:
+    """Resolve every measure of a cloth.
+
+    Parameters
+    ----------
+    draft : Draft
+        Weave, and whatever sizes and colours it has.
+    asked : Asked
+        What the user asks for.
+
+    Returns
+    -------
+    Cloth
+        Its size, yarns and colours, whether or not there is room for them: see `Cloth.check`.
+    """
+    ends, picks = asked.ends or draft.size[0], asked.picks or draft.size[1]
+    cloth = Cloth(
+        drawdown=tile(draft.drawdown, ends, picks),
+        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR),
+        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR),
+        crimp_height=asked.crimp_height,
+        overhang=asked.overhang,
+        caps=asked.caps,
+        exact=asked.exact,
+        axis=asked.axis,
+        density=asked.packing * asked.fibre_density,
+        warnings=draft.warnings,
+    )
+    drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
+    if asked.thick_yarns == "refuse" and any(drawn):
+        return replace(cloth, cure='Let thick_yarns "scale" or "flatten" the draft\'s yarns.')
+    thick = drawn[0] and not asked.warp.thick, drawn[1] and not asked.weft.thick
+    if not any(thick):
+        return cloth
+    mend = flattened if asked.thick_yarns == "flatten" else scaled
+    cloth, note = mend(cloth, thick)
+    return replace(cloth, warnings=(*cloth.warnings, note)) if note else cloth
+
+
+def _threads(
+    own: DraftThreads, asked: ThreadsAsked, fibres: Asked, count: int, color: Rgb
+) -> Threads:
+    aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
+    spacing = _spacing(own, asked, count)
+    diameter: Lengths
+    if asked.count is not None:
+        linear = np.asarray(asked.count, dtype=np.float64)
+        area = section_area(linear, fibres.fibre_density, fibres.packing)
+        diameter = along(yarn_height(area, aspect, asked.section), count)
+    elif asked.diameter is not None:
+        diameter = along(asked.diameter, count)
+    elif own.thickness is not None:
+        # a weaving program draws what it calls thickness: the width
+        diameter = along(along(own.thickness, count) / aspect, count)
+    else:
+        # the narrowest gap decides, so that a default is feasible
+        diameter = FILLING / aspect * float(np.min(spacing))
+    chosen = asked.color if asked.color is not None else color if own.colors is None else own.colors
+    return Threads(
+        diameter=diameter,
+        spacing=spacing,
+        section=asked.section,
+        aspect=aspect,
+        crimp=asked.crimp,
+        colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
+    )
+
+
+def _spacing(own: DraftThreads, asked: ThreadsAsked, count: int) -> Lengths:
+    """Return the distance between the yarns of a family: one, or (count - 1,)."""
+    if asked.spacing is not None:
+        return along(asked.spacing, max(count - 1, 1))
+    if asked.sett is not None:
+        return 1.0 / asked.sett
+    # drafts without a spacing are drawn with the yarns side by side
+    found = own.thickness if own.spacing is None else own.spacing
+    if found is None:
+        return SPACING
+    spaces = along(found, count)
+    # a thread stands in the middle of the space that its spacing gives it
+    return alike(0.5 * (spaces[1:] + spaces[:-1])) if isinstance(spaces, np.ndarray) else spaces

@@ -1,0 +1,256 @@
+"""Warp and weft of a cloth: how thick its yarns are, how far apart, of which section and colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.units import format_quantity
+
+#: Sections of a yarn, the commonest first.
+SECTIONS = ("circular", "racetrack", "elliptic")
+
+#: One value for all yarns of a family, or one for each.
+Lengths = float | NDArray[np.float64]
+#: Some yarns of a family, by their numbers.
+Some = slice | NDArray[np.int64]
+
+
+class Yarns(NamedTuple):
+    """The yarns of one family, one by one; lengths in metres."""
+
+    diameter: NDArray[np.float64]
+    """(n,) Heights of the sections."""
+    spacing: NDArray[np.float64]
+    """(n - 1,) Distances between neighbours."""
+    aspect: float
+    """Width of each section over its height."""
+    section: str
+    """One of `SECTIONS`; "circular" wherever the aspect is 1."""
+    position: NDArray[np.float64]
+    """(n,) Places across the whole family, the middle of its first and its last yarn at 0."""
+
+    def chosen(self, which: Some) -> Yarns:
+        """Return some of the yarns, in their places."""
+        position = self.position[which]
+        return self._replace(
+            diameter=self.diameter[which], spacing=np.diff(position), position=position
+        )
+
+    @property
+    def flat(self) -> NDArray[np.float64]:
+        """(n,) Length on top of each yarn along which a crossing yarn stays straight."""
+        return (self.aspect - 1.0) * self.diameter
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Threads:
+    """The warp or the weft of a cloth; `spacemap_vtk.fabric.cloth.Cloth` checks it.
+
+    Parameters
+    ----------
+    diameter : float or array_like
+        Diameter d of all yarns, or of each, in metres; of a flattened section the height.
+    spacing : float or array_like
+        Distance p between neighbours, in metres: of all, or (n - 1) of n yarns.
+    section : {"circular", "racetrack", "elliptic"}
+        A racetrack is a rectangle between two half circles. Axes are exact for circles and
+        racetracks: yarns touch along their arcs and flats and never overlap. An ellipse is laid
+        along the axis of the racetrack of its size, which holds it: ellipses touch in the middle
+        of each crossing and never overlap, but leave a gap on both sides of it that real yarns
+        would close.
+    aspect : float
+        Width of the section over its height, at least 1; 1 for circles.
+    crimp : float, optional
+        Crimp c = l / p - 1 where the yarns change side, in place of the cloth's crimp height.
+    colors : ndarray of uint8
+        (n, 3) Red, green and blue of each yarn, or (1, 3) of all; white where nobody says.
+    """
+
+    diameter: Lengths
+    spacing: Lengths
+    section: str = SECTIONS[0]
+    aspect: float = 1.0
+    crimp: float | None = None
+    colors: NDArray[np.uint8] = field(default_factory=lambda: np.full((1, 3), 255, np.uint8))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "diameter", _unchangeable(self.diameter))
+        object.__setattr__(self, "spacing", _unchangeable(self.spacing))
+
+    @property
+    def shape(self) -> str:
+        """The section; "circular" wherever the aspect is 1."""
+        return self.section if self.aspect > 1.0 else "circular"
+
+    @property
+    def mean_diameter(self) -> float:
+        """Mean height of the sections."""
+        return self.diameter if isinstance(self.diameter, float) else float(np.mean(self.diameter))
+
+    def mean_spacing(self, width: float) -> float:
+        """Return the mean spacing.
+
+        Parameters
+        ----------
+        width : float
+            What stands for it where there is a lone yarn.
+
+        Returns
+        -------
+        float
+            In metres.
+        """
+        return float(np.mean(self.spacing)) if np.size(self.spacing) else width
+
+    def gaps(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what gaps leave to the yarns that pass through them.
+
+        Returns
+        -------
+        room : (gaps,) ndarray
+            Spacings less half the flats on both sides, p'.
+        diameter : (gaps,) ndarray
+            Mean of both neighbours.
+        """
+        mean = self._between()
+        if mean.size == 0 or np.size(self.spacing) == 0:
+            return np.empty(0), np.empty(0)
+        room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
+        return np.atleast_1d(room), np.atleast_1d(mean)
+
+    def yarns(self, count: int) -> Yarns:
+        """Return the yarns one by one.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+
+        Returns
+        -------
+        Yarns
+            With the places of all.
+        """
+        apart = np.array(np.broadcast_to(self.spacing, count - 1))
+        return Yarns(
+            np.array(np.broadcast_to(self.diameter, count)),
+            apart,
+            self.aspect,
+            self.shape,
+            _places(apart),
+        )
+
+    def check(self, family: str, count: int) -> None:
+        """Refuse what is no length or not one for each yarn, and a section that cannot be."""
+        for key, values, wanted in (
+            ("diameter", self.diameter, count),
+            ("spacing", self.spacing, count - 1),
+        ):
+            array = np.asarray(values)
+            if array.ndim > 1:
+                raise InputError(
+                    f"a table of shape {array.shape}",
+                    key=f"{family}_{key}",
+                    allowed="one value, or one for each",
+                )
+            wrong = ~(np.isfinite(array) & (array > 0.0))
+            if wrong.any() or (array.size == 0 and key == "diameter"):
+                raise GeometryError(
+                    "a fabric needs a length here",
+                    key=f"{family}_{key}",
+                    value=float(array.flat[np.argmax(wrong)]) if array.size else None,
+                    allowed="more than 0 m",
+                    cure='Write, for example, "0.3 mm"',
+                )
+            if array.ndim and array.size != wanted:
+                raise InputError(
+                    f"{array.size} values for {count} yarns",
+                    key=f"{family}_{key}",
+                    allowed=f"one value, or {wanted}",
+                )
+        if self.section not in SECTIONS:
+            raise InputError(
+                "no such section",
+                key=f"{family}_section",
+                value=self.section,
+                allowed=" or ".join(f'"{section}"' for section in SECTIONS),
+            )
+        round_ = self.section == "circular"
+        if not (isfinite(self.aspect) and self.aspect >= 1.0) or (round_ and self.aspect != 1.0):
+            raise GeometryError(
+                f"a {self.section} section cannot have this width over its height",
+                key=f"{family}_aspect",
+                value=self.aspect,
+                allowed="1" if round_ else "from 1 on",
+                cure='Make the section "racetrack" or "elliptic" for a flattened yarn'
+                if round_
+                else "A yarn lies flat on the cloth, not on edge",
+            )
+
+    def check_neighbours(self, family: str, grace: float, diameter_sum: float) -> None:
+        """Refuse yarns that overlap their neighbours by more than a share of their size."""
+        mean = self._between()
+        if mean.size == 0 or np.size(self.spacing) == 0:
+            return
+        width, room = np.broadcast_arrays(self.aspect * mean, np.asarray(self.spacing))
+        over = width - room > grace * (diameter_sum + width)
+        if over.any():
+            worst = int(np.argmax(over))
+            which = f" {worst + 1} and {worst + 2}" if over.size > 1 else ""
+            thick, apart = float(width.flat[worst]), float(room.flat[worst])
+            flat = self.aspect != 1.0
+            raise GeometryError(
+                f"neighbouring {family} yarns{which} overlap: they are {_metres(thick)} "
+                f"{'wide' if flat else 'thick'} and {_metres(apart)} apart",
+                key=f"{family}_diameter",
+                value=thick / self.aspect,
+                allowed=f"up to {_metres(apart / self.aspect)} ({family}_spacing"
+                f"{f' over {family}_aspect' if flat else ''})",
+                cure=f"Make {family}_diameter smaller or {family}_spacing larger",
+            )
+
+    def _between(self) -> NDArray[np.float64]:
+        """Return mean diameters of neighbours: (n - 1,) of n values, a scalar of one for all."""
+        values = np.asarray(self.diameter)
+        return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
+
+
+def along(values: Lengths | tuple[float, ...], count: int) -> Lengths:
+    """Repeat values over so many yarns; equal ones are one value."""
+    if np.ndim(values) == 0:
+        return values  # type: ignore[return-value]
+    return alike(np.resize(np.asarray(values, dtype=np.float64), count))
+
+
+def alike(values: NDArray[np.float64]) -> Lengths:
+    """Return equal values as one."""
+    return float(values[0]) if (values == values[0]).all() else values
+
+
+def _unchangeable(value: Lengths) -> Lengths:
+    array = np.array(value, dtype=np.float64)
+    if array.ndim == 0:
+        return float(array)
+    array.flags.writeable = False
+    return array
+
+
+def _places(spacing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n + 1,) places that are (n,) distances apart, the middle of the ends at 0."""
+    count = len(spacing) + 1
+    if spacing.size == 0 or np.ptp(spacing) == 0.0:
+        # exactly symmetric, and no sum of roundings
+        step = spacing[0] if spacing.size else 0.0
+        return np.asarray(step * (np.arange(count) - 0.5 * (count - 1)))
+    place = np.concatenate([[0.0], np.cumsum(spacing)])
+    return place - 0.5 * place[-1]
+
+
+def _metres(value: float) -> str:
+    return format_quantity(value, "m")
