@@ -15,7 +15,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
-from spacemap_vtk.scenes.footprint import picture_bytes
+from spacemap_vtk.scenes.footprint import picture_bytes, require_picture
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
@@ -85,12 +85,12 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     assert found is not None
     # What the message says will do does.
     scene.surface.subdivisions = int(found[1])
-    scene.require_picture(640 * 480)
+    require_picture(scene, 640 * 480)
     scene.surface.subdivisions = 4
     scene.weave.ends = scene.weave.picks = int(found[2])
-    scene.require_picture(640 * 480)
+    require_picture(scene, 640 * 480)
     with pytest.raises(SizeError, match="a film of"):
-        scene.require_picture(640 * 480, frames=100)
+        require_picture(scene, 640 * 480, frames=100)
 
 
 def test_a_draft_that_no_machine_can_draw(

@@ -53,10 +53,7 @@ TWICE: dict[str, str] = {}
 #: What is not yet so, by the engineer's letter who has the room; to be emptied.
 PENDING: dict[str, str] = {
     "fabric.settle -> io.wif": "A",
-    "scenes.footprint <-> scenes.scene": "C",
-    "_Prepared in filters.barycentric_warp, filters.patch_tessellator": "C",
     "fabric.weave is long": "A",
-    "scenes.scene is long": "C",
     "app.undo_keys is short": "E",
     "app.plots.save is short": "E",
     "fabric.bicubic is short": "A",

@@ -44,7 +44,7 @@ def info(
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     chosen = opened(scene, set_, time=time)
-    if chosen.source is chosen.object:
+    if not chosen.woven:
         from spacemap_vtk.cli.object_table import tell_object
 
         tell_object(chosen, json_, quiet)

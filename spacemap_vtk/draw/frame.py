@@ -60,7 +60,7 @@ def frame_of(
         cage,
         scene.view.color,
         scene.painting,
-        closed=scene.source is scene.weave and scene.weave.caps,
+        closed=scene.woven and scene.weave.caps,
         arrows=arrows_of(scene, time) if loads else None,
     )
 

@@ -20,6 +20,7 @@ from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
@@ -77,7 +78,7 @@ class Picture:
         self._place = place
         self.scene = scene
         width, height = size or scene.view.size
-        scene.require_picture(width * height, len(times))
+        require_picture(scene, width * height, len(times))
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         extent, self._span = _over_motion(scene, times)
@@ -222,7 +223,7 @@ def _depth_without(window: Offscreen, actors: list[vtkActor]) -> NDArray[np.floa
 
 def _relief(scene: Scene) -> float:
     """Return the size of the scene's relief in m, by which its contact shadows are made."""
-    if scene.source is scene.weave:
+    if scene.woven:
         cloth = scene.weave.cloth
         return float(max(np.max(cloth.warp.diameter), np.max(cloth.weft.diameter)))
     return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()

@@ -92,7 +92,7 @@ class BarycentricWarp(Stage):
         "tetrahedra are averaged at the vertices first.",
     )
 
-    _kept: _Prepared | None = None
+    _kept: _Ride | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
@@ -117,7 +117,7 @@ class BarycentricWarp(Stage):
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
 
     def _at_vertices(
-        self, cage: vtkUnstructuredGrid, prepared: _Prepared, name: str
+        self, cage: vtkUnstructuredGrid, prepared: _Ride, name: str
     ) -> NDArray[np.float64]:
         at_points, of_cells = cage.GetPointData(), cage.GetCellData()
         if at_points.GetArray(name) is not None:
@@ -140,7 +140,7 @@ class BarycentricWarp(Stage):
         table = values.reshape(len(values), -1).astype(np.float64, copy=False)
         return table if at_points.GetArray(name) is not None else prepared.averages @ table
 
-    def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Prepared:
+    def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Ride:
         kept = self._kept
         if kept is None or not kept.serves((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
@@ -178,7 +178,7 @@ class BarycentricWarp(Stage):
                 ride = Interpolation(where, elements, len(vertices))
             if elements.shape[1] == 4:  # its weights serve the gradients of quadratic cages alone
                 where = replace(where, weights=where.weights[:0])
-            kept = self._kept = _Prepared(
+            kept = self._kept = _Ride(
                 settings=(self.outside, self.smooth),
                 points=Geometry(points),
                 cage=Geometry(cage),
@@ -220,7 +220,7 @@ def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: i
 
 
 @dataclass
-class _Prepared:
+class _Ride:
     """What depends on points and cage alone."""
 
     settings: tuple[str, bool]

@@ -70,7 +70,7 @@ class PatchTessellator(Stage):
         4, "Number of quadrilaterals along each side of a patch.", minimum=1, maximum=64
     )
 
-    _kept: _Prepared | None = None
+    _kept: _Patches | None = None
     _skin: Skin | None = None
 
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
@@ -115,9 +115,9 @@ class PatchTessellator(Stage):
             for data in (output.GetCellData(), output.GetPointData()):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
-    def _prepared(self, grid: vtkUnstructuredGrid) -> _Prepared:
+    def _prepared(self, grid: vtkUnstructuredGrid) -> _Patches:
         if self._kept is None or not self._kept.serves(grid, self.subdivisions):
-            self._kept = _Prepared(grid, self.subdivisions)
+            self._kept = _Patches(grid, self.subdivisions)
         return self._kept
 
 
@@ -172,7 +172,7 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
     return samples * 4 * (6 + columns) + polygons * (5 * 8 + 11) + patches * 16 * 2
 
 
-class _Prepared:
+class _Patches:
     """What depends on connectivity and subdivisions alone."""
 
     def __init__(self, grid: vtkUnstructuredGrid, subdivisions: int) -> None:

@@ -8,7 +8,6 @@ software OpenGL (Mesa 22.3): with a graphics card less is taken.
 from __future__ import annotations
 
 from math import exp
-from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.weave import Counts
@@ -16,9 +15,7 @@ from spacemap_vtk.filters import barycentric_warp, patch_tessellator
 from spacemap_vtk.memory import require
 from spacemap_vtk.parallel import WORTHWHILE
 from spacemap_vtk.scenes.colorings import COLORINGS
-
-if TYPE_CHECKING:
-    from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene import Scene
 
 #: What the mapper and OpenGL hold of a quadrilateral and of a point of the surface, and what a
 #: pixel takes: it is drawn as four of four samples each, and shaded.
@@ -72,9 +69,13 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
 
 
 def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
-    """Refuse a picture that would not fit into memory, before any is taken."""
-    if scene.source is not scene.weave:
-        return
+    """Refuse pictures that would not fit into memory, before any is taken."""
+    if scene.woven:
+        with scene.naming_file():
+            _require_picture(scene, pixels, frames)
+
+
+def _require_picture(scene: Scene, pixels: int, frames: int) -> None:
     now = scene.surface.subdivisions
     try:
         with naming_section(scene.weave.section):

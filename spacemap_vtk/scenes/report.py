@@ -91,7 +91,7 @@ def modes(scene: Scene) -> dict[str, Any]:
 
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures."""
-    if scene.source is not scene.weave:
+    if not scene.woven:
         raise InputError(
             f"{scene.file}: this scene shows an object, and an object has no yarns",
             cure="Its own figures are those of `spacemap_vtk.scenes.anatomy.body`.",

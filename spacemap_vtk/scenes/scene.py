@@ -39,7 +39,6 @@ from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.settings import Animation, View
 
 P = TypeVar("P", bound=Parameterised)
@@ -92,13 +91,15 @@ class Scene:
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
-        with self._naming_file():
+        with self.naming_file():
             refuse_replaced(self._all_stages, self._sections)
             for name, value in values.items():
-                if name == "title":
-                    self._set_title(value)
-                else:
+                if name != "title":
                     self._configure(name, value)
+                elif isinstance(value, str):
+                    self.title = value
+                else:
+                    raise InputError("not a string", key="title", value=value)
         self._connect()
 
     @classmethod
@@ -165,6 +166,11 @@ class Scene:
     def source(self) -> Stage:
         """What is deformed."""
         return self.stages[0]
+
+    @property
+    def woven(self) -> bool:
+        """Whether it has yarns."""
+        return "yarn" in self.arrays
 
     @property
     def moves(self) -> bool:
@@ -270,7 +276,7 @@ class Scene:
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
-        with self._naming_file():
+        with self.naming_file():
             self._check_color()
             stage.update(time, piece)
         for run in self.stages:
@@ -288,33 +294,16 @@ class Scene:
             If the draft cannot be read, the fabric is impossible or too large, the cage's material
             is none, the damping contradicts itself, or the animation has no frames.
         """
-        with self._naming_file():
-            if self.source is self.weave:
-                self._check_weave()
+        with self.naming_file():
+            found = self.obstacle() if self.woven else None
+            if found is not None and not self._is_draft:
+                raise found
             self._check_color()
             for stage in self.stages:
                 with naming_section(stage.section):
                     stage.check()
             with naming_section("animation"):
                 self.animation.frame_times()
-
-    def require_picture(self, pixels: int, frames: int = 1) -> None:
-        """Refuse a picture that would not fit into memory, before any is taken.
-
-        Parameters
-        ----------
-        pixels : int
-            Of the picture.
-        frames : int, optional
-            How many follow each other.
-
-        Raises
-        ------
-        SpacemapError
-            As for `spacemap_vtk.scenes.footprint.require_picture`.
-        """
-        with self._naming_file():
-            require_picture(self, pixels, frames)
 
     @property
     def colorings(self) -> list[str]:
@@ -357,7 +346,7 @@ class Scene:
         """
         found: GeometryError | SizeError
         what = "there is no room for its yarns, so that it cannot be drawn"
-        with self._naming_file(), naming_section("weave"):
+        with self.naming_file(), naming_section("weave"):
             try:
                 self.weave.cloth.check()
                 self._warnings |= dict.fromkeys(self.weave.cloth.warnings)
@@ -386,11 +375,10 @@ class Scene:
         """
         self._warnings[text] = None
 
-    def _check_weave(self) -> None:
-        found = self.obstacle()
+    @property
+    def _is_draft(self) -> bool:
         own = any(section == "weave" for section, _ in self._assigned)
-        if found is not None and (own or self.weave.draft is None or self.weave.draft != self.file):
-            raise found
+        return not own and self.weave.draft is not None and self.weave.draft == self.file
 
     @property
     def patches(self) -> vtkPointSet:
@@ -417,7 +405,7 @@ class Scene:
     @property
     def draft(self) -> Draft:
         """The draft of the weave; needs no update."""
-        with self._naming_file(), naming_section("weave"):
+        with self.naming_file(), naming_section("weave"):
             draft = self.weave.wif
             self._warnings |= dict.fromkeys(draft.warnings)
             return draft
@@ -455,11 +443,6 @@ class Scene:
     def polygons(self) -> vtkPolyData:
         """The surface, as of the last update."""
         return self.surface.output
-
-    def _set_title(self, value: Any) -> None:
-        if not isinstance(value, str):
-            raise InputError("not a string", key="title", value=value)
-        self.title = value
 
     def _configure(self, section: str, values: Any) -> None:
         part = self._known(section)
@@ -508,7 +491,14 @@ class Scene:
         self._carry()
 
     @contextmanager
-    def _naming_file(self) -> Iterator[None]:
+    def naming_file(self) -> Iterator[None]:
+        """Name this scene's file in an error, unless `set` is to blame.
+
+        Yields
+        ------
+        None
+            While it is named.
+        """
         try:
             yield
         except SpacemapError as error:

@@ -105,7 +105,7 @@ class DraftTab(QWidget):
         if not self.isVisible() or self.grid.stroking:
             return
         scene = self._document.scene
-        if scene.source is not scene.weave:
+        if not scene.woven:
             self._show(None, "This scene's object is a mesh, and has no draft.")
             return
         weave = scene.weave
