@@ -92,7 +92,7 @@ def opened(
             scene.view.time = time
     if color is not None:
         with _naming("--color"):
-            scene.color_by(color)
+            scene.take({"view": {"color": color}})
     if size is not None:
         try:
             scene.view.size = size.lower().split("x")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import spacemap_vtk
 from spacemap_vtk.errors import InputError
@@ -19,19 +19,14 @@ def sections() -> dict[str, type[Parameterised]]:
     return {cls.section: cls for cls in classes}
 
 
-def moves(stages: Iterable[Stage], given: Collection[str]) -> bool:
-    """Return whether a scene that has some sections moves: a section of a cage's stage will do."""
-    still = ("source", "surface")
-    return any(stage.section in given and stage.role not in still for stage in stages)
-
-
-def chain(stages: Iterable[Stage], given: Collection[str]) -> list[Stage]:
-    """Return those of all stages that make up a scene that has some sections, in order."""
-    stages = list(stages)
-    still = not moves(stages, given)
+def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
+    """Return those stages of all parts that make up a scene that has some sections, in order."""
+    stages = [part for part in parts.values() if isinstance(part, Stage)]
+    # Between source and surface one section will do, and the scene moves.
+    moves = any(stage.section in given for stage in stages if stage.role in ROLES[1:-1])
     chosen: dict[str, Stage] = {}
     for stage in stages:
-        wanted = stage.role not in (ROLES[1:-1] if still else OPTIONAL)
+        wanted = stage.role not in (OPTIONAL if moves else ROLES[1:-1])
         if stage.section in given or (wanted and stage.role not in chosen):
             chosen[stage.role] = stage
     found: list[Stage] = []
@@ -43,11 +38,11 @@ def chain(stages: Iterable[Stage], given: Collection[str]) -> list[Stage]:
     return found
 
 
-def refuse_replaced(stages: Iterable[Stage], given: Collection[str]) -> None:
+def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) -> None:
     """Refuse sections that would have no effect beside another."""
-    found = chain(stages, given)
-    for stage in stages:
-        if stage.section in given and stage not in found:
+    found = chain(parts, given)
+    for stage in parts.values():
+        if isinstance(stage, Stage) and stage.section in given and stage not in found:
             alike = [other for other in found if other.role == stage.role]
             alike += [other for other in found if other.makes == stage.makes]
             section = alike[0].section

@@ -92,7 +92,7 @@ class Scene:
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
         with self.naming_file():
-            refuse_replaced(self._all_stages, self._sections)
+            refuse_replaced(self.parts, self._sections)
             for name, value in values.items():
                 if name != "title":
                     self._configure(name, value)
@@ -124,10 +124,6 @@ class Scene:
         """
         path = library.find(scene)
         return cls(values_of(path, path.name), path)
-
-    @property
-    def _all_stages(self) -> list[Stage]:
-        return [part for part in self.parts.values() if isinstance(part, Stage)]
 
     def part(self, cls: type[P]) -> P:
         """Return what the section of a class configures.
@@ -224,22 +220,6 @@ class Scene:
         self._sections.add(section)
         self._connect()
 
-    def color_by(self, color: str) -> None:
-        """Choose what the surface's colours show.
-
-        Parameters
-        ----------
-        color : str
-            A key of `spacemap_vtk.scenes.colorings.COLORINGS`.
-
-        Raises
-        ------
-        InputError
-            If there is no such word.
-        """
-        self.view.color = color
-        self._carry()
-
     def update(self, time: float | None = None, piece: Piece | None = None) -> None:
         """Run what needs to be run for a time.
 
@@ -296,7 +276,8 @@ class Scene:
         """
         with self.naming_file():
             found = self.obstacle() if self.woven else None
-            if found is not None and not self._is_draft:
+            draft = None if any(part == "weave" for part, _ in self._assigned) else self.weave.draft
+            if found is not None and (draft is None or draft != self.file):
                 raise found
             self._check_color()
             for stage in self.stages:
@@ -374,11 +355,6 @@ class Scene:
             One sentence.
         """
         self._warnings[text] = None
-
-    @property
-    def _is_draft(self) -> bool:
-        own = any(section == "weave" for section, _ in self._assigned)
-        return not own and self.weave.draft is not None and self.weave.draft == self.file
 
     @property
     def patches(self) -> vtkPointSet:
@@ -468,23 +444,25 @@ class Scene:
             )
         return self.parts[section]
 
-    def take(self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str]) -> None:
-        """Become another scene; of what is the same in both nothing runs again.
+    def take(
+        self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str] | None = None
+    ) -> None:
+        """Take over another scene's values; of what is the same in both nothing runs again.
 
         Parameters
         ----------
         settings : mapping
-            For each section the values of all its parameters, as `Parameterised.settings` has them.
-        given : collection of str
-            The sections that the other scene has.
+            For some sections, values of parameters, as `Parameterised.settings` has them.
+        given : collection of str, optional
+            The sections that the other scene has; by default the same.
         """
         for section, values in settings.items():
             self.parts[section].configure(**values)
-        self._sections = set(given)
+        self._sections = self._sections if given is None else set(given)
         self._connect()
 
     def _connect(self) -> None:
-        stages = chain(self._all_stages, self._sections)
+        stages = chain(self.parts, self._sections)
         if stages != self.stages:
             self.stages = stages
             connect_chain(stages)
