@@ -13,8 +13,8 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import SpacemapWarning
-from spacemap_vtk.draw.film import write_film
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.io.formats.film import write_film
 from spacemap_vtk.scenes.scene import Scene
 
 # One layer of linear tetrahedra is too stiff; the scene's modulus makes up for it.

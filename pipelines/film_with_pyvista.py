@@ -13,8 +13,8 @@ from PIL import Image
 
 import spacemap_vtk.accessor  # noqa: F401  (pyvista >= 0.48 finds it by itself once installed)
 from spacemap_vtk import ModalSolver, PatchTessellator, WeaveSource, connect
-from spacemap_vtk.draw.film import write_film
 from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.io.formats.film import write_film
 
 weave, surface = WeaveSource(ends=7, picks=7), PatchTessellator()
 connect(weave, surface).update()

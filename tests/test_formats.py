@@ -92,11 +92,11 @@ def test_a_draft_format_is_read_wherever_drafts_are(tmp_path: Path, capsys: Any)
     file = tmp_path / "a.bits"
     file.write_text("110\n011\n")
     scene = Scene.read(file)
-    np.testing.assert_array_equal(scene.draft.draft.drawdown, [[1, 1, 0], [0, 1, 1]])
+    np.testing.assert_array_equal(scene.draft.drawdown, [[1, 1, 0], [0, 1, 1]])
     assert run("info", str(file), "--json") == 0
     assert json.loads(capsys.readouterr().out)["drawdown"] == ["110", "011"]
     assert run("export", str(file), "-o", str(tmp_path / "a.wif"), "-q") == 0
-    assert Scene.read(tmp_path / "a.wif").draft.draft.title == "bits"
+    assert Scene.read(tmp_path / "a.wif").draft.title == "bits"
 
 
 @pytest.mark.usefixtures("toys")

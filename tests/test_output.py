@@ -18,8 +18,8 @@ import pytest
 from numpy.typing import NDArray
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.film import write_film
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io.formats.film import write_film
 from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"

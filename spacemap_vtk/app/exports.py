@@ -19,10 +19,10 @@ from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.order import Order, as_text
-from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
-from spacemap_vtk.io.registry import DATA, written, written_filters
+from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
 
 
 class Exports(QObject):
@@ -43,12 +43,13 @@ class Exports(QObject):
 
     def picture(self) -> None:
         """Ask for a picture's file and size, and write it."""
-        self._drawn("picture", "Pictures (*.png *.jpg)", "picture.png")
+        self._drawn("picture", name_filter("Pictures", written("picture")), "picture.png")
 
     def film(self) -> None:
         """Ask for a film's file and size, and write it."""
-        endings = [".mp4", ".gif"] if _can_encode() else [".gif"]
-        filters = "Films ({});;Numbered frames (*.png)".format(" ".join(f"*{e}" for e in endings))
+        endings = writable("film")
+        frames = name_filter("Numbered frames", written("frames"))
+        filters = f"{name_filter('Films', endings)};;{frames}"
         self._drawn("film", filters, f"film{endings[0]}")
 
     def data(self) -> None:
@@ -77,7 +78,8 @@ class Exports(QObject):
     ) -> None:
         """Begin to write."""
         document = self._document
-        if kind == "film" and path.suffix.lower() == ".png" and "%" not in path.name:
+        numbered = kind == "film" and path.suffix.lower() in written("frames")
+        if numbered and "%" not in path.name:
             path = path.with_name(f"{path.stem}-%04d.png")
         try:
             if self._process is not None:
@@ -211,14 +213,3 @@ class Exports(QObject):
             self.written.emit(str(self._target))
         elif not isinstance(error, Cancelled):
             self.failed.emit(error)
-
-
-def _can_encode() -> bool:
-    """Whether .mp4 can be written here."""
-    from spacemap_vtk.draw.film import require_encoder
-
-    try:
-        require_encoder(Path("film.mp4"))
-    except MissingLibraryError:
-        return False
-    return True

@@ -13,10 +13,9 @@ from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
-from spacemap_vtk.io.registry import opened_filters
+from spacemap_vtk.io.registry import name_filter, opened_filters, writer, written
 
 _RECENT = 8
-_PICTURES = {".png": "picture", ".jpg": "picture"}
 
 
 class Files(QObject):
@@ -75,16 +74,15 @@ class Files(QObject):
 
     def save_picture(self, view: View3D) -> None:
         """Ask for a name, and save what the view shows."""
-        from spacemap_vtk.draw.film import write_picture
-
-        filters = "Pictures (*.png *.jpg)"
-        path = ask_file(self._window, "Save picture", "picture.png", filters, ".png")
+        endings = written("picture")
+        filters, first = name_filter("Pictures", endings), next(iter(endings))
+        path = ask_file(self._window, "Save picture", f"picture{first}", filters, first)
         if path is None:
             return
         try:
-            check_output(path, _PICTURES)
+            check_output(path, endings)
             with whole_file(path) as file:
-                write_picture(file, view.image())
+                writer(path, "picture").write(file, view.image())
         except (SpacemapError, OSError) as error:
             self._errors.say(error, "picture")
         else:

@@ -25,14 +25,15 @@ from spacemap_vtk.io.registry import written_words
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
-Output = Annotated[Path, Parameter(name=["--output", "-o"])]
+_OUTPUT = ["--output", "-o"]
+PictureFile = Annotated[Path, Parameter(name=_OUTPUT, help=f"A {written_words('picture')} file.")]
 
 
 def render(
     scene: str,
     /,
     *,
-    output: Output,
+    output: PictureFile,
     time: Time = None,
     size: Size = None,
     color: Shown = None,
@@ -45,8 +46,6 @@ def render(
     ----------
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
-    output : Path
-        A .png or .jpg file.
     """
     order = Order("picture", output)
     chosen = opened(scene, set_, time=time, size=size, color=color)
@@ -57,7 +56,13 @@ def animate(
     scene: str,
     /,
     *,
-    output: Output,
+    output: Annotated[
+        Path,
+        Parameter(
+            name=_OUTPUT,
+            help=f"A {written_words('film')} file, or frames such as frames/%04d.png.",
+        ),
+    ],
     size: Size = None,
     color: Shown = None,
     set_: Set = (),
@@ -73,8 +78,6 @@ def animate(
     ----------
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
-    output : Path
-        A .gif or .mp4 file, or frames such as frames/%04d.png.
     """
     order = Order("film", output)
     chosen = opened(scene, set_, size=size, color=color)
@@ -86,7 +89,7 @@ def storyboard(
     scene: str = "plain_weave",
     /,
     *,
-    output: Output,
+    output: PictureFile,
     times: Annotated[
         str | None,
         Parameter(help="Times in s, separated by commas; by default over the first mode's period."),
@@ -103,8 +106,6 @@ def storyboard(
     ----------
     scene : str
         Scene file, or name of a scene (see "spacemap scenes").
-    output : Path
-        A .png or .jpg file.
     """
     order = Order("storyboard", output)
     chosen = opened(scene, set_, size=size)
@@ -121,10 +122,7 @@ def export(
     scene: str,
     /,
     *,
-    output: Annotated[
-        Path,
-        Parameter(name=["--output", "-o"], help=f"A {written_words()} file."),
-    ],
+    output: Annotated[Path, Parameter(name=_OUTPUT, help=f"A {written_words()} file.")],
     what: Annotated[
         str | None,
         Parameter(

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
-from spacemap_vtk.draw.order import PICTURES, Order, carry_out
+from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.registry import written, written_words
 from spacemap_vtk.units import parse_quantity
-
-if TYPE_CHECKING:
-    pass
 
 
 def modes(
@@ -24,7 +22,8 @@ def modes(
     /,
     *,
     plot: Annotated[
-        Path | None, Parameter(help="Also draw a sheet of the first mode shapes: .png or .jpg.")
+        Path | None,
+        Parameter(help=f"Also draw a sheet of the first mode shapes: {written_words('picture')}."),
     ] = None,
     set_: Set = (),
     json_: Json = False,
@@ -98,7 +97,9 @@ def plot(
     scene: str,
     /,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Annotated[
+        Path, Parameter(name=["--output", "-o"], help=f"A {written_words('plot')} file.")
+    ],
     point: Annotated[
         str | None,
         Parameter(
@@ -120,10 +121,8 @@ def plot(
     ----------
     scene : str
         Scene file, or name of a scene (see "spacemap scenes").
-    output : Path
-        A .png, .jpg, .pdf or .svg file.
     """
-    check_output(output, {**PICTURES, ".pdf": "document", ".svg": "drawing"})
+    check_output(output, written("plot"))
     chosen = opened(scene, set_)
     place = None
     if point is not None:

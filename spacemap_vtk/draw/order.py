@@ -26,10 +26,6 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
-#: What files a picture and a film can be.
-PICTURES = {".png": "picture", ".jpg": "picture", ".jpeg": "picture"}
-FILMS = {".gif": "film", ".mp4": "film", ".png": "numbered frames, as in frames/%04d.png"}
-
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
 
@@ -55,12 +51,14 @@ class Order:
 
     def __post_init__(self) -> None:
         if self.what in _STILLS:
-            check_output(self.output, PICTURES)
+            check_output(self.output, written("picture"))
         elif self.what == "film":
             self._check_film()
         else:
             check_output(self.output, written())
-            kinds = writer(self.output).holds
+            format_ = writer(self.output)
+            format_.check(self.output)
+            kinds = format_.holds
             self.what = self.what or kinds[0]
             if self.what not in kinds:
                 raise InputError(
@@ -73,13 +71,11 @@ class Order:
     @property
     def numbered(self) -> bool:
         """Whether a film is written as numbered frames."""
-        return self.what == "film" and self.output.suffix.lower() == ".png"
+        return self.what == "film" and self.output.suffix.lower() in written("frames")
 
     def _check_film(self) -> None:
-        check_output(self.output, FILMS, self.numbered)
-        from spacemap_vtk.draw.film import require_encoder
-
-        require_encoder(self.output)
+        check_output(self.output, written("film") | written("frames"), self.numbered)
+        writer(self.output, "frames" if self.numbered else "film").check(self.output)
         if self.numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", self.output.name):
             example = re.sub("%[0-9]*[a-z]?", "", self.output.stem) + "-%04d.png"
             raise InputError(
@@ -93,12 +89,10 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> Non
     if order.what == "film":
         _write_film(order, scene, tell, whole)
     elif order.what in _STILLS:
-        from spacemap_vtk.draw.film import write_picture
-
         # Before there is anything to be removed if the program is ended.
         image = _STILLS[order.what](order, scene, tell)
         with _file(order, whole) as file:
-            write_picture(file, image)
+            writer(file, "picture").write(file, image)
     else:
         _write_data(order, scene, tell, whole)
 
@@ -136,7 +130,6 @@ _STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
 
 
 def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
-    from spacemap_vtk.draw.film import write_film, write_frames
     from spacemap_vtk.draw.picture import Picture
 
     scene.check()
@@ -153,10 +146,8 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
             tell(done, len(times))
 
     with _file(order, whole) as file:
-        if order.numbered:
-            write_frames(file, images())
-        else:
-            write_film(file, images(), scene.animation.frames_per_second)
+        format_ = writer(file, "frames" if order.numbered else "film")
+        format_.write(file, images(), scene.animation.frames_per_second)
     picture.close()
 
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
+from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Width of a plotted curve, in samples.
 SAMPLES = 2000
@@ -84,14 +79,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
         panel.grid(color="#e6e9ed", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
     over_time.legend(frameon=False, ncols=3, loc="upper right")
-    save_figure(figure, file)
-
-
-def save_figure(figure: Figure, file: Path, **more: Any) -> None:
-    """Write a figure of matplotlib."""
-    made = BytesIO()  # matplotlib leaves a file open that it cannot write
-    figure.savefig(made, format=file.suffix[1:].lower(), **more)
-    write(file, [made.getbuffer()])
+    registry.writer(file, "plot").write(file, figure)
 
 
 def handy(unit: str, largest: float) -> tuple[str, float]:

@@ -53,8 +53,8 @@ def drawn_from(name: str) -> str:
 
 def draw(name: str) -> None:
     """Draw a scene's picture."""
-    from spacemap_vtk.draw.film import write_picture
     from spacemap_vtk.draw.picture import Picture
+    from spacemap_vtk.io.formats.pictures import write_picture
     from spacemap_vtk.io.output import whole_file
     from spacemap_vtk.scenes.scene import Scene
 

@@ -83,6 +83,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
     with telling_refusals(path), vanishing_folder(path.parent) as folder:
         yield folder
         files = sorted(folder.iterdir())
+        if not files:
+            raise SpacemapError(f"{path}: nothing was written")
         for file in files:
             _make_last(file)
         with undisturbed():

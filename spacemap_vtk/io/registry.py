@@ -14,12 +14,13 @@ module of `spacemap_vtk.io.formats`, elsewhere anywhere:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, MissingLibraryError
 
 #: What a file can hold that is read, and what reading it returns.
 READ = {
@@ -35,6 +36,13 @@ DATA = {
     "surface": "Surface",
     "cage": "Cage with its motion",
     "draft": "Weaver's draft",
+}
+#: What is drawn and written, and what its writers take after the file.
+DRAWN = {
+    "picture": "an array of pixels",
+    "film": "arrays of pixels, one after another, and their rate in 1/s",
+    "frames": "as a film; the file has a number such as %04d in its name",
+    "plot": "a figure of matplotlib's",
 }
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -74,12 +82,19 @@ class Writer:
 
     endings: tuple[str, ...]
     label: str
-    #: Keys of `DATA`, the default first.
+    #: Keys of `DATA`, the default first, or one of `DRAWN`.
     holds: tuple[str, ...]
     #: Of a file in a folder that is new and may take others beside it, and what it is to hold.
-    write: Callable[[Path, Any], None]
+    write: Callable[..., None]
     #: Whether `write` takes not the data but pairs of time in s and data, one after another.
     times: bool
+    #: Refuses a file, before any work is done for it, where a library is missing.
+    require: Callable[[Path], None] | None
+
+    def check(self, path: Path) -> None:
+        """Refuse a file that cannot be written here."""
+        if self.require is not None:
+            self.require(path)
 
 
 _readers: list[Reader] = []
@@ -106,13 +121,17 @@ def reads(
 
 
 def writes(
-    *endings: str, label: str, holds: tuple[str, ...], times: bool = False
+    *endings: str,
+    label: str,
+    holds: tuple[str, ...],
+    times: bool = False,
+    require: Callable[[Path], None] | None = None,
 ) -> Callable[[_F], _F]:
     """Register a function of a path and data as the writer of files of some endings."""
 
     def register(function: _F) -> _F:
         _builtin()
-        _writers.append(Writer(endings, label, holds, function, times))
+        _writers.append(Writer(endings, label, holds, function, times, require))
         return function
 
     return register
@@ -147,11 +166,17 @@ def read(path: Path, holds: str) -> Any:
     return found.read(path)
 
 
-def writer(path: Path) -> Writer:
-    """Return who writes a file, by its ending; of two the one that was registered last."""
+def writers(holds: str | None = None) -> list[Writer]:
+    """Return the writers of what is a key of `DATA` or `DRAWN`; without one, of any data."""
     _builtin()
+    kinds = set(DATA) if holds is None else {holds}
+    return [writer for writer in _writers if kinds & set(writer.holds)]
+
+
+def writer(path: Path, holds: str | None = None) -> Writer:
+    """Return who writes a file, by its ending; of two the one that was registered last."""
     ending = path.suffix.lower()
-    return next(each for each in reversed(_writers) if ending in each.endings)
+    return next(each for each in reversed(writers(holds)) if ending in each.endings)
 
 
 def endings(holds: str, common: bool = False) -> list[str]:
@@ -168,14 +193,22 @@ def kind_of(path: Path) -> str | None:
 
 
 def written(holds: str | None = None) -> dict[str, str]:
-    """Return the endings of files that are written, all or for a key of `DATA`, with their data."""
-    _builtin()
+    """Return the endings of what is a key of `DATA` or `DRAWN`, in words; of all data without."""
     return {
-        ending: DATA[holds] if holds else " or ".join(writer.holds)
-        for writer in _writers
-        if holds is None or holds in writer.holds
+        ending: " or ".join(writer.holds) if holds is None else DATA.get(holds, writer.label)
+        for writer in writers(holds)
         for ending in writer.endings
     }
+
+
+def writable(holds: str) -> list[str]:
+    """Return the endings of `written` that nothing is missing for here."""
+    found = []
+    for ending in written(holds):
+        with suppress(MissingLibraryError):
+            writer(Path(f"a{ending}"), holds).check(Path(f"a{ending}"))
+            found.append(ending)
+    return found
 
 
 def opened_words() -> str:
@@ -185,8 +218,10 @@ def opened_words() -> str:
     return f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes})"
 
 
-def written_words() -> str:
-    """Return what data are written to which files, in words."""
+def written_words(holds: str | None = None) -> str:
+    """Return what `written` does in words, without a key with the data."""
+    if holds is not None:
+        return _enumerated(written(holds))
     by_data: dict[str, list[str]] = {}
     for ending, data in written().items():
         by_data.setdefault(data, []).append(ending)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,9 +26,10 @@ from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
 from spacemap_vtk.app.plots.save import save_frequencies, save_times
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.plots import QUANTITIES, save_figure
+from spacemap_vtk.draw.plots import QUANTITIES
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.registry import name_filter, writer, written
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.plots.chart import PlotCanvas
@@ -38,7 +40,6 @@ _REST = 250
 _MOVING = ("weave", "object", "cage", "modal", "response", "motion")
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
-_PICTURES = {".png": "picture", ".svg": "drawing", ".pdf": "drawing"}
 
 
 class PlotsTab(QWidget):
@@ -137,11 +138,13 @@ class PlotsTab(QWidget):
         """Ask for a name, and save the plots as they are seen."""
         assert self.canvas is not None
         figure = self.canvas.figure
-        self._save(
-            "plots.png",
-            _PICTURES,
-            lambda file: save_figure(figure, file, dpi=200, facecolor=figure.get_facecolor()),
-        )
+
+        def save(path: Path) -> None:
+            with whole_file(path) as file:
+                write = writer(path, "plot").write
+                write(file, figure, dpi=200, facecolor=figure.get_facecolor())
+
+        self._save("plots.png", written("plot"), save)
 
     def save_times(self) -> None:
         """Ask for a name, and save what is plotted over time."""
@@ -255,17 +258,12 @@ class PlotsTab(QWidget):
         )
 
     def _save(self, name: str, kinds: dict[str, str], write: Any) -> None:
-        endings = " ".join(f"*{ending}" for ending in kinds)
-        path = ask_file(self, "Save", name, f"Files ({endings})", next(iter(kinds)))
+        path = ask_file(self, "Save", name, name_filter("Files", kinds), next(iter(kinds)))
         if path is None:
             return
         try:
             check_output(path, kinds)
-            if kinds is _PICTURES:
-                with whole_file(path) as file:
-                    write(file)
-            else:
-                write(path)
+            write(path)
         except (SpacemapError, OSError) as error:
             self.unwritten.emit(error)
         else:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import reads, writes
 
+if TYPE_CHECKING:
+    from spacemap_vtk.fabric.draft import Draft
+
 
 @reads(".wif", label="Weaver's draft", holds="draft", rest=True)
-def read_wif(path: Path) -> Any:
+def read_wif(path: Path) -> Draft:
     """Read a Weaving Information File."""
     from spacemap_vtk.io import wif
 
@@ -18,7 +21,7 @@ def read_wif(path: Path) -> Any:
 
 
 @reads(".csv", ".txt", label="Rows of 0 and 1", holds="draft", general=True)
-def read_rows(path: Path) -> Any:
+def read_rows(path: Path) -> Draft:
     """Read a row for each pick."""
     from spacemap_vtk.io import draft_file
 
@@ -31,7 +34,7 @@ def read_rows(path: Path) -> Any:
     holds="draft",
     general=True,
 )
-def read_picture(path: Path) -> Any:
+def read_picture(path: Path) -> Draft:
     """Read a pixel for each crossing."""
     from spacemap_vtk.io import draft_file
 
@@ -39,7 +42,7 @@ def read_picture(path: Path) -> Any:
 
 
 @writes(".wif", label="Weaver's draft", holds=("draft",))
-def write_wif(file: Path, draft: Any) -> None:
+def write_wif(file: Path, draft: Draft) -> None:
     """Write a Weaving Information File."""
     from spacemap_vtk.io.wif_writer import format_wif
 

@@ -1,4 +1,4 @@
-"""Files of pictures: one, numbered frames, a film."""
+"""Films."""
 
 from __future__ import annotations
 
@@ -10,29 +10,18 @@ from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from PIL import Image
+from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
-    from spacemap_vtk.draw.picture import Image as Pixels
-
-#: Of zlib. Of a picture of yarns, 6 makes files a twelfth smaller, in more than twice the time.
-_COMPRESSION = 3
-
-
-def write_picture(file: Path, image: Pixels, **more: Any) -> None:
-    """Write a picture."""
-    Image.fromarray(image).save(file, **{"compress_level": _COMPRESSION} | more)
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 def require_encoder(file: Path) -> None:
-    """Refuse a film that nothing here can write, before any work is done for it."""
-    if file.suffix.lower() != ".mp4":
-        return
+    """Refuse a film for which there is no encoder, before any work is done for it."""
     try:
         import imageio_ffmpeg
 
@@ -44,7 +33,9 @@ def require_encoder(file: Path) -> None:
         ) from None
 
 
-def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
+@writes(".gif", label="film", holds=("film",))
+@writes(".mp4", label="film", holds=("film",), require=require_encoder)
+def write_film(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
     """Write a film.
 
     Parameters
@@ -71,13 +62,9 @@ def write_film(file: Path, images: Iterable[Pixels], rate: float) -> None:
         _write_mp4(file, images, rate)
 
 
-def write_frames(file: Path, images: Iterable[Pixels]) -> None:
-    """Write numbered pictures."""
-    for number, image in enumerate(images):
-        write_picture(file.with_name(file.name % number), image)
+def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
+    from PIL import Image
 
-
-def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
     frames = (Image.fromarray(image) for image in images)
     first = next(frames)
     # One palette for the whole film, of the first frame's colours: palettes of their own make
@@ -94,8 +81,9 @@ def _write_gif(file: Path, images: Iterable[Pixels], rate: float) -> None:
     )
 
 
-def _write_mp4(file: Path, images: Iterable[Pixels], rate: float) -> None:
+def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
     require_encoder(file)
+    import numpy as np
     from imageio_ffmpeg import get_ffmpeg_exe
 
     # H.264 takes even sizes only.
