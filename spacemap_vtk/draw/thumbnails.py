@@ -54,8 +54,8 @@ def drawn_from(name: str) -> str:
 def draw(name: str) -> None:
     """Draw a scene's picture."""
     from spacemap_vtk.draw.picture import Picture
-    from spacemap_vtk.io.formats.pictures import write_picture
     from spacemap_vtk.io.output import whole_file
+    from spacemap_vtk.io.registry import writer
     from spacemap_vtk.scenes.scene import Scene
 
     scene = Scene.read(name)
@@ -64,7 +64,8 @@ def draw(name: str) -> None:
     picture.close()
     file_of(name).parent.mkdir(exist_ok=True)
     with whole_file(file_of(name)) as file:
-        write_picture(file, pixels, quality=_QUALITY, comment=digest_of(name).encode())
+        write = writer(file, "picture").write
+        write(file, pixels, quality=_QUALITY, comment=digest_of(name).encode())
 
 
 def main() -> None:
