@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -47,38 +48,27 @@ def run(script: Path, *arguments: object, program: str = "pvpython") -> str:
     return done.stdout
 
 
-def test_every_declared_parameter_is_a_property() -> None:
-    assert run(SCRIPTS / "declarations.py") == "10 proxies\n"
-
-
-def test_time_demand_windows_and_no_leaks() -> None:
-    assert run(SCRIPTS / "behaviour.py") == "time, demand, windows, no leaks\n"
-
-
-def test_a_pipeline_built_by_hand_has_time_steps(tmp_path: Path) -> None:
-    out = run(SCRIPTS / "series.py", tmp_path)
-    assert out == "every step is offered, and any time between\n"
-
-
-def test_what_is_cut_out_of_the_patches_keeps_its_yarns() -> None:
-    assert run(SCRIPTS / "cuts.py") == "cut yarns keep their numbers and colours\n"
-
-
-def test_mistakes_are_told_and_the_last_good_state_stays() -> None:
-    assert run(SCRIPTS / "mistakes.py") == "mistakes are told and do no harm\n"
-
-
-def test_state_files(tmp_path: Path) -> None:
-    assert "both state files load\n" in run(SCRIPTS / "state.py", tmp_path)
-
-
-def test_state_files_of_every_proxy(tmp_path: Path) -> None:
-    out = run(SCRIPTS / "state_of_all.py", ROOT / "scenes", tmp_path)
-    assert "10 proxies come back from both state files\n" in out
-
-
-def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
-    assert run(SCRIPTS / "colours.py", tmp_path) == "yarns in their own colours\n"
+def test_scripts_in_one_session(tmp_path: Path) -> None:
+    """Each of these would take longer to start ParaView than to run."""
+    scripts = {
+        "behaviour": ([], "time, demand, windows, no leaks\n"),
+        "declarations": ([], "10 proxies\n"),
+        "series": ([tmp_path], "every step is offered, and any time between\n"),
+        "cuts": ([], "cut yarns keep their numbers and colours\n"),
+        "mistakes": ([], "mistakes are told and do no harm\n"),
+        "state": ([tmp_path], "both state files load\n"),
+        "state_of_all": (
+            [ROOT / "scenes", tmp_path],
+            "10 proxies come back from both state files\n",
+        ),
+        "colours": ([tmp_path], "yarns in their own colours\n"),
+        "readers": ([ROOT / "scenes", tmp_path], "scenes, drafts and other readers\n"),
+    }
+    words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
+    run(SCRIPTS / "session.py", tmp_path / "told.json", *words)
+    told = json.loads((tmp_path / "told.json").read_text())
+    wrong = {name: told[name] for name, (_, says) in scripts.items() if says not in told[name]}
+    assert not wrong, "\n".join(f"{name}: {text}" for name, text in wrong.items())
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
         for name in ("shown", "again", "displacement", "map")
@@ -90,7 +80,15 @@ def test_yarns_show_their_own_colours(tmp_path: Path) -> None:
         assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
 
 
-@pytest.fixture(params=["server's environment", "both environments", "loaded by the client"])
+@pytest.fixture(
+    params=[
+        "server's environment",
+        *(
+            pytest.param(name, marks=pytest.mark.nightly)
+            for name in ("both environments", "loaded by the client")
+        ),
+    ]
+)
 def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int, str]]:
     """Start pvserver in a shell with the printed lines; its port, and where the plugin is."""
     has_plugin = "environment" in request.param
@@ -154,18 +152,12 @@ def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
     assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
 
 
-def test_scenes_drafts_and_other_readers(tmp_path: Path) -> None:
-    out = run(SCRIPTS / "readers.py", ROOT / "scenes", tmp_path)
-    assert out == "scenes, drafts and other readers\n"
-
-
 IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
 
 
 @pytest.mark.parametrize(
     ("script", "program"),
-    [(script, "pvbatch") for script in IN_PARAVIEW]
-    + [(ROOT / "pipelines" / "paraview" / "plain_weave.py", "pvpython")],
+    [(script, "pvpython" if script.stem == "plain_weave" else "pvbatch") for script in IN_PARAVIEW],
     ids=lambda value: value if isinstance(value, str) else value.stem,
 )
 def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
@@ -213,9 +205,10 @@ def test_the_filters_without_the_plugin() -> None:
 
 
 def test_check_reports_the_versions() -> None:
-    report = environment.check()
+    code, report, error = check_with(os.environ["PATH"])
+    assert (code, error) == (0, "")
     assert report.startswith("ParaView ")
-    assert report.endswith("SceneReader work")
+    assert report.endswith("SceneReader work\n")
 
 
 def check_with(path: str) -> tuple[int, str, str]:
