@@ -800,13 +800,13 @@ def test_a_draft_too_large_to_be_drawn_is_told_of(
 def test_info_counts_what_is_built_and_builds_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    built = WeaveSource(pattern="twill 3/1", ends=40, picks=30, warp_section="racetrack")
+    built = WeaveSource(pattern="twill 3/1", ends=24, picks=18, warp_section="racetrack")
     built.update()
     grid = built.GetOutputDataObject(0)
     monkeypatch.setattr(WeaveSource, "run", None)
     scene = tmp_path / "scene.toml"
     scene.write_text(
-        '[weave]\npattern = "twill 3/1"\nends = 40\npicks = 30\nwarp_section = "racetrack"\n'
+        '[weave]\npattern = "twill 3/1"\nends = 24\npicks = 18\nwarp_section = "racetrack"\n'
     )
     assert run("info", str(scene), "--json") == 0
     figures = json.loads(capsys.readouterr().out)

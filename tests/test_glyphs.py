@@ -201,7 +201,7 @@ def test_an_arrow_behind_the_cloth_shines_through() -> None:
 
 def test_dots_grow_with_the_picture() -> None:
     orange = []
-    for height in (960, 1920):
+    for height in (600, 1200):
         scene = Scene({**VALUES, "view": {"show": "cage", "camera": "front"}})
         picture = Picture(scene, [0.0], (height, height))
         image = picture.draw(0.0).astype(int)

@@ -43,14 +43,14 @@ def test_parallel_tubes(distance: float) -> None:
 
 
 def test_crossed_tubes_of_many_yarns() -> None:
-    tubes = [tube(np.array([0, k * 1.5, 0.0]), 0, 0.3) for k in (-1, 0, 1)]
-    tubes += [tube(np.array([k * 1.5, 0, 0.7]), 1, 0.3) for k in (-1, 0, 1)]
+    tubes = [tube(np.array([0, k * 1.5, 0.0]), 0, 0.3) for k in (0, 1)]
+    tubes += [tube(np.array([k * 1.5, 0, 0.7]), 1, 0.3) for k in (0, 1)]
     points, normals = (np.concatenate([t[i] for t in tubes]) for i in (0, 1))
-    yarn = np.repeat(np.arange(6), len(tubes[0][0]))
+    yarn = np.repeat(np.arange(4), len(tubes[0][0]))
     found = gaps(points, normals, yarn, reach=0.015)
     assert abs(found.min() - 0.1) < 5e-4
-    # All six crossed pairs come as near.
-    for number in range(6):
+    # All four crossed pairs come as near.
+    for number in range(4):
         assert abs(found[yarn == number].min() - 0.1) < 5e-4
 
 

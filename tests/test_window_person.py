@@ -145,7 +145,8 @@ def test_a_failure_elsewhere_leaves_a_drag_alone(open_window: Any, qtbot: Any) -
     assert window.properties.section == "weave"
 
 
-def test_haste_breaks_nothing(open_window: Any, qtbot: Any) -> None:
+@pytest.mark.parametrize("deeds", [60, pytest.param(150, marks=pytest.mark.nightly)])
+def test_haste_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
     """Many things in a row that a person may do: a slot that fails, or a word of VTK, fails it."""
     window, dice = open_window(), random.Random(6)
 
@@ -203,7 +204,7 @@ def test_haste_breaks_nothing(open_window: Any, qtbot: Any) -> None:
     def back() -> None:
         dice.choice([window.document.undo.undo, window.document.undo.redo])()
 
-    for _ in range(150):
+    for _ in range(deeds):
         dice.choice([slide, write, draw, plot, swing, look, step, back, back])()
         qtbot.wait(dice.choice([0, 5, 30]))
         # What is asked for stays small enough for a test.
