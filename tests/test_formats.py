@@ -6,7 +6,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -31,7 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.io.registry import reads, truncated, writes
 
 
@@ -62,6 +62,21 @@ def write_points(file, data):
     np.savetxt(file, points_of(data))
 
 
+def need_ink(file):
+    raise MissingLibraryError(f"{file.name}: there is no ink")
+
+
+@writes(".ink", label="toy picture", holds=("picture",))
+def write_ink(file, image):
+    file.write_text(str(image.shape))
+
+
+@writes(".noink", label="film", holds=("film",), require=need_ink)
+@writes(".blank", label="Nothing", holds=("draft",))
+def write_nothing(file, *_):
+    pass
+
+
 @writes(".film", label="Toy film", holds=("cage",), times=True)
 def write_film(file, steps):
     with file.open("w") as stream:
@@ -71,14 +86,14 @@ def write_film(file, steps):
 
 
 @pytest.fixture
-def toys() -> Iterator[dict[str, Callable[..., Any]]]:
+def toys() -> Iterator[dict[str, Any]]:
     """Register the formats, and take them back."""
     names: dict[str, Any] = {}
     exec(_MODULE, names)
-    made = {n: names[n] for n in ("read_bits", "read_dots", "write_points", "write_film")}
-    yield made
-    for function in made.values():
-        registry.forget(function)
+    yield names
+    for name, made in names.items():
+        if name.startswith(("read_", "write_")):
+            registry.forget(made)
 
 
 def run(*words: str) -> int:
@@ -135,7 +150,23 @@ def test_a_writer_is_used_wherever_data_are_written(tmp_path: Path, capsys: Any)
     times = np.loadtxt(film)
     np.testing.assert_allclose(times[:, 0], scene.animation.frame_times())
     assert set(times[:, 1]) == {72}
+    # A writer that writes nothing is told.
+    assert run("export", "plain_weave", "-o", str(tmp_path / "a.blank"), "-q") == 1
+    assert "a.blank: nothing was written" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.film", "a.xyz"]
+
+
+@pytest.mark.usefixtures("toys")
+def test_what_is_drawn_is_written_by_it_too(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "a.ink"
+    assert run("render", "plain_weave", "-o", str(file), "--size", "64x48", "-q") == 0
+    assert file.read_text() == "(48, 64, 3)"
+    assert registry.name_filter("Pictures", registry.written("picture")).endswith("*.ink)")
+    # What is missing is told before any work, and no dialog proposes what cannot be written.
+    assert run("animate", "plain_weave", "-o", str(tmp_path / "a.noink"), "-q") == 1
+    assert "a.noink: there is no ink" in capsys.readouterr().err
+    assert ".noink" in registry.written("film")
+    assert ".noink" not in registry.writable("film")
 
 
 @pytest.mark.usefixtures("toys")
@@ -176,7 +207,7 @@ def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
         "A .vtu (patches or cage), ",
         ".xyz (surface or cage)",
         ".film (cage)",
-        ".wif (draft)",
+        ".wif or .blank (draft)",
     ):
         assert part in help
 

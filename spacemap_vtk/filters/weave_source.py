@@ -22,6 +22,7 @@ from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.registry import read_words
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
@@ -389,7 +390,7 @@ class WeaveSource(Stage):
                 "a folder" if self.draft.is_dir() else "no such file",
                 key="draft",
                 value=self.draft,
-                allowed="a WIF, a text of 0 and 1 (.txt, .csv) or a picture (.png and others)",
+                allowed=read_words("draft"),
             )
         return read_draft(self.draft)
 

@@ -229,6 +229,11 @@ def written_words(holds: str | None = None) -> str:
     return f"{', '.join(most)}, or {last}"
 
 
+def read_words(holds: str) -> str:
+    """Return what is read as what is a key of `READ`, in words."""
+    return ", ".join(f"{each.label} ({', '.join(each.endings)})" for each in readers(holds))
+
+
 def opened_filters() -> str:
     """Return what a dialog offers that opens scenes, drafts and meshes."""
     first = [*endings("scene"), *endings("draft"), *endings("mesh", common=True)]

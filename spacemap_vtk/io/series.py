@@ -88,10 +88,8 @@ class ReaderSeries(MeshSeries):
 
 def kinds() -> str:
     """Return what a motion can be read from, in words."""
-    return (
-        f"a file with times ({', '.join(registry.endings('motion'))}), one mesh such as a .vtu, or "
-        "several by a pattern such as step_*.vtu"
-    )
+    formats = registry.read_words("motion")
+    return f"{formats}, one mesh such as a .vtu, or several by a pattern such as step_*.vtu"
 
 
 def open_series(file: Path) -> MeshSeries:

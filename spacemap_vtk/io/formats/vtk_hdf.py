@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
 
 
-@reads(".vtkhdf", label="VTK, HDF5", holds="mesh")
+@reads(".vtkhdf", label="VTK HDF5", holds="mesh")
 def read_hdf(path: Path) -> Any:
     """Read the first step."""
     from spacemap_vtk.io.reading import read_with_vtk
@@ -19,7 +19,7 @@ def read_hdf(path: Path) -> Any:
     return read_with_vtk(path, "vtkIOHDF", "vtkHDFReader")
 
 
-@reads(".vtkhdf", label="VTK, HDF5", holds="motion")
+@reads(".vtkhdf", label="VTK HDF5", holds="motion")
 def open_hdf(path: Path) -> MeshSeries:
     """Open all steps."""
     from vtkmodules.vtkIOHDF import vtkHDFReader

@@ -30,7 +30,7 @@ def _check(path: Path) -> None:
         raise truncated(path)
 
 
-@reads(".vtk", label="VTK, legacy", holds="mesh", check=_check)
+@reads(".vtk", label="VTK legacy", holds="mesh", check=_check)
 def read_legacy(path: Path) -> Any:
     """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk

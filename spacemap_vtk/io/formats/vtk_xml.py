@@ -25,8 +25,8 @@ _READERS = {
 }
 
 
-@reads(*list(_READERS)[2:], label="VTK, XML, images and parts", holds="mesh", common=False)
-@reads(".vtu", ".vtp", label="VTK, XML", holds="mesh")
+@reads(*list(_READERS)[2:], label="Other VTK XML", holds="mesh", common=False)
+@reads(".vtu", ".vtp", label="VTK XML", holds="mesh")
 def read_xml(path: Path) -> Any:
     """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk
@@ -34,7 +34,7 @@ def read_xml(path: Path) -> Any:
     return read_with_vtk(path, "vtkIOXML", _READERS[path.suffix.lower()])
 
 
-@writes(".vtu", label="VTK, XML", holds=("patches", "cage"))
+@writes(".vtu", label="VTK XML", holds=("patches", "cage"))
 def write_vtu(file: Path, data: vtkDataSet) -> None:
     """Write any data set."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter
@@ -48,7 +48,7 @@ def write_vtu(file: Path, data: vtkDataSet) -> None:
     write(file, [_made(vtkXMLUnstructuredGridWriter(), data, ".vtu")])
 
 
-@writes(".vtp", label="VTK, XML", holds=("surface",))
+@writes(".vtp", label="VTK XML", holds=("surface",))
 def write_vtp(file: Path, data: vtkPolyData) -> None:
     """Write a surface."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
