@@ -54,8 +54,6 @@ TWICE: dict[str, str] = {}
 PENDING: dict[str, str] = {
     "fabric.settle -> io.wif": "A",
     "fabric.weave is long": "A",
-    "app.undo_keys is short": "E",
-    "app.plots.save is short": "E",
     "fabric.bicubic is short": "A",
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtCore import QObject, Signal
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
@@ -12,6 +12,7 @@ from spacemap_vtk.app.job import Job, Swing
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.widgets import later
 from spacemap_vtk.scenes.scene import Scene
 
 #: Milliseconds after the last coarse frame until a smooth one is asked for.
@@ -49,8 +50,8 @@ class Director(QObject):
         self._share = 0.0
         self._held = self._giving_up = False
         self._settings: dict[str, dict[str, Any]] = {}
-        self._rest = _timer(self, _REST, self._refine)
-        self._notice = _timer(self, _NOTICE, self._show_running)
+        self._rest = later(self, self._refine, _REST)
+        self._notice = later(self, self._show_running, _NOTICE)
         document.crowded = lambda: engine.crowded
         document.changed.connect(self._changed)
         document.replaced.connect(self._replaced)
@@ -239,11 +240,3 @@ class Director(QObject):
 def _settings_of(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the settings of all stages that run."""
     return {stage.section: stage.settings for stage in scene.stages}
-
-
-def _timer(owner: QObject, milliseconds: int, slot: object) -> QTimer:
-    timer = QTimer(owner)
-    timer.setSingleShot(True)
-    timer.setInterval(milliseconds)
-    timer.timeout.connect(slot)
-    return timer

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
-from PySide6.QtCore import QObject, QTimer, Signal
+from PySide6.QtCore import QObject, Signal
 from tomlkit.items import AoT, Array
 
 from spacemap_vtk.app.edit import Edit, History, Version
 from spacemap_vtk.app.kept_drafts import KeptDrafts
+from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_folder
@@ -62,10 +63,7 @@ class Document(QObject):
         #: of those that come meanwhile the last one counts. Each would cost a tenth of a frame.
         self.crowded: Callable[[], bool] = lambda: False
         self._waiting: _Change | None = None
-        self._latest = QTimer(self)
-        self._latest.setSingleShot(True)
-        self._latest.setInterval(_LATEST)
-        self._latest.timeout.connect(self.catch_up)
+        self._latest = later(self, self.catch_up, _LATEST)
         self._parse("")
         self._scene = Scene({}, self.base)
         self._clean = self._settings()

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QSizePolicy, QToolButton, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QSizePolicy, QWidget
 
+from spacemap_vtk.app.widgets import row, tool_button
 from spacemap_vtk.errors import SpacemapError, shown
 
 
@@ -29,15 +30,9 @@ class ErrorBar(QWidget):
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         #: Goes on with a run that was cancelled.
         self.run = QPushButton("Run")
-        close = QToolButton()
-        close.setText("✕")
-        close.setAutoRaise(True)
+        close = tool_button("✕")
         close.clicked.connect(self.hide)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(10, 6, 6, 6)
-        layout.addWidget(self.label, 1)
-        layout.addWidget(self.run)
-        layout.addWidget(close)
+        row(self, (self.label, 1), self.run, close, margins=(10, 6, 6, 6))
         self._about = ""
         #: Puts words in place of what nobody knows of.
         self.told: Callable[[str], str] = str

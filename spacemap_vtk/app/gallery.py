@@ -8,16 +8,15 @@ from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
     QFrame,
-    QHBoxLayout,
     QLabel,
     QListView,
     QListWidget,
     QListWidgetItem,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
+from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
@@ -39,15 +38,11 @@ class Gallery(QWidget):
         super().__init__()
         heading = QLabel("Scenes")
         heading.setObjectName("heading")
-        about = QLabel("Click one to open it. Everything in it can then be changed.")
-        about.setObjectName("about")
-        about.setWordWrap(True)
+        about = note("Click one to open it. Everything in it can then be changed.")
         self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
         self.new_button.clicked.connect(self.new)
         self.open_button.clicked.connect(self.browse)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.new_button)
-        buttons.addWidget(self.open_button)
+        buttons = row(None, self.new_button, self.open_button)
         self.list = _Pictures()
         for name in library.names():
             item = QListWidgetItem(thumbnails.title_of(name))
@@ -60,14 +55,16 @@ class Gallery(QWidget):
         self.recent.setObjectName("recent")
         _see_through(self.recent)
         self.recent.itemClicked.connect(self._recent_chosen)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(12, 10, 8, 8)
-        layout.addWidget(heading)
-        layout.addWidget(about)
-        layout.addLayout(buttons)
-        layout.addWidget(self.list, 1)
-        layout.addWidget(self._recent_label)
-        layout.addWidget(self.recent)
+        column(
+            self,
+            heading,
+            about,
+            buttons,
+            (self.list, 1),
+            self._recent_label,
+            self.recent,
+            margins=(12, 10, 8, 8),
+        )
         self._pictured = False
         self.show_recent([])
 
@@ -76,8 +73,8 @@ class Gallery(QWidget):
         super().showEvent(event)
         if not self._pictured:
             self._pictured = True
-            for row in range(self.list.count()):
-                item = self.list.item(row)
+            for number in range(self.list.count()):
+                item = self.list.item(number)
                 item.setIcon(_picture(item.data(_NAME)))
 
     def show_recent(self, files: list[str]) -> None:
@@ -90,8 +87,8 @@ class Gallery(QWidget):
             self.recent.addItem(item)
         for widget in (self.recent, self._recent_label):
             widget.setVisible(bool(files))
-        row = self.recent.sizeHintForRow(0) if files else 0
-        self.recent.setFixedHeight(row * self.recent.count() + 6)
+        height = self.recent.sizeHintForRow(0) if files else 0
+        self.recent.setFixedHeight(height * self.recent.count() + 6)
 
     def _recent_chosen(self, item: QListWidgetItem) -> None:
         self.chosen.emit(item.data(_NAME))

@@ -16,7 +16,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSplitter,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -35,9 +34,9 @@ from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar
-from spacemap_vtk.app.undo_keys import UndoKeys
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.app.widgets import column
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
@@ -86,7 +85,6 @@ class MainWindow(QMainWindow):
         self.menus = Menus(
             self, self.document, self.files, self.exports, self.times, self.tools, self.view
         )
-        UndoKeys(self)
         self._connect()
         self.setAcceptDrops(True)
         self._restore()
@@ -158,19 +156,20 @@ class MainWindow(QMainWindow):
             self.splitter.restoreState(columns)
 
     def _lay_out(self) -> None:
-        left = _column(self.stages, self.properties)
+        left, middle = QWidget(), QWidget()
+        column(left, self.stages, (self.properties, 1), spacing=0)
         # The widest page of fields and its scroll bar. Not found anew for each page or value: the
         # view would change its size under a drag.
         left.setMinimumWidth(288)
         self.tools = ViewBar(self.view)
-        middle = _column(self.tools, self.errors, self.view, self.times)
+        column(middle, self.tools, self.errors, (self.view, 1), self.times, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal)
         self.splitter.addWidget(left)
         self.splitter.addWidget(middle)
         self.splitter.addWidget(self.tabs)
         # Of another width the view takes most, but not all.
-        for column, share in enumerate((1, 3, 1)):
-            self.splitter.setStretchFactor(column, share)
+        for place, share in enumerate((1, 3, 1)):
+            self.splitter.setStretchFactor(place, share)
         self.splitter.setSizes([310, 770, 360])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
@@ -338,14 +337,3 @@ class MainWindow(QMainWindow):
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))
-
-
-def _column(*widgets: QWidget) -> QWidget:
-    column = QWidget()
-    layout = QVBoxLayout(column)
-    layout.setContentsMargins(0, 0, 0, 0)
-    layout.setSpacing(0)
-    for widget in widgets:
-        growing = isinstance(widget, (Properties, View3D))
-        layout.addWidget(widget, 1 if growing else 0)
-    return column

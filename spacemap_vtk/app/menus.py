@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QObject, QSettings, Signal
-from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
-from PySide6.QtWidgets import QApplication, QMainWindow, QMenu, QMessageBox
+from PySide6.QtCore import QEvent, QObject, QSettings, Signal
+from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QApplication,
+    QLineEdit,
+    QMainWindow,
+    QMenu,
+    QMessageBox,
+    QWidget,
+)
 
 from spacemap_vtk.app.as_text import as_command, as_script
 from spacemap_vtk.app.document import Document
@@ -113,6 +121,7 @@ class Menus(QObject):
         menu = self._menu("&Help")
         self._add(menu, "Keys and mouse", "F1", self._tell_keys)
         self._theme()
+        _UndoKeys(window)
 
     @property
     def keys(self) -> str:
@@ -190,6 +199,37 @@ class Menus(QObject):
             f"<td style='padding-left: 32px'><pre>{view}\n\n{MOUSE}</pre></td></tr></table>"
         )
         box.exec()
+
+
+class _UndoKeys(QObject):
+    """Leaves undo and redo to the window's menu where a line of text has none of its own."""
+
+    # Qt's lines keep both keys for themselves, even when there is nothing to undo in them: after
+    # Enter in a field Ctrl+Z would do nothing at all.
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        # Only the line that has the keyboard is watched: to watch all costs at every event.
+        QApplication.instance().focusChanged.connect(self._follow)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Pass a key on to the window's shortcuts."""
+        if event.type() != QEvent.Type.ShortcutOverride or not isinstance(event, QKeyEvent):
+            return False
+        line = watched if isinstance(watched, QLineEdit) else watched.findChild(QLineEdit)
+        keys = QKeySequence.StandardKey
+        idle = (event.matches(keys.Undo) and not line.isUndoAvailable()) or (
+            event.matches(keys.Redo) and not line.isRedoAvailable()
+        )
+        if idle:
+            event.ignore()
+        return idle
+
+    def _follow(self, before: QWidget | None, now: QWidget | None) -> None:
+        if isinstance(before, (QLineEdit, QAbstractSpinBox)):
+            before.removeEventFilter(self)
+        if isinstance(now, (QLineEdit, QAbstractSpinBox)):
+            now.installEventFilter(self)
 
 
 def _give_keys(action: QAction, *keys: object) -> None:

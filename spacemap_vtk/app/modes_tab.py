@@ -10,20 +10,19 @@ import numpy as np
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QHBoxLayout,
     QHeaderView,
     QLabel,
     QPushButton,
     QSlider,
     QTableWidget,
     QTableWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
+from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.datasets.modal_model import rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -59,8 +58,8 @@ class ModesTab(QWidget):
         self.table = QTableWidget(0, len(_HEADINGS))
         self.table.setObjectName("modes")
         self.table.setHorizontalHeaderLabels(_HEADINGS)
-        for column, side in enumerate(_SIDES):
-            self.table.horizontalHeaderItem(column).setTextAlignment(side)
+        for place, side in enumerate(_SIDES):
+            self.table.horizontalHeaderItem(place).setTextAlignment(side)
         self.table.verticalHeader().hide()
         header = self.table.horizontalHeader()
         # Not ResizeToContents, which would measure all rows anew at every single cell.
@@ -78,18 +77,9 @@ class ModesTab(QWidget):
         self.amplitude.setToolTip("Largest displacement, in percent of the cage's longest side")
         self.back = QPushButton("Back to the motion")
         self.back.setEnabled(False)
-        self.hint = QLabel(_HINTS[0])
-        self.hint.setObjectName("about")
-        self.hint.setWordWrap(True)
-        below = QHBoxLayout()
-        below.addWidget(QLabel("Amplitude"))
-        below.addWidget(self.amplitude, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(6, 6, 6, 6)
-        layout.addWidget(self.hint)
-        layout.addWidget(self.table, 1)
-        layout.addLayout(below)
-        layout.addWidget(self.back)
+        self.hint = note(_HINTS[0])
+        below = row(None, QLabel("Amplitude"), (self.amplitude, 1))
+        column(self, self.hint, (self.table, 1), below, self.back, margins=(6, 6, 6, 6))
         self._known: Any = None
         self._mode: int | None = None
         self._begun = 0.0
@@ -122,22 +112,22 @@ class ModesTab(QWidget):
         rates = damping.alphas(values), damping.beta
         lost = 0.0 if cage is None or array is None else rounding_of(cage)
         ratios, kinds = damping_ratio(values, *rates), regime(values, *rates, lost)
-        for row, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
+        for number, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
             texts = (
-                str(row),
+                str(number),
                 f"{math.sqrt(max(value, 0.0)) / (2 * math.pi):.4g} Hz",
                 f"{ratio:.3g}" if math.isfinite(ratio) else "–",
                 str(kind),
             )
-            for column, text in enumerate(texts):
+            for place, text in enumerate(texts):
                 item = QTableWidgetItem(text)
-                item.setTextAlignment(_SIDES[column])
-                self.table.setItem(row, column, item)
+                item.setTextAlignment(_SIDES[place])
+                self.table.setItem(number, place, item)
             # In a narrow window its end is cut off.
             item.setToolTip(text)
         # Not the last one, which takes the room that is left.
-        for column in range(self.table.columnCount() - 1):
-            self.table.resizeColumnToContents(column)
+        for place in range(self.table.columnCount() - 1):
+            self.table.resizeColumnToContents(place)
         if self._mode is not None and self._mode >= len(values):
             self.stop()
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.fields.lines import FileEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
+from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
@@ -39,9 +40,7 @@ class Properties(QScrollArea):
         self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
         self._limited = 0.0
-        self._later = QTimer(self)
-        self._later.setSingleShot(True)
-        self._later.timeout.connect(self._show_limits)
+        self._later = later(self, self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -57,13 +56,8 @@ class Properties(QScrollArea):
         self._shown = None
         self._limited = 0.0
         page = QWidget()
-        layout = QVBoxLayout(page)
-        layout.setContentsMargins(10, 6, 10, 10)
         cls = sections()[section]
-        about = QLabel((cls.__doc__ or "").strip().splitlines()[0])
-        about.setWordWrap(True)
-        about.setObjectName("about")
-        layout.addWidget(about)
+        about = note((cls.__doc__ or "").strip().splitlines()[0])
         for name, parameter in cls.parameters.items():
             # The one editor that has rows of its own.
             loads = parameter.kind == "loads"
@@ -74,9 +68,8 @@ class Properties(QScrollArea):
             row.edited.connect(self._edited)
             row.held.connect(self.held)
             row.restored.connect(self._restored)
-            layout.addWidget(row)
             self.rows[name] = row
-        layout.addStretch(1)
+        column(page, about, *self.rows.values(), None, margins=(10, 6, 10, 10))
         self.setWidget(page)
         self.refresh()
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
+from spacemap_vtk.app.widgets import later
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.scene import Scene
@@ -46,10 +47,7 @@ class StageList(QTreeWidget):
         # Each new text lays the list out again: at every frame that would cost more than the frame.
         self._runs: dict[str, tuple[float, int]] = {}
         self._dots: dict[str, QIcon] = {}
-        self._flush = QTimer(self)
-        self._flush.setSingleShot(True)
-        self._flush.setInterval(250)
-        self._flush.timeout.connect(self.flush)
+        self._flush = later(self, self.flush, 250)
         for section, cls in sections().items():
             item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
             item.setData(0, _KEY, section)

@@ -7,16 +7,9 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import (
-    QComboBox,
-    QHBoxLayout,
-    QLabel,
-    QLineEdit,
-    QSlider,
-    QToolButton,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSlider, QWidget
 
+from spacemap_vtk.app.widgets import mark, row, tool_button
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.settings import Animation
 from spacemap_vtk.units import format_quantity, parse_quantity
@@ -48,12 +41,12 @@ class TimeBar(QWidget):
         self._start, self._stop, self._step = 0.0, 1.0, 0.04
         self._clock = 0.0
         self._adopted: dict[str, Any] | None = None
-        self.play = _button("▶", "Play (Space)", checkable=True)
-        self.first = _button("|◀", "To the start (Home)")
-        self.back = _button("◁", "A frame back (,)")
-        self.forward = _button("▷", "A frame on (.)")
-        self.last = _button("▶|", "To the end (End)")
-        self.loop = _button("⟳", "Start again at the end", checkable=True)
+        self.play = tool_button("▶", "Play (Space)", checkable=True)
+        self.first = tool_button("|◀", "To the start (Home)")
+        self.back = tool_button("◁", "A frame back (,)")
+        self.forward = tool_button("▷", "A frame on (.)")
+        self.last = tool_button("▶|", "To the end (End)")
+        self.loop = tool_button("⟳", "Start again at the end", checkable=True)
         self.loop.setChecked(True)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setRange(0, _STEPS)
@@ -65,15 +58,9 @@ class TimeBar(QWidget):
         self.speed = QComboBox()
         self.speed.addItems([f"{s} ×" for s in SPEEDS])
         self.speed.setToolTip("Seconds of motion in a second")
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(8, 4, 8, 4)
-        layout.setSpacing(3)
-        for widget in (self.first, self.back, self.play, self.forward, self.last, self.loop):
-            layout.addWidget(widget)
-        layout.addWidget(self.slider, 1)
-        layout.addWidget(self.line)
-        layout.addWidget(self.end)
-        layout.addWidget(self.speed)
+        buttons = (self.first, self.back, self.play, self.forward, self.last, self.loop)
+        others = ((self.slider, 1), self.line, self.end, self.speed)
+        row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
         self.setMinimumWidth(_NARROW)
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
@@ -158,7 +145,7 @@ class TimeBar(QWidget):
         # What is being typed stays.
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
-            self._mark(bad=False)
+            mark(self.line, bad=False)
 
     def _toggled(self, on: bool) -> None:
         self.play.setText("❚❚" if on else "▶")
@@ -206,23 +193,7 @@ class TimeBar(QWidget):
                 raise InputError("not a time to show", allowed="at least 0 s")
         except InputError as error:
             error.key, error.value = "time", self.line.text()
-            self._mark(bad=True)
+            mark(self.line, bad=True)
             self.refused.emit(error)
         else:
             self.go(at)
-
-    def _mark(self, bad: bool) -> None:
-        if bool(self.line.property("bad")) != bad:
-            self.line.setProperty("bad", bad)
-            # A style sheet looks at a property only when it is told to.
-            self.line.style().unpolish(self.line)
-            self.line.style().polish(self.line)
-
-
-def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:
-    button = QToolButton()
-    button.setText(text)
-    button.setToolTip(tip)
-    button.setCheckable(checkable)
-    button.setAutoRaise(True)
-    return button

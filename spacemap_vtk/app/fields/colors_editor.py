@@ -6,9 +6,10 @@ from typing import Any
 
 from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QColorDialog, QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QColorDialog, QWidget
 
 from spacemap_vtk.app.fields.editor import LineEditor
+from spacemap_vtk.app.widgets import column, row
 
 _SIDE, _GAP, _IN_A_ROW = 20, 3, 11
 
@@ -21,14 +22,7 @@ class ColorsEditor(LineEditor):
         self.swatches = Swatches()
         self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
         self._colors: list[str] = []
-        row = QHBoxLayout()
-        row.addWidget(self.swatches)
-        row.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(row)
-        layout.addWidget(self.line)
+        column(self, row(None, self.swatches, None), self.line, spacing=4)
         self.swatches.chosen.connect(self._choose)
 
     def show_value(self, value: Any) -> None:

@@ -6,7 +6,7 @@ import tomllib
 from typing import Any
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QWidget
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from spacemap_vtk.parameters import Parameter
 
@@ -39,13 +39,6 @@ class Editor(QWidget):
         if text == self.shown:
             self.restored.emit()
         return text != self.shown
-
-    def stand_beside(self, *widgets: QWidget) -> None:
-        """Put widgets side by side; a line takes what room there is."""
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for widget in widgets:
-            layout.addWidget(widget, int(isinstance(widget, QLineEdit)))
 
 
 class LineEditor(Editor):

@@ -10,6 +10,7 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QPushButton
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
+from spacemap_vtk.app.widgets import row
 from spacemap_vtk.parameters import Choice, Parameter
 
 
@@ -18,7 +19,7 @@ class TextEditor(LineEditor):
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
-        self.stand_beside(self.line)
+        row(self, self.line)
 
     def show_value(self, value: Any) -> None:
         """Show it with its unit."""
@@ -37,7 +38,7 @@ class ChoiceEditor(Editor):
         self.box = QComboBox()
         leave_wheel(self.box)
         self.box.addItems(parameter.choices)
-        self.stand_beside(self.box)
+        row(self, self.box)
         self.setFocusProxy(self.box)
         self.box.textActivated.connect(self._chosen)
 
@@ -55,7 +56,7 @@ class FlagEditor(Editor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.box = QCheckBox("On")
-        self.stand_beside(self.box)
+        row(self, self.box)
         self.setFocusProxy(self.box)
         self.box.clicked.connect(self._clicked)
 
@@ -75,7 +76,7 @@ class ColorEditor(LineEditor):
         self.button = QPushButton()
         self.button.setFixedWidth(40)
         self.button.setToolTip("Choose a colour")
-        self.stand_beside(self.button, self.line)
+        row(self, self.button, (self.line, 1))
         self.button.clicked.connect(self._choose)
 
     def show_value(self, value: Any) -> None:
@@ -100,7 +101,7 @@ class FileEditor(LineEditor):
         self.button = QPushButton("Browse…")
         #: What to call a file.
         self.told: Callable[[Path], str] = str
-        self.stand_beside(self.line, self.button)
+        row(self, (self.line, 1), self.button)
         self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:

@@ -10,16 +10,15 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QFrame,
-    QHBoxLayout,
     QLabel,
     QMenu,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
+from spacemap_vtk.app.widgets import column, row, tool_button
 from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
 from spacemap_vtk.parameters import Parameter
 
@@ -58,9 +57,7 @@ class LoadsEditor(Editor):
             menu.addAction(action.replace("_", " ").capitalize()).setData(action)
         menu.triggered.connect(self._added)
         self.add.setMenu(menu)
-        self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(0, 0, 0, 0)
-        self._layout.addWidget(self.add)
+        self._layout = column(self, self.add)
 
     def show_value(self, value: Any) -> None:
         """Show the loads."""
@@ -117,38 +114,27 @@ class _Card(QFrame):
         for action in ACTIONS:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
         self.action.activated.connect(self._acted)
-        remove = QToolButton()
-        remove.setText("✕")
-        remove.setAutoRaise(True)
-        remove.setToolTip("Remove this load")
-        remove.clicked.connect(self._removed)
-        self.remove = remove
-        head = QHBoxLayout()
-        head.addWidget(QLabel(f"{number + 1}."))
-        head.addWidget(self.action, 1)
-        head.addWidget(remove)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 6, 6, 4)
-        layout.setSpacing(4)
-        layout.addLayout(head)
+        self.remove = tool_button("✕", "Remove this load")
+        self.remove.clicked.connect(self._removed)
+        head = row(None, QLabel(f"{number + 1}."), (self.action, 1), self.remove)
         self.rows: dict[str, QWidget] = {}
         for name in self.keys:
             parameter = Load.parameters[name]
-            row = ParameterRow(parameter, editor_of(parameter))
-            row.reset.setVisible(name in _optional(load))
-            row.edited.connect(self._row_edited)
-            row.held.connect(self.held)
-            row.restored.connect(self.restored)
-            layout.addWidget(row)
-            self.rows[name] = row
+            made = ParameterRow(parameter, editor_of(parameter))
+            made.reset.setVisible(name in _optional(load))
+            made.edited.connect(self._row_edited)
+            made.held.connect(self.held)
+            made.restored.connect(self.restored)
+            self.rows[name] = made
+        column(self, head, *self.rows.values(), margins=(8, 6, 6, 4), spacing=4)
 
     def show_load(self, load: Load) -> None:
         """Show a load of the same kind."""
         self._now = load
         with QSignalBlocker(self.action):
             self.action.setCurrentIndex(self.action.findData(load.action))
-        for name, row in self.rows.items():
-            row.show_value(getattr(load, name), name not in load._values)
+        for name, shown in self.rows.items():
+            shown.show_value(getattr(load, name), name not in load._values)
 
     def _acted(self, _index: int) -> None:
         chosen = self.action.currentData()

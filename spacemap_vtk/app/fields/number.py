@@ -6,10 +6,11 @@ import itertools
 from typing import Any
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QLabel, QSlider, QVBoxLayout
+from PySide6.QtWidgets import QGridLayout, QLabel, QSlider
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
 from spacemap_vtk.app.fields.span import STEPS, Span, span_of
+from spacemap_vtk.app.widgets import column
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 
 _bursts = itertools.count(1)
@@ -34,11 +35,7 @@ class NumberEditor(LineEditor):
         leave_wheel(self.slider)
         self.slider.setRange(0, STEPS)
         self.slider.setPageStep(STEPS // 20)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(2)
-        layout.addWidget(self.line)
-        layout.addWidget(self.slider)
+        column(self, self.line, self.slider, spacing=2)
         self._value: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: Span | None = None
@@ -120,7 +117,7 @@ class VectorEditor(Editor):
         layout = QGridLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setHorizontalSpacing(6)
-        for column, label in enumerate(parameter.labels):
+        for place, label in enumerate(parameter.labels):
             editor = NumberEditor(parameter.component, bare=True)
             editor.setObjectName(label)
             editor.edited.connect(self._edited)
@@ -129,11 +126,11 @@ class VectorEditor(Editor):
             editor.line.setMinimumWidth(34)
             editor.slider.setMinimumWidth(34)
             head = f"{label}  [{parameter.unit}]" if parameter.unit else label
-            name = QLabel(head if column == 0 else label)
+            name = QLabel(head if place == 0 else label)
             name.setObjectName("about")
-            layout.addWidget(name, 0, column)
-            layout.addWidget(editor, 1, column)
-            layout.setColumnStretch(column, 1)
+            layout.addWidget(name, 0, place)
+            layout.addWidget(editor, 1, place)
+            layout.setColumnStretch(place, 1)
             self.components.append(editor)
         self.setFocusProxy(self.components[0])
 

@@ -11,16 +11,15 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QSizePolicy,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from spacemap_vtk.app.fields.editor import Editor, leave_wheel, written_from
 from spacemap_vtk.app.fields.number import next_burst
+from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.filters.weave_parameters import repeat_of
@@ -73,16 +72,9 @@ class PatternEditor(Editor):
             beside.addWidget(button, 2 - axis, int(more))
             self.buttons[text] = button
         beside.setRowStretch(3, 1)
-        below = QHBoxLayout()
-        below.setSpacing(10)
-        below.addWidget(self.grid, alignment=Qt.AlignmentFlag.AlignTop)
-        below.addLayout(beside)
-        below.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addWidget(self.box)
-        layout.addLayout(below)
+        below = row(None, self.grid, beside, None, spacing=10)
+        below.setAlignment(self.grid, Qt.AlignmentFlag.AlignTop)
+        column(self, self.box, below, spacing=4)
         self.setFocusProxy(self.box)
         self.box.textActivated.connect(self._typed)
         self.line.textEdited.connect(self.is_new)
@@ -158,8 +150,8 @@ class PatternGrid(QWidget):
         """Paint the squares."""
         painter = QPainter(self)
         painter.setPen(QColor(255, 255, 255, 60) if self.cell > 5 else Qt.PenStyle.NoPen)
-        for pick, row in enumerate(self.repeat):
-            for end, over in enumerate(row):
+        for pick, squares in enumerate(self.repeat):
+            for end, over in enumerate(squares):
                 painter.setBrush(QColor(_WARP if over else _WEFT))
                 painter.drawRect(self.square(pick, end))
         painter.end()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QHBoxLayout, QLabel, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QLabel, QWidget
 
 from spacemap_vtk.app.fields.colors_editor import ColorsEditor
 from spacemap_vtk.app.fields.editor import Editor
@@ -20,6 +20,7 @@ from spacemap_vtk.app.fields.lines import (
 from spacemap_vtk.app.fields.number import NumberEditor, VectorEditor
 from spacemap_vtk.app.fields.pattern import PatternEditor
 from spacemap_vtk.app.fields.supports_editor import SupportsEditor
+from spacemap_vtk.app.widgets import column, mark, note, row, tool_button
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.units import format_quantity
 
@@ -50,33 +51,20 @@ class ParameterRow(QWidget):
         super().__init__()
         self.parameter = parameter
         self.editor = editor
-        self.note = QLabel()
-        self.note.setObjectName("note")
-        self.note.setWordWrap(True)
+        self.note = note(name="note")
         self.note.hide()
-        self.reset = QToolButton()
-        self.reset.setText("↺")
-        self.reset.setAutoRaise(True)
-        self.reset.setToolTip(f"Back to the default: {parameter.show(parameter.default)}")
+        back = f"Back to the default: {parameter.show(parameter.default)}"
+        self.reset = tool_button("↺", back)
         self.label = QLabel(parameter.label)
         self.label.setBuddy(self.editor)
-        head = QHBoxLayout()
-        head.setSpacing(4)
-        head.addWidget(self.label)
-        head.addStretch(1)
         self.automatic: QCheckBox | None = None
         if parameter.automatic:
             self.automatic = QCheckBox("automatic")
             self.automatic.setToolTip(f"Automatic: {parameter.automatic}")
             self.automatic.clicked.connect(self._automatic_clicked)
-            head.addWidget(self.automatic)
-        head.addWidget(self.reset)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 4)
-        layout.setSpacing(2)
-        layout.addLayout(head)
-        layout.addWidget(self.editor)
-        layout.addWidget(self.note)
+        right = [self.automatic] if self.automatic is not None else []
+        head = row(None, self.label, None, *right, self.reset, spacing=4)
+        column(self, head, self.editor, self.note, margins=(0, 0, 0, 4), spacing=2)
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
         self.settled: Any = None
@@ -128,14 +116,7 @@ class ParameterRow(QWidget):
         self.note.setText(text)
         self.note.setVisible(bool(text))
         for widget in (self.note, self.editor, self):
-            if bool(widget.property("bad")) != bad:
-                widget.setProperty("bad", bad)
-                # A style sheet looks at a property only when it is told to.
-                widget.style().unpolish(widget)
-                widget.style().polish(widget)
-                for child in widget.findChildren(QWidget):
-                    child.style().unpolish(child)
-                    child.style().polish(child)
+            mark(widget, bad)
 
     def _edited(self, written: object, burst: int) -> None:
         if self.parameter.is_automatic(written):

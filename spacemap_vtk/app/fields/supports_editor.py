@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from PySide6.QtWidgets import QGridLayout, QPushButton, QVBoxLayout
+from PySide6.QtWidgets import QGridLayout, QPushButton
 
 from spacemap_vtk.app.fields.editor import LineEditor
+from spacemap_vtk.app.widgets import column
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.supports import SIDES, parse
 from spacemap_vtk.parameters import Parameter
@@ -41,11 +42,7 @@ class SupportsEditor(LineEditor):
             button.clicked.connect(self._clicked)
             grid.addWidget(button, number // 3, number % 3)
             self.sides[side] = button
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(grid)
-        layout.addWidget(self.line)
+        column(self, grid, self.line, spacing=4)
         self.show_value(())
 
     def show_value(self, value: Any) -> None:

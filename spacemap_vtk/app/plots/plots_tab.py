@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PySide6.QtCore import QEvent, QTimer, Signal
+from PySide6.QtCore import QEvent, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
-    QLabel,
     QMenu,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -24,7 +23,7 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
-from spacemap_vtk.app.plots.save import save_frequencies, save_times
+from spacemap_vtk.app.widgets import column, later, note, row
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import QUANTITIES
 from spacemap_vtk.errors import SpacemapError
@@ -40,6 +39,8 @@ _REST = 250
 _MOVING = ("weave", "object", "cage", "modal", "response", "motion")
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
+#: What is saved of a point over time, with its unit.
+_ROWS = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
 
 
 class PlotsTab(QWidget):
@@ -83,28 +84,15 @@ class PlotsTab(QWidget):
             "frequencies": menu.addAction("Frequency response…", self.save_frequencies),
         }
         self.save.setMenu(menu)
-        self.hint = QLabel(_HINT)
-        self.hint.setObjectName("about")
-        self.hint.setWordWrap(True)
-        first = QHBoxLayout()
+        self.hint = note(_HINT)
         for box in (self.quantity, self.component):
             # In a narrow window words are cut rather than the view.
             box.setMinimumContentsLength(4)
             box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            first.addWidget(box, 1)
-        second = QHBoxLayout()
-        for button in (self.clear, self.save):
-            second.addWidget(button, 1)
-        self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(6, 6, 6, 6)
-        self._layout.addLayout(first)
-        self._layout.addLayout(second)
-        self._layout.addStretch(1)
-        self._layout.addWidget(self.hint)
-        self._rest = QTimer(self)
-        self._rest.setSingleShot(True)
-        self._rest.setInterval(_REST)
-        self._rest.timeout.connect(self._ask)
+        first = row(None, (self.quantity, 1), (self.component, 1))
+        second = row(None, (self.clear, 1), (self.save, 1))
+        self._layout = column(self, first, second, None, self.hint, margins=(6, 6, 6, 6))
+        self._rest = later(self, self._ask, _REST)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
         self.clear.clicked.connect(self.cleared)
@@ -149,12 +137,12 @@ class PlotsTab(QWidget):
     def save_times(self) -> None:
         """Ask for a name, and save what is plotted over time."""
         assert self.curves is not None
-        self._save("motion.csv", {".csv": "table"}, partial(save_times, self.curves))
+        self._save("motion.csv", {".csv": "table"}, partial(_save_times, self.curves))
 
     def save_frequencies(self) -> None:
         """Ask for a name, and save the frequency response."""
         assert self.curves is not None
-        self._save("response.csv", {".csv": "table"}, partial(save_frequencies, self.curves))
+        self._save("response.csv", {".csv": "table"}, partial(_save_frequencies, self.curves))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Begin to plot, or catch up."""
@@ -268,3 +256,36 @@ class PlotsTab(QWidget):
             self.unwritten.emit(error)
         else:
             self.written.emit()
+
+
+def _save_times(curves: Curves, path: Path) -> None:
+    """Write what is plotted over time, in SI: a row for each time."""
+    head = ["time [s]"]
+    columns = [curves.times]
+    for number in range(len(curves.points)):
+        for kind, (name, unit) in enumerate(_ROWS):
+            for axis in range(3):
+                head.append(f"{name} {'xyz'[axis]} of point {number + 1} [{unit}]")
+                columns.append(curves.motion[kind, number, :, axis])
+    if curves.energies is not None:
+        head += [f"{name} energy [J]" for name in ("kinetic", "strain", "dissipated", "total")]
+        columns += list(curves.energies.T)
+    _write(path, head, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _save_frequencies(curves: Curves, path: Path) -> None:
+    """Write the frequency response, in SI: a row for each frequency."""
+    head = ["frequency [Hz]"]
+    columns = [curves.frequencies]
+    for number in range(len(curves.points)):
+        for axis in range(3):
+            head.append(f"amplitude {'xyz'[axis]} of point {number + 1} [m]")
+            columns.append(curves.response[number, :, axis])
+    _write(path, head, zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _write(path: Path, head: list[str], rows: Iterable[tuple[float, ...]]) -> None:
+    with whole_file(path) as file, open(file, "w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(head)
+        writer.writerows(rows)

@@ -1,0 +1,89 @@
+"""What the window's parts are put together from: columns and rows, buttons, notes, timers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from PySide6.QtCore import QObject, QTimer
+from PySide6.QtWidgets import (
+    QBoxLayout,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+#: What stands in a row or column: alone, with its share of the room, or None for room left empty.
+Item: TypeAlias = "QWidget | QLayout | tuple[QWidget | QLayout, int] | None"
+
+
+def column(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
+    """Put items one below the other; without an owner for use within another layout."""
+    return _filled(QVBoxLayout() if owner is None else QVBoxLayout(owner), items, **look)
+
+
+def row(owner: QWidget | None, *items: Item, **look: Any) -> QBoxLayout:
+    """Put items side by side, likewise."""
+    return _filled(QHBoxLayout() if owner is None else QHBoxLayout(owner), items, **look)
+
+
+def _filled(
+    layout: QBoxLayout,
+    items: tuple[Item, ...],
+    margins: tuple[int, int, int, int] = (0, 0, 0, 0),
+    spacing: int | None = None,
+) -> QBoxLayout:
+    layout.setContentsMargins(*margins)
+    if spacing is not None:
+        layout.setSpacing(spacing)
+    for item in items:
+        what, share = item if isinstance(item, tuple) else (item, 0)
+        if what is None:
+            layout.addStretch(1)
+        elif isinstance(what, QLayout):
+            layout.addLayout(what, share)
+        else:
+            layout.addWidget(what, share)
+    return layout
+
+
+def tool_button(text: str, tip: str = "", checkable: bool = False) -> QToolButton:
+    """Return a flat button."""
+    button = QToolButton()
+    button.setText(text)
+    button.setToolTip(tip)
+    button.setCheckable(checkable)
+    button.setAutoRaise(True)
+    return button
+
+
+def note(text: str = "", name: str = "about") -> QLabel:
+    """Return a paragraph, whose name the style sheet knows."""
+    label = QLabel(text)
+    label.setObjectName(name)
+    label.setWordWrap(True)
+    return label
+
+
+def later(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:
+    """Return a timer that calls once when it is started."""
+    timer = QTimer(owner)
+    timer.setSingleShot(True)
+    timer.setInterval(milliseconds)
+    timer.timeout.connect(slot)
+    return timer
+
+
+def mark(widget: QWidget, bad: bool) -> bool:
+    """Mark a widget as refused or as good; return whether that is another word than before."""
+    if bool(widget.property("bad")) == bad:
+        return False
+    widget.setProperty("bad", bad)
+    # A style sheet looks at a property only when it is told to.
+    for each in (widget, *widget.findChildren(QWidget)):
+        each.style().unpolish(each)
+        each.style().polish(each)
+    return True
