@@ -199,11 +199,11 @@ def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand
     wait_until(lambda: window.view.picks)
     (picked,) = window.view.picks
     assert window.told.text() == picked.text
-    before, far, way = np.array(window.view.place["focus"]), distance(window), direction(window)
+    before, far, way = np.array(window.view.place.focus), distance(window), direction(window)
     assert np.linalg.norm(before - picked.position) > 1e-4
     hand("Shift+f")
     wait_until(lambda: distance(window) == pytest.approx(far / 1.3))
-    np.testing.assert_allclose(window.view.place["focus"], picked.position, atol=1e-12)
+    np.testing.assert_allclose(window.view.place.focus, picked.position, atol=1e-12)
     np.testing.assert_allclose(direction(window), way, atol=1e-9)
     # Beside the cloth there is nothing to pick or to fly to.
     window.tools.cameras["front"].trigger()
