@@ -15,11 +15,13 @@ positions, one for the slopes, cross product, normalisation. What the speed hang
 from __future__ import annotations
 
 from math import prod
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 from spacemap_vtk.parallel import BLAS_SERIAL
 
 Floats = NDArray[np.floating[Any]]
@@ -208,3 +210,47 @@ class Scratch:
 def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
     """View the beginning of some memory as an array."""
     return memory.view(kind)[: prod(shape)].reshape(shape)
+
+
+class Bicubic:
+    """Compiled evaluation of chunks of bicubic patches that are not rational."""
+
+    def __init__(self, loops: ModuleType, subdivisions: int) -> None:
+        self._loops = loops
+        t = np.arange(subdivisions + 1) / subdivisions
+        self._curve = np.stack((bernstein(3, t), bernstein_derivative(3, t)))
+
+    def evaluate(
+        self, chunk: Chunk, points: Floats, scale: float, positions: Floats, normals: Floats
+    ) -> NDArray[np.int64]:
+        """Write the points of a chunk and their unit normals."""
+        kind = positions.dtype
+        curve = self._curve.copy()
+        curve[1] /= scale
+        suspects = np.empty(positions.size // 3, np.int64)
+        count = self._loops.evaluate(
+            np.ascontiguousarray(points[chunk.rows]),
+            chunk.gather,
+            curve.astype(kind),
+            kind.type(1 / scale),
+            kind.type(SUSPECT),
+            positions.reshape(-1),
+            normals.reshape(-1),
+            suspects,
+        )
+        return suspects[:count]
+
+    def interpolate(
+        self, chunk: Chunk, columns: NDArray[Any], origin: Floats, values: Floats
+    ) -> None:
+        """Write an array of the control points, carried over to the points of a chunk."""
+        rows = columns[chunk.rows]
+        if rows.dtype.kind != "f":  # each type more is compiled anew
+            rows = rows.astype(values.dtype)
+        self._loops.interpolate(
+            np.ascontiguousarray(rows),
+            origin,
+            chunk.gather,
+            self._curve.astype(values.dtype),
+            values.reshape(-1),
+        )

@@ -17,9 +17,15 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
-from spacemap_vtk.fabric.bicubic import Bicubic
 from spacemap_vtk.fabric.normals import robust_normals
-from spacemap_vtk.fabric.patch_chunks import Chunk, Floats, Scratch, cut_into_chunks, multiply
+from spacemap_vtk.fabric.patch_chunks import (
+    Bicubic,
+    Chunk,
+    Floats,
+    Scratch,
+    cut_into_chunks,
+    multiply,
+)
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 

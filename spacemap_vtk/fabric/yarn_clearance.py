@@ -20,7 +20,6 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.separation import section_gap
 from spacemap_vtk.fabric.weave import Weave
 
 Floats = NDArray[np.float64]
@@ -254,7 +253,7 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
     # block by block, and only the worst kept: all pairs at once would take most of the memory
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
     for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
-        gap, _, facing = section_gap(*_sides(located, pairs), None, turns)
+        gap, _, facing = _section_gap(*_sides(located, pairs), None, turns)
         found = _local_minima(pairs, gap, facing, yarn)
         worst = np.argsort(np.concatenate([kept[1], found[1]]), kind="stable")[:most]
         kept = (
@@ -271,7 +270,7 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
 
     def evaluate(moved: Floats, sides: Floats, few: int) -> tuple[Floats, Floats, Floats]:
         first, second = (locate(moved[k], sides[k], own[k]) for k in (0, 1))
-        return section_gap(first, second, facing if few else None, few)
+        return _section_gap(first, second, facing if few else None, few)
 
     best, middle, _ = evaluate(moved, sides, turns)
     flattened = bool(tubes.flat[own].any())
@@ -342,3 +341,55 @@ def _local_minima(
     after[:-1][~same] = np.inf
     keep = (gap <= before) & (gap <= after)
     return pairs[:, keep], gap[keep], facing[keep]
+
+
+def _section_gap(
+    first: tuple[Floats, ...],
+    second: tuple[Floats, ...],
+    start: Floats | None = None,
+    turns: int = 0,
+) -> tuple[Floats, Floats, Floats]:
+    """Return the clearance of sections in the direction in which it is largest."""
+    # Two convex sections are as far apart as planes between them can be, so what is looked for is
+    # the unit vector q that maximises ``q (b - a)`` less the reach of both sections along q.
+    # Between perpendicular sections of round yarns it points from axis to axis; deformed ones turn
+    # it, by steps along the gradient, which is the vector between the points that face each other.
+    (a, *radii_a), (b, *radii_b) = first, second
+    across = b - a
+    distance = np.maximum(_norm(across), 1e-300)
+    direction = across / distance if start is None else start
+    gap, reach, pull = _separation(across, radii_a, radii_b, direction)
+    step = np.ones_like(distance)
+    for _ in range(turns):
+        pull -= direction * np.sum(direction * pull, axis=1, keepdims=True)
+        trial = direction + step * pull / distance
+        trial /= np.maximum(_norm(trial), 1e-300)
+        found = _separation(across, radii_a, radii_b, trial)
+        better = (found[0] > gap)[:, None]
+        direction = np.where(better, trial, direction)
+        gap, reach = np.maximum(gap, found[0]), np.where(better[:, 0], found[1], reach)
+        pull = np.where(better, found[2], pull)
+        step = np.where(better, 1.5 * step, 0.3 * step)
+    return gap, a + direction * (reach + 0.5 * gap)[:, None], direction
+
+
+def _separation(
+    across: Floats, radii_a: list[Floats], radii_b: list[Floats], direction: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return gap, reach of the first section along the direction, and the gap's gradient."""
+    gap = np.einsum("nk,nk->n", direction, across)
+    pull = across.copy()
+    reaches = []
+    for normal, lateral in (radii_a, radii_b):
+        n = np.einsum("nk,nk->n", direction, normal)
+        m = np.einsum("nk,nk->n", direction, lateral)
+        reach = np.hypot(n, m)
+        share = 1.0 / np.maximum(reach, 1e-300)
+        pull -= (share * n)[:, None] * normal + (share * m)[:, None] * lateral
+        reaches.append(reach)
+    return gap - reaches[0] - reaches[1], reaches[0], pull
+
+
+def _norm(vectors: Floats) -> Floats:
+    result: Floats = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return result

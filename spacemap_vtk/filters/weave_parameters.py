@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, shown
 from spacemap_vtk.fabric import draft, pattern_names
+from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.yarn import linear_density
 from spacemap_vtk.parameters import Color, Parameter, Real
+
+_P = TypeVar("_P", bound=Parameter[Any])
+
+
+class FamilyWords(NamedTuple):
+    """Warp or weft, in the words of its parameters."""
+
+    name: str
+    yarns: str
+    number: int
+    crossed: int
+    """Number of the other family."""
+    color: tuple[int, int, int]
+
+
+_WARP, _WEFT = (
+    FamilyWords("warp", "ends", 1, 2, WARP_COLOR),
+    FamilyWords("weft", "picks", 2, 1, WEFT_COLOR),
+)
+
+
+def both(declare: Callable[[FamilyWords], _P]) -> tuple[_P, _P]:
+    """Declare a parameter once for the warp and the weft."""
+    return declare(_WARP), declare(_WEFT)
 
 
 class Pattern(Parameter[Any]):

@@ -17,10 +17,10 @@ from spacemap_vtk.fabric.cloth import AXES, Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
-from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR, Asked, ThreadsAsked, resolve
+from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, repeat_of
+from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, both, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words
 from spacemap_vtk.memory import require
@@ -85,43 +85,29 @@ class WeaveSource(Stage):
         maximum=100_000,
         automatic="the draft's own number, or 7",
     )
-    warp_diameter = PerYarn(
-        Real(
-            "0.25 mm",
-            "Diameter d1 of the warp yarns; of flattened yarns, their height.",
-            unit="m",
-            above=0.0,
-        ),
-        automatic="from the yarn count, the draft's thickness, or half the spacing",
+    warp_diameter, weft_diameter = both(
+        lambda family: PerYarn(
+            Real(
+                "0.25 mm",
+                f"Diameter d{family.number} of the {family.name} yarns; of flattened yarns, their "
+                "height.",
+                unit="m",
+                above=0.0,
+            ),
+            automatic="from the yarn count, the draft's thickness, or half the spacing",
+        )
     )
-    weft_diameter = PerYarn(
-        Real(
-            "0.25 mm",
-            "Diameter d2 of the weft yarns; of flattened yarns, their height.",
-            unit="m",
-            above=0.0,
-        ),
-        automatic="from the yarn count, the draft's thickness, or half the spacing",
-    )
-    warp_count = PerYarn(
-        YarnCount(
-            "30 tex",
-            "Yarn count of the warp, in place of its diameter.",
-            unit="kg/m",
-            above=0.0,
-            maximum=1.0,
-        ),
-        automatic="from the diameter",
-    )
-    weft_count = PerYarn(
-        YarnCount(
-            "30 tex",
-            "Yarn count of the weft, in place of its diameter.",
-            unit="kg/m",
-            above=0.0,
-            maximum=1.0,
-        ),
-        automatic="from the diameter",
+    warp_count, weft_count = both(
+        lambda family: PerYarn(
+            YarnCount(
+                "30 tex",
+                f"Yarn count of the {family.name}, in place of its diameter.",
+                unit="kg/m",
+                above=0.0,
+                maximum=1.0,
+            ),
+            automatic="from the diameter",
+        )
     )
     fibre_density = Real(
         yarn.COTTON, "Density of the fibres; the default is cotton's.", unit="kg/m3", above=0.0
@@ -129,27 +115,26 @@ class WeaveSource(Stage):
     packing = Real(
         yarn.PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
     )
-    warp_spacing = PerYarn(
-        Real("0.5 mm", "Distance p1 between neighbouring ends.", unit="m", above=0.0),
-        automatic="from the sett, the draft's spacing, or 0.5 mm",
+    warp_spacing, weft_spacing = both(
+        lambda family: PerYarn(
+            Real(
+                "0.5 mm",
+                f"Distance p{family.number} between neighbouring {family.yarns}.",
+                unit="m",
+                above=0.0,
+            ),
+            automatic="from the sett, the draft's spacing, or 0.5 mm",
+        )
     )
-    weft_spacing = PerYarn(
-        Real("0.5 mm", "Distance p2 between neighbouring picks.", unit="m", above=0.0),
-        automatic="from the sett, the draft's spacing, or 0.5 mm",
-    )
-    warp_sett = Real(
-        None,
-        'Ends in a length, in place of their spacing: "20 /cm" or "50 /in".',
-        unit="1/m",
-        above=0.0,
-        automatic="from the spacing",
-    )
-    weft_sett = Real(
-        None,
-        'Picks in a length, in place of their spacing: "20 /cm" or "50 /in".',
-        unit="1/m",
-        above=0.0,
-        automatic="from the spacing",
+    warp_sett, weft_sett = both(
+        lambda family: Real(
+            None,
+            f"{family.yarns.capitalize()} in a length, in place of their spacing: "
+            '"20 /cm" or "50 /in".',
+            unit="1/m",
+            above=0.0,
+            automatic="from the spacing",
+        )
     )
     warp_crimp_height = Real(
         None,
@@ -158,39 +143,30 @@ class WeaveSource(Stage):
         minimum=0.0,
         automatic="from a crimp, or the middle of the feasible interval",
     )
-    warp_crimp = Real(
-        None,
-        'Crimp c1 = l1 / p2 - 1 of the warp where it changes side, as 0.09 or "9 %".',
-        minimum=0.0,
-        automatic="from the crimp height",
+    warp_crimp, weft_crimp = both(
+        lambda family: Real(
+            None,
+            f"Crimp c{family.number} = l{family.number} / p{family.crossed} - 1 of the "
+            f'{family.name} where it changes side, as 0.09 or "9 %".',
+            minimum=0.0,
+            automatic="from the crimp height",
+        )
     )
-    weft_crimp = Real(
-        None,
-        'Crimp c2 = l2 / p1 - 1 of the weft where it changes side, as 0.09 or "9 %".',
-        minimum=0.0,
-        automatic="from the crimp height",
+    warp_section, weft_section = both(
+        lambda family: Choice(
+            "circular",
+            f"Section of the {family.name} yarns; a racetrack is a rectangle between two half "
+            "circles.",
+            SECTIONS,
+        )
     )
-    warp_section = Choice(
-        "circular",
-        "Section of the warp yarns; a racetrack is a rectangle between two half circles.",
-        SECTIONS,
-    )
-    weft_section = Choice(
-        "circular",
-        "Section of the weft yarns; a racetrack is a rectangle between two half circles.",
-        SECTIONS,
-    )
-    warp_aspect = Real(
-        None,
-        "Width over height of the warp's section.",
-        minimum=1.0,
-        automatic="1 for circular yarns, 1.5 for others",
-    )
-    weft_aspect = Real(
-        None,
-        "Width over height of the weft's section.",
-        minimum=1.0,
-        automatic="1 for circular yarns, 1.5 for others",
+    warp_aspect, weft_aspect = both(
+        lambda family: Real(
+            None,
+            f"Width over height of the {family.name}'s section.",
+            minimum=1.0,
+            automatic="1 for circular yarns, 1.5 for others",
+        )
     )
     thick_yarns = Choice(
         "scale",
@@ -214,11 +190,11 @@ class WeaveSource(Stage):
         "curvature, which holds no distance between yarns.",
         AXES,
     )
-    warp_color = PerYarn(
-        Color(WARP_COLOR, "Colour of the warp."), automatic="the draft's, or #2d6a8e"
-    )
-    weft_color = PerYarn(
-        Color(WEFT_COLOR, "Colour of the weft."), automatic="the draft's, or #e8c78f"
+    warp_color, weft_color = both(
+        lambda family: PerYarn(
+            Color(family.color, f"Colour of the {family.name}."),
+            automatic="the draft's, or #{:02x}{:02x}{:02x}".format(*family.color),
+        )
     )
 
     @property

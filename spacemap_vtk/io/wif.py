@@ -30,10 +30,13 @@ from spacemap_vtk.io.wif_text import (
     Entry,
     Notes,
     WifText,
+    boolean,
+    count,
+    decimal,
     decode,
+    numbers,
 )
 from spacemap_vtk.io.wif_threads import read_colors, read_lengths
-from spacemap_vtk.io.wif_values import boolean, count, decimal, numbers
 
 #: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
 MAX_CROSSINGS = 2**24

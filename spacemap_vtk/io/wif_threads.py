@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.threads import Lengths
-from spacemap_vtk.io.wif_text import Entry, WifText
-from spacemap_vtk.io.wif_values import decimal
+from spacemap_vtk.io.wif_text import Entry, WifText, decimal
 
 _Color = tuple[Decimal, Decimal, Decimal]
 

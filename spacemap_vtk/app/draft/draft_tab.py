@@ -28,7 +28,7 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import DRAFTED, Document
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
-from spacemap_vtk.app.draft.shown import Changes, Shown, as_draft, as_pattern, as_series, shown_of
+from spacemap_vtk.app.draft.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
@@ -270,7 +270,7 @@ class DraftTab(QWidget):
         begun = time.perf_counter()
         if name in (NAMES["warp"], NAMES["weft"]):
             family = "warp" if name == NAMES["warp"] else "weft"
-            self._change({f"{family}_color": as_series(getattr(shown, family))}, name)
+            self._change(as_colors(family, shown.strip(family)), name)
         elif name == NAMES["drawdown"]:
             self._change(as_pattern(shown), name)
         else:
@@ -326,13 +326,14 @@ class DraftTab(QWidget):
         shown = self.grid.shown
         if shown is None:
             return
-        rgb, changes = [old.red(), old.green(), old.blue()], {}
+        rgb = [old.red(), old.green(), old.blue()]
+        changes: Changes = {}
         for family in ("warp", "weft"):
-            colors = getattr(shown, family).copy()
+            colors = shown.strip(family).copy()
             same = (colors == np.array(rgb, dtype=np.uint8)).all(axis=1)
             if same.any():
                 colors[same] = new.red(), new.green(), new.blue()
-                changes[f"{family}_color"] = as_series(colors)
+                changes |= as_colors(family, colors)
         self._change(changes, "colour")
 
     def _chose(self, color: QColor) -> None:

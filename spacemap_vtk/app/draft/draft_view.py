@@ -171,7 +171,7 @@ class DraftGrid(QAbstractScrollArea):
         if place is None or self.shown is None:
             return
         if event.button() == Qt.MouseButton.RightButton and place.panel in ("warp", "weft"):
-            colors = getattr(self.shown, place.panel)
+            colors = self.shown.strip(place.panel)
             self.took.emit(QColor(*colors[(place.x or place.y) - 1].tolist()))
         if event.button() != Qt.MouseButton.LeftButton:
             return

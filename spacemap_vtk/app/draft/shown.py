@@ -56,6 +56,14 @@ class Shown:
         """What is pressed at each pick: treadles, or in a liftplan shafts."""
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
+    def strip(self, family: str) -> Colors:
+        """Return the colours of the warp or the weft."""
+        return self.warp if family == "warp" else self.weft
+
+    def painted(self, family: str, colors: Colors) -> Shown:
+        """Return the same with other colours of the warp or the weft."""
+        return replace(self, warp=colors) if family == "warp" else replace(self, weft=colors)
+
     def with_loom(self, loom: Loom) -> Shown:
         """Return the same on another loom, which weaves its own cloth."""
         return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
@@ -107,6 +115,11 @@ def as_pattern(shown: Shown) -> Changes:
         "ends": ends,
         "picks": picks,
     }
+
+
+def as_colors(family: str, colors: Colors) -> Changes:
+    """Return the scene value of edited colours."""
+    return {f"{family}_color": as_series(colors)}
 
 
 def as_series(colors: Colors) -> str | list[str]:

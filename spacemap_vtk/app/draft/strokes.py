@@ -80,10 +80,10 @@ class Stroke:
         return shown.lifted[place.y - 1] if self.panel == "treadling" else ()
 
     def _painted(self, shown: Shown, place: Place) -> Shown:
-        colors = getattr(shown, self.panel)
+        colors = shown.strip(self.panel)
         index = (place.x or place.y) - 1
         if tuple(colors[index].tolist()) == self._color:
             return shown
         colors = colors.copy()
         colors[index] = np.array(self._color, dtype=np.uint8)
-        return replace(shown, **{self.panel: colors})
+        return shown.painted(self.panel, colors)
