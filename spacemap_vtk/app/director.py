@@ -48,7 +48,8 @@ class Director(QObject):
         self.swing: Swing | None = None
         self._running = ""
         self._share = 0.0
-        self._held = self._giving_up = False
+        #: Whether a drag goes on.
+        self.held = self._giving_up = False
         self._settings: dict[str, dict[str, Any]] = {}
         self._rest = later(self, self._refine, _REST)
         self._notice = later(self, self._show_running, _NOTICE)
@@ -98,12 +99,7 @@ class Director(QObject):
 
     def hold(self, held: bool) -> None:
         """Put the smooth frame off while a drag goes on."""
-        self._held = held
-
-    @property
-    def held(self) -> bool:
-        """Whether a drag goes on."""
-        return self._held
+        self.held = held
 
     def cancel(self) -> None:
         """Give up what runs; the last picture stays."""
@@ -128,7 +124,7 @@ class Director(QObject):
         # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
         # only looked at in another way runs nothing, and is smooth at once.
         before, self._settings = self._settings, _settings_of(self._document.scene)
-        self.ask(coarse=self._held or before != self._settings)
+        self.ask(coarse=self.held or before != self._settings)
 
     def _replaced(self) -> None:
         self.generation += 1
@@ -145,7 +141,7 @@ class Director(QObject):
         self.ask(coarse=going_on)
 
     def _refine(self) -> None:
-        if self._engine.busy or self._held:
+        if self._engine.busy or self.held:
             self._rest.start()
         elif not self._times.playing and self.swing is None:
             self.ask(coarse=False)

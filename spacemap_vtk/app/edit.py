@@ -57,7 +57,6 @@ class Edit(QUndoCommand):
         self._done = True
 
     def undo(self) -> None:
-        """Go back."""
         self._go_to(self._before)
         self._done = False
 
@@ -71,12 +70,10 @@ class History(QUndoStack):
     """The edits of a `Document`, its parent: what still waits there is taken in before."""
 
     def undo(self) -> None:
-        """Go a step back."""
         self.parent().catch_up()
         super().undo()
 
     def redo(self) -> None:
-        """Go a step on again."""
         self.parent().catch_up()
         super().redo()
 

@@ -47,7 +47,6 @@ class ErrorBar(QWidget):
             signal.connect(matter.clear)
 
     def say(self, error: BaseException, about: str) -> None:
-        """Show an error."""
         self.warn(_words(error), about)
 
     def warn(self, text: str, about: str, can_run: bool = False) -> None:
@@ -77,11 +76,9 @@ class _Matter(QObject):
         self._about = about
 
     def report(self, error: BaseException) -> None:
-        """Tell what has gone wrong."""
         self.parent().reported.emit(self._about, error)
 
     def clear(self) -> None:
-        """It goes well."""
         self.parent().clear(self._about)
 
 

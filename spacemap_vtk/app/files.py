@@ -36,7 +36,6 @@ class Files(QObject):
         return [name for name in kept if Path(name).is_file()]
 
     def new(self) -> None:
-        """Begin a scene."""
         if self.may_leave():
             self._document.new()
 
@@ -68,7 +67,6 @@ class Files(QObject):
         return self.save_as() if self._document.file is None else self._write(None)
 
     def save_as(self) -> bool:
-        """Ask for a name, and save."""
         path = ask_file(self._window, "Save as", "", "Scenes (*.toml)", ".toml")
         return path is not None and self._write(path)
 

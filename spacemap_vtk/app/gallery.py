@@ -78,7 +78,6 @@ class Gallery(QWidget):
                 item.setIcon(_picture(item.data(_NAME)))
 
     def show_recent(self, files: list[str]) -> None:
-        """List the files used lately."""
         self.recent.clear()
         for name in files[:5]:
             item = QListWidgetItem(Path(name).name)

@@ -24,7 +24,6 @@ class KeptDrafts:
         self._folder: Path | None = None
 
     def keep(self, draft: Draft) -> Path:
-        """Write a draft."""
         return self._keep(format_wif(draft), ".wif")
 
     def keep_file(self, file: Path) -> Path:

@@ -136,7 +136,6 @@ class MainWindow(QMainWindow):
         self.close()
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        """Accept a file."""
         if event.mimeData().hasUrls():
             event.acceptProposedAction()
 

@@ -48,7 +48,6 @@ class Properties(QScrollArea):
         document.replaced.connect(self.refresh)
 
     def choose(self, section: str) -> None:
-        """Show another section."""
         # A slider that goes while it is held is never let go.
         self.held.emit(False)
         self.section = section

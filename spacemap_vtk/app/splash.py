@@ -44,7 +44,6 @@ class Splash:
         self.close()
 
     def close(self) -> None:
-        """Go."""
         if self._screen is not None:
             self._screen.close()
             self._screen = None

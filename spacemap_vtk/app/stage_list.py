@@ -77,7 +77,6 @@ class StageList(QTreeWidget):
             )
 
     def set_state(self, section: str, state: str) -> None:
-        """Show a stage's state."""
         if section not in self.items or self.states.get(section) == state:
             return
         self.states[section] = state
@@ -109,7 +108,6 @@ class StageList(QTreeWidget):
         item.setText(2, str(executions))
 
     def choose(self, section: str) -> None:
-        """Choose a section."""
         self.setCurrentItem(self.items[section])
 
     def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:

@@ -6,35 +6,32 @@ from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QApplication
 
 _Role = QPalette.ColorRole
-_LIGHT = {
-    _Role.Window: "#f4f6f8",
-    _Role.WindowText: "#1f2730",
-    _Role.Base: "#ffffff",
-    _Role.AlternateBase: "#eef1f5",
-    _Role.Text: "#1f2730",
-    _Role.Button: "#ffffff",
-    _Role.ButtonText: "#1f2730",
-    _Role.Highlight: "#2d6a8e",
-    _Role.HighlightedText: "#ffffff",
-    _Role.ToolTipBase: "#1f2730",
-    _Role.ToolTipText: "#ffffff",
-    _Role.PlaceholderText: "#8a94a3",
-    _Role.Mid: "#cfd6de",
+#: The colour of each role in a light window, and in a dark one.
+_COLORS = {
+    _Role.Window: ("#f4f6f8", "#1d232b"),
+    _Role.WindowText: ("#1f2730", "#e6eaf0"),
+    _Role.Base: ("#ffffff", "#28303b"),
+    _Role.AlternateBase: ("#eef1f5", "#2e3743"),
+    _Role.Text: ("#1f2730", "#e6eaf0"),
+    _Role.Button: ("#ffffff", "#2a333f"),
+    _Role.ButtonText: ("#1f2730", "#e6eaf0"),
+    _Role.Highlight: ("#2d6a8e", "#4d9cc7"),
+    _Role.HighlightedText: ("#ffffff", "#0d1116"),
+    _Role.ToolTipBase: ("#1f2730", "#e6eaf0"),
+    _Role.ToolTipText: ("#ffffff", "#1d232b"),
+    _Role.PlaceholderText: ("#8a94a3", "#7d8998"),
+    _Role.Mid: ("#cfd6de", "#3a4553"),
 }
-_DARK = {
-    _Role.Window: "#1d232b",
-    _Role.WindowText: "#e6eaf0",
-    _Role.Base: "#28303b",
-    _Role.AlternateBase: "#2e3743",
-    _Role.Text: "#e6eaf0",
-    _Role.Button: "#2a333f",
-    _Role.ButtonText: "#e6eaf0",
-    _Role.Highlight: "#4d9cc7",
-    _Role.HighlightedText: "#0d1116",
-    _Role.ToolTipBase: "#e6eaf0",
-    _Role.ToolTipText: "#1d232b",
-    _Role.PlaceholderText: "#7d8998",
-    _Role.Mid: "#3a4553",
+#: Likewise for the words of the style sheet.
+_WORDS = {
+    "faint": ("#66717e", "#93a0ae"),
+    "bad": ("#c0394b", "#ff7a85"),
+    "bad_back": ("#fdecee", "#4a2229"),
+    "line": ("#d5dbe2", "#333d49"),
+    "accent": ("#2d6a8e", "#4d9cc7"),
+    "card": ("#ffffff", "#1a2028"),
+    "text": ("#1f2730", "#e6eaf0"),
+    "check": ("#cfe3ef", "#35546a"),
 }
 _SHEET = """
 QToolTip {{ padding: 4px; }}
@@ -74,22 +71,11 @@ def apply_theme(app: QApplication, dark: bool) -> None:
         app.setStyle("Fusion")
         app.setProperty("styled", True)
     palette = QPalette()
-    for role, color in (_DARK if dark else _LIGHT).items():
-        palette.setColor(role, QColor(color))
+    for role, colors in _COLORS.items():
+        palette.setColor(role, QColor(colors[dark]))
     group = QPalette.ColorGroup.Disabled
     for role in (_Role.Text, _Role.WindowText, _Role.ButtonText):
         palette.setColor(group, role, QColor("#5d6875" if dark else "#a4adb8"))
     app.setPalette(palette)
-    app.setStyleSheet(
-        _SHEET.format(
-            faint="#93a0ae" if dark else "#66717e",
-            bad="#ff7a85" if dark else "#c0394b",
-            bad_back="#4a2229" if dark else "#fdecee",
-            line="#333d49" if dark else "#d5dbe2",
-            accent="#4d9cc7" if dark else "#2d6a8e",
-            card="#1a2028" if dark else "#ffffff",
-            text="#e6eaf0" if dark else "#1f2730",
-            check="#35546a" if dark else "#cfe3ef",
-        )
-        + (_DARK_SHEET if dark else "")
-    )
+    words = {word: colors[dark] for word, colors in _WORDS.items()}
+    app.setStyleSheet(_SHEET.format(**words) + (_DARK_SHEET if dark else ""))

@@ -86,7 +86,6 @@ class TimeBar(QWidget):
 
     @property
     def playing(self) -> bool:
-        """Whether time runs."""
         return self.play.isChecked()
 
     def adopt(self, animation: Animation, at: float | None = None) -> None:
@@ -108,28 +107,22 @@ class TimeBar(QWidget):
         self._show(self.time if at is None else at)
 
     def go(self, at: float, going_on: bool = False) -> None:
-        """Show a time."""
         self.chosen.emit()
         self._move(at, going_on)
 
     def to_start(self) -> None:
-        """Go to the first time."""
         self.go(self._start)
 
     def to_end(self) -> None:
-        """Go to the last time."""
         self.go(self._stop)
 
     def step_back(self) -> None:
-        """Go a frame back."""
         self.go(max(self._start, self.time - self._step))
 
     def step_on(self) -> None:
-        """Go a frame on."""
         self.go(min(self._stop, self.time + self._step))
 
     def pause(self) -> None:
-        """Stop playing."""
         self.play.setChecked(False)
 
     def _move(self, at: float, going_on: bool) -> None:

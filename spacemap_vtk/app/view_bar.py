@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QIcon, QKeySequence
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QMenu, QToolBar, QToolButton, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
+from spacemap_vtk.app.widgets import action, row
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
@@ -58,15 +59,11 @@ class ViewBar(QToolBar):
         self._possible: list[str] = []
         self.shown: dict[str, QAction] = {}
         for name, words, key in _SHOWN:
-            action = QAction(words, self)
-            action.setCheckable(True)
-            action.setChecked(getattr(view.look, name, False))
-            action.setShortcut(QKeySequence(key))
-            action.setToolTip(f"Show the {words.lower()} ({key})")
-            action.setData(name)
-            action.triggered.connect(self._toggled)
-            self.addAction(action)
-            self.shown[name] = action
+            tip = f"Show the {words.lower()} ({key})"
+            shown = action(self, words, self._toggled, key, tip, name, checkable=True)
+            shown.setChecked(getattr(view.look, name, False))
+            self.addAction(shown)
+            self.shown[name] = shown
         self.addSeparator()
         self.coloring = QComboBox()
         #: The same for the menu: a narrow window has no room for the box.
@@ -74,56 +71,44 @@ class ViewBar(QToolBar):
         group = QActionGroup(self)
         for name, coloring in COLORINGS.items():
             self.coloring.addItem(coloring.label, name)
-            action = QAction(coloring.label, group)
-            action.setCheckable(True)
-            action.setData(name)
-            action.triggered.connect(self._color_chosen)
-            self.colorings[name] = action
+            self.colorings[name] = action(
+                group, coloring.label, self._color_chosen, data=name, checkable=True
+            )
         self.coloring.currentIndexChanged.connect(self._colored)
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
-        row = QHBoxLayout(named)
-        row.setContentsMargins(4, 0, 4, 0)
-        row.addWidget(QLabel("Colour by"))
-        row.addWidget(self.coloring)
+        row(named, QLabel("Colour by"), self.coloring, margins=(4, 0, 4, 0))
         self.addWidget(named)
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
         for number, name in enumerate(CAMERAS, 1):
-            action = QAction(name.capitalize(), self)
-            action.setShortcut(QKeySequence(str(number)))
-            action.setToolTip(f"Look from the {name} ({number})")
-            action.setData(name)
-            action.triggered.connect(self._aimed)
-            cameras.addAction(action)
-            self.cameras[name] = action
+            tip = f"Look from the {name} ({number})"
+            aim = action(self, name.capitalize(), self._aimed, str(number), tip, name)
+            cameras.addAction(aim)
+            self.cameras[name] = aim
         # PyVista's key for it.
         self.cameras["three-quarter"].setShortcuts([QKeySequence("1"), QKeySequence("V")])
         self.keys = ViewKeys(view, self)
         cameras.addSeparator()
         cameras.addActions(self.keys.cameras)
         cameras.addSeparator()
-        self.orthographic = self._switch("Orthographic", "O", "Parallel projection (O)")
+        tip = "Parallel projection (O)"
+        self.orthographic = action(self, "Orthographic", None, "O", tip, checkable=True)
         self.orthographic.toggled.connect(view.set_orthographic)
         cameras.addAction(self.orthographic)
-        self.clip = self._switch("Clip", "X", "Cut it open with a plane; the mouse moves it (X)")
-        self.clip.triggered.connect(self._clip)
+        tip = "Cut it open with a plane; the mouse moves it (X)"
+        self.clip = action(self, "Clip", self._clip, "X", tip, checkable=True)
         self.addAction(self.clip)
-        self.clip_sides: list[QAction] = []
-        for axis, normal in zip("xyz", np.eye(3), strict=True):
-            action = QAction(f"Clip across {axis}", self)
-            action.setData(tuple(float(-n) for n in normal))
-            action.triggered.connect(self._clipped_across)
-            self.clip_sides.append(action)
+        self.clip_sides = [
+            action(self, f"Clip across {axis}", self._clipped_across, data=tuple(normal.tolist()))
+            for axis, normal in zip("xyz", -np.eye(3), strict=True)
+        ]
         self.backgrounds: dict[str, QAction] = {}
         backgrounds = self._menu("Background", "What lies behind")
         for name, colors in BACKGROUNDS.items():
-            action = QAction(name, self)
-            action.setData(colors)
-            action.triggered.connect(self._backed)
-            backgrounds.addAction(action)
-            self.backgrounds[name] = action
+            self.backgrounds[name] = action(self, name, self._backed, data=colors)
+        backgrounds.addActions([*self.backgrounds.values()])
 
     def show_scene(self, scene: Scene) -> None:
         """Show what a scene's colours mean, and what else they could."""
@@ -137,9 +122,9 @@ class ViewBar(QToolBar):
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)
-        for name, action in self.shown.items():
+        for name, shown in self.shown.items():
             if name in scene.view.parameters:
-                action.setChecked(getattr(scene.view, name))
+                shown.setChecked(getattr(scene.view, name))
         self.clip.setChecked(scene.view.clip_normal is not None)
 
     @property
@@ -183,21 +168,13 @@ class ViewBar(QToolBar):
     def _backed(self) -> None:
         self.backed.emit(*self.sender().data())
 
-    def _switch(self, name: str, key: str, tip: str) -> QAction:
-        action = QAction(name, self)
-        action.setCheckable(True)
-        action.setShortcut(QKeySequence(key))
-        action.setToolTip(tip)
-        return action
-
     def _menu(self, name: str, tip: str) -> QMenu:
         # No button of its own: the menu behind the bar's arrow, for what has no room, takes only
         # actions.
         menu = QMenu(self)
-        action = QAction(name, self)
-        action.setIconText(f"{name} ▾")
-        action.setToolTip(tip)
-        action.setMenu(menu)
-        self.addAction(action)
-        self.widgetForAction(action).setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        opening = action(self, name, tip=tip)
+        opening.setIconText(f"{name} ▾")
+        opening.setMenu(menu)
+        self.addAction(opening)
+        self.widgetForAction(opening).setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         return menu

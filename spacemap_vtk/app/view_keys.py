@@ -7,9 +7,10 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QObject, QPointF, Qt, Signal
-from PySide6.QtGui import QAction, QCursor, QKeySequence
+from PySide6.QtGui import QAction, QCursor
 
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.widgets import action
 
 #: How much nearer one press brings, as in PyVista.
 _ZOOM = 1.05
@@ -39,9 +40,9 @@ class ViewKeys(QObject):
             self._action("Farther", "Down", partial(view.zoom, 1.0 / _ZOOM)),
         ]
         # Everywhere else the arrows choose: in lists, tables, fields.
-        for action in self.cameras[-2:]:
-            action.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
-            view.plotter.addAction(action)
+        for nearer in self.cameras[-2:]:
+            nearer.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
+            view.plotter.addAction(nearer)
         #: What concerns what is seen.
         self.looks = [
             self.wireframe,
@@ -72,8 +73,5 @@ class ViewKeys(QObject):
         return self._view.plotter.mapFromGlobal(QPointF(QCursor.pos()))
 
     def _action(self, name: str, key: str, slot: Callable[[], object]) -> QAction:
-        action = QAction(name, self)
-        action.setShortcut(QKeySequence(key))
         # Without "checked", which `partial` would take for its next argument.
-        action.triggered.connect(lambda _=False: slot())
-        return action
+        return action(self, name, lambda _=False: slot(), key)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from PySide6.QtCore import QObject, QTimer
+from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import (
     QBoxLayout,
     QHBoxLayout,
@@ -58,6 +59,28 @@ def tool_button(text: str, tip: str = "", checkable: bool = False) -> QToolButto
     button.setCheckable(checkable)
     button.setAutoRaise(True)
     return button
+
+
+def action(
+    owner: QObject,
+    name: str,
+    slot: Callable[..., object] | None = None,
+    key: str = "",
+    tip: str = "",
+    data: object = None,
+    checkable: bool = False,
+) -> QAction:
+    """Return what menus, bars and keys do alike."""
+    made = QAction(name, owner)
+    made.setCheckable(checkable)
+    made.setData(data)
+    if key:
+        made.setShortcut(QKeySequence(key))
+    if tip:
+        made.setToolTip(tip)
+    if slot is not None:
+        made.triggered.connect(slot)
+    return made
 
 
 def note(text: str = "", name: str = "about") -> QLabel:

@@ -53,7 +53,6 @@ class Swatches(QWidget):
         self.setToolTip("Click to choose another colour")
 
     def show_colors(self, colors: list[str]) -> None:
-        """Show other colours."""
         self.colors = colors
         count = max(1, len(colors))
         columns, rows = min(count, _IN_A_ROW), -(-count // _IN_A_ROW)
@@ -61,13 +60,11 @@ class Swatches(QWidget):
         self.update()
 
     def place(self, number: int) -> QRectF:
-        """Return where a swatch lies."""
         row, column = divmod(number, _IN_A_ROW)
         step = _SIDE + _GAP
         return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint them."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(QColor("#8a94a3"))
@@ -77,7 +74,6 @@ class Swatches(QWidget):
         painter.end()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Choose the one under the mouse."""
         for number in range(max(1, len(self.colors))):
             if self.place(number).contains(event.position()):
                 self.chosen.emit(number)

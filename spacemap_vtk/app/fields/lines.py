@@ -43,7 +43,6 @@ class ChoiceEditor(Editor):
         self.box.textActivated.connect(self._chosen)
 
     def show_value(self, value: Any) -> None:
-        """Choose it."""
         self.box.setCurrentText(str(value))
 
     def _chosen(self, text: str) -> None:
@@ -61,7 +60,6 @@ class FlagEditor(Editor):
         self.box.clicked.connect(self._clicked)
 
     def show_value(self, value: Any) -> None:
-        """Check or clear the box."""
         self.box.setChecked(bool(value))
 
     def _clicked(self, checked: bool) -> None:
@@ -80,7 +78,6 @@ class ColorEditor(LineEditor):
         self.button.clicked.connect(self._choose)
 
     def show_value(self, value: Any) -> None:
-        """Show patch and digits."""
         self.show_text("" if value is None else self.parameter.show(value))
         fill = self.shown or "transparent"
         self.button.setStyleSheet(
@@ -105,7 +102,6 @@ class FileEditor(LineEditor):
         self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:
-        """Show the path."""
         self._file = "" if value is None else str(value)
         self.show_text("" if value is None else self.told(value))
 

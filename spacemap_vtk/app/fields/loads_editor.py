@@ -60,7 +60,6 @@ class LoadsEditor(Editor):
         self._layout = column(self, self.add)
 
     def show_value(self, value: Any) -> None:
-        """Show the loads."""
         tables = [load._values for load in value]
         shapes = [_keys(load) for load in value]
         if shapes != [card.keys for card in self.cards]:

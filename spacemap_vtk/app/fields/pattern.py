@@ -135,19 +135,16 @@ class PatternGrid(QWidget):
         return max(_SMALLEST, min(_LARGEST, _HEIGHT / picks, 150 / ends))
 
     def show_repeat(self, repeat: NDArray[np.bool_]) -> None:
-        """Show another repeat."""
         self.repeat = np.array(repeat, bool)
         picks, ends = self.repeat.shape
         self.setFixedSize(QSize(int(ends * self.cell) + 2, int(picks * self.cell) + 2))
         self.update()
 
     def square(self, pick: int, end: int) -> QRectF:
-        """Return where a square lies."""
         cell = self.cell
         return QRectF(1 + end * cell, 1 + (len(self.repeat) - 1 - pick) * cell, cell, cell)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        """Paint the squares."""
         painter = QPainter(self)
         painter.setPen(QColor(255, 255, 255, 60) if self.cell > 5 else Qt.PenStyle.NoPen)
         for pick, squares in enumerate(self.repeat):
@@ -166,13 +163,11 @@ class PatternGrid(QWidget):
             self._paint(there)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        """Paint on."""
         there = self._under(event.position())
         if self._brush is not None and there is not None:
             self._paint(there)
 
     def mouseReleaseEvent(self, _event: QMouseEvent) -> None:
-        """End the stroke."""
         if self._brush is not None:
             self._brush = None
             self.held.emit(False)

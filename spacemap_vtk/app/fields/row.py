@@ -78,7 +78,6 @@ class ParameterRow(QWidget):
         self.reset.clicked.connect(self._reset)
 
     def show_value(self, value: Any, is_default: bool) -> None:
-        """Show a value."""
         self.editor.show_value(value)
         if self.automatic is not None:
             self.automatic.setChecked(value is None)

@@ -56,7 +56,6 @@ class PlotCanvas(FigureCanvasQTAgg):
         self._ink, self._text = QColor("#26323e"), "#26323e"
 
     def draw_curves(self, curves: Curves, shown: ShownCurves) -> None:
-        """Draw all plots anew."""
         figure = self.figure
         figure.clear()
         ink, back = ("#dfe6ee", "#1d232b") if shown.dark else ("#26323e", "#f4f6f8")
@@ -91,7 +90,6 @@ class PlotCanvas(FigureCanvasQTAgg):
             self.update(QRect(column - 2, 0, 5, self.height()))
 
     def time_at(self, axes: Axes, x: float) -> float:
-        """Return the time at a place."""
         box = axes.get_position()
         low, high = axes.get_xlim()
         share = (x / self.width() - box.x0) / box.width
@@ -129,7 +127,6 @@ class PlotCanvas(FigureCanvasQTAgg):
             self.asked.emit(self.time_at(self._pressed, event.position().x()), True)
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Stay at a time."""
         if self._pressed is not None and event.button() == Qt.MouseButton.LeftButton:
             axes, self._pressed = self._pressed, None
             self.asked.emit(self.time_at(axes, event.position().x()), False)

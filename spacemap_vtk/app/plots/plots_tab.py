@@ -101,7 +101,6 @@ class PlotsTab(QWidget):
         self._enable()
 
     def show_points(self, points: list[Pick]) -> None:
-        """Plot other points."""
         self.points = points
         self._later()
 
@@ -118,7 +117,6 @@ class PlotsTab(QWidget):
             self._later()
 
     def stop(self) -> None:
-        """Compute no more."""
         self._rest.stop()
         self._engine.ask_beside(None)
 
