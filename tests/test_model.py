@@ -94,7 +94,7 @@ def test_two_bodies_have_twelve_rigid_motions():
 def test_modulus_and_density_only_scale():
     first = model()
     second = model(elasticity=isotropic(6e6, 0.3), density=900.0)
-    assert first.structure is second.structure
+    assert first.pencil is second.pencil
     assert abs(second.stiffness - 3 * first.stiffness).max() <= 1e-13 * abs(first.stiffness).max()
     assert abs(second.mass - 3 * first.mass).max() <= 1e-13 * abs(first.mass).max()
     assert second.nodal_mass.sum() == pytest.approx(900 * 0.3)
@@ -103,9 +103,9 @@ def test_modulus_and_density_only_scale():
 def test_another_support_or_ratio_reuses_the_assembly():
     first = model()
     for other in (model(held=nothing), model(elasticity=isotropic(2e6, 0.2)), model(lumped=True)):
-        assert other.structure is not first.structure
-        assert other.structure.assembly is first.structure.assembly
-    assert model((4, 4, 3)).structure.assembly is not first.structure.assembly
+        assert other.pencil is not first.pencil
+        assert other.pencil.assembly is first.pencil.assembly
+    assert model((4, 4, 3)).pencil.assembly is not first.pencil.assembly
 
 
 def test_nothing_is_kept_that_nobody_holds():
@@ -113,10 +113,10 @@ def test_nothing_is_kept_that_nobody_holds():
     digest = first.digest
     from spacemap_vtk.mechanics import model as module
 
-    assert digest in module._structures
+    assert digest in module._pencils
     del first
     gc.collect()
-    assert digest not in module._structures
+    assert digest not in module._pencils
 
 
 def test_lumped_mass_is_a_diagonal_with_the_same_sum():
@@ -165,7 +165,7 @@ def in_long_double(matrix, right):
 def test_very_thin_sheets_are_solved_as_well_as_they_can_be(length, most):
     made = thin(length, (4, 3, 1))
     free = made.free
-    stiffness = made.structure.stiffness[free][:, free].toarray()
+    stiffness = made.pencil.whole_stiffness[free][:, free].toarray()
     for axis, allowed in zip((0, 2), most, strict=True):
         force = np.zeros(len(free))
         force[axis::3] = made.nodal_mass * 9.81
@@ -220,14 +220,14 @@ def test_rounding_is_small_where_the_sheet_is_thick():
 
 def test_a_free_very_thin_sheet_has_all_its_modes():
     made = thin(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
-    piece = made.structure.pencil.components[0]
+    piece = made.pencil.components[0]
     before = piece.shift
-    values, shapes, _ = lowest(made.structure.pencil, 20)
+    values, shapes, _ = lowest(made.pencil, 20)
     assert piece.shift < before  # they did not converge there
     assert not values[:6].any()
     assert values[6] > 0
     modes = shapes.reshape(20, -1)
-    np.testing.assert_allclose(modes @ (made.structure.mass @ modes.T), np.eye(20), atol=1e-9)
+    np.testing.assert_allclose(modes @ (made.pencil.whole_mass @ modes.T), np.eye(20), atol=1e-9)
     # The first bends as w = x y, a field that quadratic tetrahedra hold: its Rayleigh quotient,
     # which is above the plate's own λ (Leissa, NASA SP-160, 1969: 13.489).
     plate = 1e6 * 5e-4**2 / (12 * 0.91 * 300.0) / 0.5**4
@@ -273,7 +273,7 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
     """K alone holds none of the first from 0.5 m on: its own eigenvalue is rounding."""
     monkeypatch.setattr(eigen, "DENSE", limit)
     made = thinner(length)
-    found = lowest(made.structure.pencil, count)
+    found = lowest(made.pencil, count)
     first = known(made, found, length)
     # Leissa: 3.4917, 21.429; five cells along a side bend 3 % and 10 % too high, however thin.
     assert first[0] == pytest.approx(3.4917 * 1.028, rel=1e-3)
@@ -282,19 +282,19 @@ def test_clamped_modes_of_very_thin_sheets_are_all_there(monkeypatch, length, co
     assert found.rounding.max() < 1e-3
     modes = found.shapes.reshape(len(first), -1)
     np.testing.assert_allclose(
-        modes @ (made.structure.mass @ modes.T), np.eye(len(first)), atol=1e-10
+        modes @ (made.pencil.whole_mass @ modes.T), np.eye(len(first)), atol=1e-10
     )
 
 
 @pytest.mark.parametrize("limit", [10_000, 0], ids=["dense", "sparse"])
 def test_what_is_lost_in_rounding_is_not_rigid(monkeypatch, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
-    found = lowest(thinner(500.0).structure.pencil, 8)
+    found = lowest(thinner(500.0).pencil, 8)
     assert (found.eigenvalues > 0).all()
     assert found.rounding[0] == 1.0
     # The estimate is from above: where it says that one digit holds, one does.
     made = thinner(20.0)
-    found = lowest(made.structure.pencil, 8)
+    found = lowest(made.pencil, 8)
     error = abs(known(made, found, 20.0)[:2] / (3.4917 * 1.028, 21.429 * 1.1025) - 1)
     assert (error <= found.rounding[:2] + 1e-3).all()
     assert 0.1 < found.rounding[0] < 0.5
@@ -316,7 +316,7 @@ def test_as_many_modes_are_rigid_as_the_supports_leave(monkeypatch, places, coun
     monkeypatch.setattr(eigen, "DENSE", limit)
     points, cells = with_midpoints(*lattice((0, length, 0, length, 0, 3e-4), (4, 4, 1)))
     made = Model(points, cells, STEEL, 300.0, places(points))
-    found = lowest(made.structure.pencil, 9)
+    found = lowest(made.pencil, 9)
     assert made.rigid.shape[1] == count
     assert (found.eigenvalues == 0).sum() == count
 
@@ -330,7 +330,7 @@ def test_a_part_that_hangs_by_a_vertex_turns_freely(monkeypatch):
     for limit in (10_000, 0):
         monkeypatch.setattr(eigen, "DENSE", limit)
         made = Model(points, cells, STEEL, 300.0, held)
-        found = lowest(made.structure.pencil, 8)
+        found = lowest(made.pencil, 8)
         assert made.rigid.shape[1] == 0  # as one body it is held
         assert (found.eigenvalues == 0).sum() == 3
         assert not found.rounding[:3].any()

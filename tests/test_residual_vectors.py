@@ -34,7 +34,7 @@ def sheet(fixed=True, divisions=(8, 8, 2)):
 
 
 def solved(model, count):
-    eigenvalues, shapes, _ = lowest(model.structure.pencil, count)
+    eigenvalues, shapes, _ = lowest(model.pencil, count)
     eigenvalues = eigenvalues * model.modulus / model.density
     return eigenvalues, shapes.reshape(len(shapes), -1) / math.sqrt(model.density)
 

@@ -309,7 +309,7 @@ class ModalSolver(Stage):
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        return lowest(model.structure.pencil, count, self.report)
+        return lowest(model.pencil, count, self.report)
 
     def _solved(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""

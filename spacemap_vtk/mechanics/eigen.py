@@ -21,7 +21,7 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
-from spacemap_vtk.mechanics.pencil import Component, Pencil
+from spacemap_vtk.mechanics.pencil import Pencil
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], object]
@@ -112,7 +112,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     with blas_threads.one():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
         _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
-    shapes = np.zeros((len(eigenvalues), pencil.size))
+    shapes = np.zeros((len(eigenvalues), len(pencil.free)))
     shapes[:, pencil.where] = (modes * _signs(modes)).T
     report(1.0)
     return Modes(eigenvalues, shapes.reshape(len(eigenvalues), -1, 3), rounding)
@@ -175,13 +175,13 @@ def _of_components(
     rows, solved, done = [], [], 0
     for component in pencil.components:
 
-        def part(share: float, done: int = done, size: int = len(component.rows)) -> None:
+        def part(share: float, done: int = done, size: int = len(component.where)) -> None:
             report((done + share * size) / total)
 
-        modes = _of_component(component, min(count, len(component.rows)), part)
-        rows.append(component.rows)
-        solved.append([found[..., :count] for found in _evaluated(pencil, component, modes)])
-        done += len(component.rows)
+        modes = _of_component(component, min(count, len(component.where)), part)
+        rows.append(pencil.rows(component))
+        solved.append([found[..., :count] for found in _evaluated(component, modes)])
+        done += len(component.where)
     eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
     lowest = np.argsort(eigenvalues, kind="stable")[:count]
     if len(solved) == 1:
@@ -195,9 +195,9 @@ def _of_components(
     return eigenvalues[lowest], modes, rounding[lowest]
 
 
-def _of_component(component: Component, count: int, report: Progress) -> FloatArray:
+def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray:
     """Return at least the lowest modes of a component."""
-    size = len(component.rows)
+    size = len(component.where)
     if not _is_dense(size, count):
         return _counted(component, count, report)
     # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
@@ -220,25 +220,23 @@ def _of_component(component: Component, count: int, report: Progress) -> FloatAr
     return modes
 
 
-def _evaluated(
-    pencil: Pencil, component: Component, modes: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _evaluated(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return λ of the modes of a component, ascending, these modes, and their rounding."""
     # The quotient φᵀKφ / φᵀMφ is exact to the square of the mode's error, and makes the eigenvalues
     # of both solvers equal down to rounding in K itself.
     energy, noise = _energies(component, modes)
     rigid = energy <= RIGID * noise
     rounding = _ROUNDING * np.divide(noise, energy, out=np.ones_like(noise), where=energy > 0)
-    if pencil.strain_products is not None and (doubtful := energy <= DOUBTFUL * noise).any():
-        motions = pencil.motions(component)
+    if component.strain_products is not None and (doubtful := energy <= DOUBTFUL * noise).any():
+        motions = component.motions
         left = motions.shape[1]
         rigid = np.zeros(len(energy), dtype=bool)
         rigid[np.argsort(energy, kind="stable")[:left]] = True
         if doubtful.sum() > left:
             low = energy <= energy[doubtful].max()  # modes are mass-normalised: these are lowest
-            modes = _told_by_strains(pencil, component, modes, low, motions)
+            modes = _told_by_strains(component, modes, low, motions)
             noise = _energies(component, modes)[1]
-            energy = np.diag(pencil.strain_products(_fields(pencil, component, modes)))
+            energy = np.diag(component.strain_products(_fields(component, modes)))
             rigid = (np.arange(len(energy)) < left) | (energy <= STRAINLESS * noise)
             # Of second order, and left by the modes beyond the highest.
             share = np.divide(noise, energy, out=np.full_like(noise, np.inf), where=energy > 0)
@@ -250,23 +248,22 @@ def _evaluated(
     return eigenvalues[order], modes[:, order], rounding[order]
 
 
-def _energies(component: Component, modes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _energies(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return φᵀKφ of modes, and |φ|ᵀ |K| |φ|, of which rounding is a share."""
     size = abs(modes)
     energy = np.einsum("nk,nk->k", modes, component.stiffness @ modes)
     return energy, np.einsum("nk,nk->k", size, abs(component.stiffness) @ size)
 
 
-def _fields(pencil: Pencil, component: Component, modes: FloatArray) -> FloatArray:
+def _fields(component: Pencil, modes: FloatArray) -> FloatArray:
     """Return the modes of a component as displacements of all vertices, (n, V, 3)."""
-    fields = np.zeros((modes.shape[1], pencil.size))
-    fields[:, pencil.where[component.rows]] = modes.T
+    fields = np.zeros((modes.shape[1], len(component.free)))
+    fields[:, component.where] = modes.T
     return fields.reshape(modes.shape[1], -1, 3)
 
 
 def _told_by_strains(
-    pencil: Pencil,
-    component: Component,
+    component: Pencil,
     modes: FloatArray,
     lowest: NDArray[np.bool_],
     motions: FloatArray,
@@ -274,7 +271,7 @@ def _told_by_strains(
     """Return the rigid modes, the other lowest ones, which K cannot tell apart, and all others."""
     # Each is freed of those before it alone, which have less energy: what is left of them in it
     # does no harm, where a trace of a high mode in a low one would.
-    assert pencil.strain_products is not None
+    assert component.strain_products is not None
     mass, low = component.mass, modes[:, lowest]
     if motions.shape[1]:
         # What of them is no rigid motion.
@@ -282,7 +279,7 @@ def _told_by_strains(
         low -= motions @ (motions.T @ (mass @ low))
     others = modes[:, ~lowest]
     both = np.concatenate([low, others], axis=1)
-    springs = pencil.strain_products(_fields(pencil, component, both))
+    springs = component.strain_products(_fields(component, both))
     size = np.diag(springs) ** -0.5
     inertia = both.T @ (mass @ both)
     scale = np.outer(size, size)
@@ -298,7 +295,7 @@ def _told_by_strains(
     return la.solve_triangular(factor, both.T, lower=True).T
 
 
-def _counted(component: Component, count: int, report: Progress) -> FloatArray:
+def _counted(component: Pencil, count: int, report: Progress) -> FloatArray:
     """Return a few more than the lowest modes, none of them missed."""
     # A Krylov space can lack a mode and never notice. The inertia of K - μM can not: it has as many
     # negative eigenvalues as the pencil has below μ. μ lies in the widest gap behind the last mode
@@ -310,7 +307,7 @@ def _counted(component: Component, count: int, report: Progress) -> FloatArray:
                 component.factorised(lambda part: report(0.3 * part)).solve,
                 component.stiffness,
                 component.mass,
-                min(count + SPARE, len(component.rows)),
+                min(count + SPARE, len(component.where)),
                 lambda part: report(0.3 + 0.3 * part),
                 seed=seed,
             )

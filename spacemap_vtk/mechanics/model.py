@@ -1,8 +1,8 @@
 """A supported mesh of one material: its matrices, its rigid motions, and static solutions.
 
 Whatever depends on geometry, supports and the *form* of the material alone is kept in a
-`_Structure` of unit modulus and density. A model scales it, so that another modulus or density
-costs nothing. Structures and assemblies are found again by content while anyone holds them:
+`MeshPencil` of unit modulus and density. A model scales it, so that another modulus or density
+costs nothing. Pencils and assemblies are found again by content while anyone holds them:
 ModalResponse comes upon the factors that ModalSolver made, though only arrays pass between the two.
 """
 
@@ -18,14 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import check_sizes
+from spacemap_vtk.mechanics.pencil import Pencil
 from spacemap_vtk.mechanics.residual_vectors import movable_mass
 from spacemap_vtk.mechanics.tetrahedra import checked_mesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from spacemap_vtk.mechanics.pencil import Pencil
 
 FloatArray = NDArray[np.float64]
 
@@ -107,7 +108,7 @@ class Model:
         self.elasticity = np.array(elasticity, dtype=np.float64)
         self.density = float(density)
         self.lumped = bool(lumped)
-        #: Multiplies the stiffness of the structure: the largest elasticity [Pa].
+        #: Multiplies the stiffness of the pencil: the largest elasticity [Pa].
         self.modulus = float(abs(self.elasticity).max(initial=0.0)) or 1.0
         if not (np.isfinite(self.density) and self.density > 0):
             raise InputError(
@@ -115,7 +116,7 @@ class Model:
             )
         check_sizes("density", self.density, "kg/m³")
         _check_elasticity(self.elasticity)
-        self.structure = _structure(
+        self.pencil = _pencil(
             self.points,
             self.cells,
             _rounded(self.elasticity / self.modulus),
@@ -126,22 +127,22 @@ class Model:
     @property
     def digest(self) -> str:
         """Digest of all that the modes depend on but modulus and density, which only scale them."""
-        return self.structure.digest
+        return self.pencil.digest
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Which components can move, shape (3V,)."""
-        return self.structure.free
+        return self.pencil.free
 
     @cached_property
     def stiffness(self) -> csr_matrix:
         """K [N/m], shape (3V, 3V), of free and held components."""
-        return self.modulus * self.structure.stiffness
+        return self.modulus * self.pencil.whole_stiffness
 
     @cached_property
     def mass(self) -> csr_matrix:
         """M [kg], shape (3V, 3V), of free and held components."""
-        return self.density * self.structure.mass
+        return self.density * self.pencil.whole_mass
 
     @cached_property
     def nodal_mass(self) -> FloatArray:
@@ -151,14 +152,13 @@ class Model:
     @cached_property
     def movable_mass(self) -> FloatArray:
         """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
-        return movable_mass(self.structure.assembly, self.density, self.lumped, self.free)
+        return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
 
     @cached_property
     def rigid(self) -> FloatArray:
         """The motions without strain that the supports leave, mass-normalised, shape (3V, r)."""
-        structure = self.structure
-        motions = np.zeros((len(structure.free), structure.pencil.rigid.shape[1]))
-        motions[structure.free] = structure.pencil.rigid / np.sqrt(self.density)
+        motions = np.zeros((len(self.pencil.free), self.pencil.rigid.shape[1]))
+        motions[self.pencil.free] = self.pencil.rigid / np.sqrt(self.density)
         return motions
 
     def solve(self, forces: ArrayLike) -> FloatArray:
@@ -215,20 +215,22 @@ class Model:
             If no digit of the answer holds.
         """
         given = np.asarray(forces, dtype=np.float64)
-        free = self.structure.free
+        free = self.pencil.free
         if given.ndim not in (1, 2) or len(given) != len(free):
             raise InputError(
                 f"forces of shape {given.shape}", allowed=f"({len(free)},) or ({len(free)}, m)"
             )
         table = given.reshape(len(free), -1)
         result = np.zeros_like(table)
-        found, rounding = self.structure.pencil.solve(table[free])
+        found, rounding = self.pencil.solve(table[free])
         result[free] = found / self.modulus
         return result.reshape(given.shape), rounding
 
 
-class _Structure:
-    """A supported mesh of unit modulus and density."""
+class MeshPencil(Pencil):
+    """K and M of a supported mesh of unit modulus and density."""
+
+    # Nothing is assembled before it is asked for: modes may come from a cache.
 
     def __init__(
         self,
@@ -240,47 +242,33 @@ class _Structure:
         free: NDArray[np.bool_],
         lumped: bool,
     ) -> None:
-        self.digest = digest
-        self.points = points
-        self.free = free
-        self._mesh = mesh
+        self.digest, self.free, self.points = digest, free, points
+        self.strain_products = partial(strain_products, points, cells, elasticity)
+        self._mesh, self._cells, self._elasticity, self._lumped = mesh, cells, elasticity, lumped
         # Held from now on, so that a solver's last model hands it to the next.
         if (kept := _assemblies.get(mesh)) is not None:
             self.assembly = kept
-        self._cells = cells
-        self._elasticity = elasticity
-        self._lumped = lumped
-
-    # Nothing is assembled before it is asked for: modes may come from a cache.
 
     @cached_property
     def assembly(self) -> Assembly:
         found = _assemblies.get(self._mesh)
         if found is None:
+            assert self.points is not None
             found = assemble(self.points, self._cells)
             _assemblies[self._mesh] = found
         return found
 
     @cached_property
-    def stiffness(self) -> csr_matrix:
+    def whole_stiffness(self) -> csr_matrix:
         return stiffness(self.assembly, self._elasticity)
 
     @cached_property
-    def mass(self) -> csr_matrix:
+    def whole_mass(self) -> csr_matrix:
         return mass(self.assembly, 1.0, self._lumped)
-
-    @cached_property
-    def pencil(self) -> Pencil:
-        # With all of scipy that solves.
-        from spacemap_vtk.mechanics.kinematics import strain_products
-        from spacemap_vtk.mechanics.pencil import Pencil
-
-        products = partial(strain_products, self.points, self._cells, self._elasticity)
-        return Pencil(self.stiffness, self.mass, self.free, self.points, products)
 
 
 _assemblies: WeakValues[Assembly] = WeakValues()
-_structures: WeakValues[_Structure] = WeakValues()
+_pencils: WeakValues[MeshPencil] = WeakValues()
 
 
 def digest_of(*parts: Any) -> str:
@@ -306,21 +294,21 @@ def digest_of(*parts: Any) -> str:
     return state.hexdigest()
 
 
-def _structure(
+def _pencil(
     points: FloatArray,
     cells: NDArray[np.int64],
     elasticity: FloatArray,
     held: NDArray[np.bool_],
     lumped: bool,
-) -> _Structure:
+) -> MeshPencil:
     if held.shape != points.shape:
         raise InputError(f"held of shape {held.shape}", allowed=f"{points.shape}")
     mesh = digest_of(points, cells)
     whole = digest_of(mesh, elasticity, held, lumped)
-    found = _structures.get(whole)
+    found = _pencils.get(whole)
     if found is None:
-        found = _Structure(whole, mesh, points, cells, elasticity, ~held.ravel(), lumped)
-        _structures[whole] = found
+        found = MeshPencil(whole, mesh, points, cells, elasticity, ~held.ravel(), lumped)
+        _pencils[whole] = found
     return found
 
 

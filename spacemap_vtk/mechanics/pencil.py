@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg as la
-from scipy.sparse import csgraph
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics import blas_threads, lanczos
-from spacemap_vtk.mechanics.factors import Factors, Solve, factorise
-from spacemap_vtk.mechanics.multifrontal import Analysis
+
+# Modes may come from a cache: all of scipy that solves is imported where something is solved.
+if TYPE_CHECKING:
+    import scipy.sparse as sp
+
+    from spacemap_vtk.mechanics.factors import Factors, Solve
+    from spacemap_vtk.mechanics.multifrontal import Analysis
 
 FloatArray = NDArray[np.float64]
 
@@ -39,21 +41,68 @@ _NO_DIGIT = 0.1
 _ROUNDING = 2.0**-53
 
 
-class Component:
-    """A connected part of a mesh."""
+class Pencil:
+    """K and M on what is free. Of a mesh that hangs together it is its own, and only, component."""
 
     def __init__(
         self,
-        rows: NDArray[np.int64],
         stiffness: sp.csr_matrix,
         mass: sp.csr_matrix,
-        vertices: NDArray[np.int64],
+        free: ArrayLike,
+        points: FloatArray | None = None,
+        strain_products: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
-        self.rows = rows
-        self.stiffness = stiffness
-        self.mass = mass
-        self.vertices = vertices
-        self._factors: Factors | None = None
+        self.whole_stiffness, self.whole_mass = stiffness, mass
+        self.free, self.points, self.strain_products = np.asarray(free), points, strain_products
+
+    _factors: Factors | None = None
+
+    @cached_property
+    def where(self) -> NDArray[np.int64]:
+        """Which components of displacement are free."""
+        return _checked(self.whole_stiffness, self.whole_mass, self.free)
+
+    @cached_property
+    def stiffness(self) -> sp.csr_matrix:
+        """K of these."""
+        return self.whole_stiffness[self.where][:, self.where]
+
+    @cached_property
+    def mass(self) -> sp.csr_matrix:
+        """M of these."""
+        mass = self.whole_mass[self.where][:, self.where]
+        massless = mass.diagonal() <= 0
+        if massless.any():
+            raise InputError(
+                f"{massless.sum()} free components have no mass, the first is index "
+                f"{self.where[massless.argmax()]}",
+                cure="Remove the points that belong to no tetrahedron",
+            )
+        return mass
+
+    @cached_property
+    def _parts(self) -> list[Pencil]:
+        """The parts that hang together; none where it is one, which would hold itself."""
+        from scipy.sparse import csgraph
+
+        graph = abs(self.stiffness) + abs(self.mass)
+        count, owner = csgraph.connected_components(graph, directed=False)
+        parts = []
+        for part in range(count) if count > 1 else ():
+            free = np.zeros(len(self.free), dtype=bool)
+            free[self.where[owner == part]] = True
+            whole = self.whole_stiffness, self.whole_mass
+            parts.append(Pencil(*whole, free, self.points, self.strain_products))
+        return parts
+
+    @property
+    def components(self) -> list[Pencil]:
+        """The parts that no element joins, in the order of their first rows."""
+        return self._parts or [self]
+
+    def rows(self, component: Pencil) -> NDArray[np.int64]:
+        """Return which of its rows are those of a component."""
+        return np.searchsorted(self.where, component.where)
 
     @cached_property
     def shift(self) -> float:
@@ -63,7 +112,9 @@ class Component:
                 "the stiffness matrix is not positive semidefinite",
                 cure="Check the material and the supports of the cage",
             )
-        return lanczos.shift(self.stiffness, self.mass)
+        from spacemap_vtk.mechanics.lanczos import shift
+
+        return shift(self.stiffness, self.mass)
 
     def lower_shift(self) -> bool:
         """Bring σ nearer to zero, for modes that do not converge."""
@@ -78,7 +129,9 @@ class Component:
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic factorisation of the pattern of K and M, made once."""
-        return Analysis(abs(self.stiffness) + abs(self.mass), self.vertices)
+        from spacemap_vtk.mechanics.multifrontal import Analysis
+
+        return Analysis(abs(self.stiffness) + abs(self.mass), self.where // 3)
 
     @property
     def factors(self) -> Factors:
@@ -87,6 +140,8 @@ class Component:
 
     def factorised(self, progress: Callable[[float], object] | None) -> Factors:
         """Return the factors, and report while they are made."""
+        from spacemap_vtk.mechanics.factors import factorise
+
         if self._factors is None:
             matrix = self.stiffness + self.shift * self.mass
             if progress is not None:
@@ -94,80 +149,44 @@ class Component:
             self._factors = factorise(matrix, lambda: self.analysis, progress)
         return self._factors
 
-
-class Pencil:
-    """K and M on what is free."""
-
-    def __init__(
-        self,
-        stiffness: sp.csr_matrix,
-        mass: sp.csr_matrix,
-        free: ArrayLike,
-        points: FloatArray | None = None,
-        strain_products: Callable[[FloatArray], FloatArray] | None = None,
-    ) -> None:
-        self.where = _checked(stiffness, mass, free)
-        self.size = stiffness.shape[0]
-        self._whole = stiffness
-        self.points = points
-        self.strain_products = strain_products
-        self.stiffness = stiffness[self.where][:, self.where]
-        self.mass = mass[self.where][:, self.where]
-        massless = self.mass.diagonal() <= 0
-        if massless.any():
-            raise InputError(
-                f"{massless.sum()} free components have no mass, the first is index "
-                f"{self.where[massless.argmax()]}",
-                cure="Remove the points that belong to no tetrahedron",
-            )
-
-    @cached_property
-    def components(self) -> list[Component]:
-        """The connected parts, in the order of their first rows."""
-        vertices = self.where // 3
-        graph = abs(self.stiffness) + abs(self.mass)
-        count, owner = csgraph.connected_components(graph, directed=False)
-        if count == 1:
-            return [Component(np.arange(len(self.where)), self.stiffness, self.mass, vertices)]
-        components = []
-        for component in range(count):
-            rows = np.flatnonzero(owner == component)
-            k, m = self.stiffness[rows][:, rows], self.mass[rows][:, rows]
-            components.append(Component(rows, k, m, vertices[rows]))
-        return components
-
     @cached_property
     def rigid(self) -> FloatArray:
         """The motions without strain, mass-normalised, shape (N, r)."""
         blocks = []
         for component in self.components:
-            motions = self.motions(component)
+            motions = component.motions
             whole = np.zeros((len(self.where), motions.shape[1]))
-            whole[component.rows] = motions
+            whole[self.rows(component)] = motions
             blocks.append(whole)
         return np.concatenate(blocks, axis=1)
 
     def solve(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return static displacements, as `spacemap_vtk.mechanics.model.Model.statics` does."""
+        from spacemap_vtk.mechanics import blas_threads
+
         result, rounding = np.empty_like(forces), np.zeros(forces.shape[1])
         with blas_threads.one():
             rigid = self.rigid
             for component in self.components:
-                mine = rigid[component.rows]
+                rows = self.rows(component)
+                mine = rigid[rows]
                 mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
-                result[component.rows], share = _solved(component, forces[component.rows], mine)
+                result[rows], share = _solved(component, forces[rows], mine)
                 rounding = np.maximum(rounding, share)
         return result, rounding
 
-    def motions(self, component: Component) -> FloatArray:
-        """Return what of the six rigid motions moves nothing that is held."""
+    @cached_property
+    def motions(self) -> FloatArray:
+        """What of the six rigid motions of a component moves nothing that is held."""
+        from scipy import linalg as la
+
         # That is seen from the vertices alone. The energy of such a motion would not tell: that of
         # a thin clamped sheet that turns about its edge is rounding in K.
         if self.points is None:
             raise InputError("rigid motions need the vertices", key="points")
-        free = self.where[component.rows]
-        points, near = self.points, np.unique(self._whole[free].indices // 3)
-        held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), self.where)
+        free = self.where
+        points, near = self.points, np.unique(self.whole_stiffness[free].indices // 3)
+        held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), free)
         middle = points[near].mean(axis=0)
         size = max(float(np.abs(points[near] - middle).max()), np.finfo(float).tiny)
 
@@ -190,12 +209,12 @@ class Pencil:
             motions = la.orth(motions)
         if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
             return motions
-        factor = np.linalg.cholesky(motions.T @ (component.mass @ motions))
+        factor = np.linalg.cholesky(motions.T @ (self.mass @ motions))
         return la.solve_triangular(factor, motions.T, lower=True).T
 
 
 def _solved(
-    component: Component, forces: FloatArray, rigid: FloatArray
+    component: Pencil, forces: FloatArray, rigid: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return static displacements, (n, m), and the share of each that is rounding, (m,)."""
     # The factors that the modes come from do, unless many eigenvalues lie below σ. So it is with
@@ -229,8 +248,10 @@ def _solved(
     return u, share
 
 
-def _near_zero(component: Component) -> Factors:
+def _near_zero(component: Pencil) -> Factors:
     """Return factors of K + σM for the least σ that keeps it positive definite in float64."""
+    from spacemap_vtk.mechanics.factors import factorise
+
     ratio = float((component.stiffness.diagonal() / component.mass.diagonal()).max())
     for share in _SHIFTS:
         try:
@@ -243,7 +264,7 @@ def _near_zero(component: Component) -> Factors:
 
 
 def _conjugate_gradients(
-    component: Component, solve: Solve, forces: FloatArray, rigid: FloatArray
+    component: Pencil, solve: Solve, forces: FloatArray, rigid: FloatArray
 ) -> tuple[FloatArray, bool]:
     """Solve on K with (K + σM)⁻¹ as preconditioner; tell whether the solutions settled."""
     # With it the eigenvalues are λ/(λ + σ): all but the few below σ lie at one, so that a handful

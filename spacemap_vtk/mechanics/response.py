@@ -92,7 +92,7 @@ class Response:
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> held = np.arange(4)[:, None] < [3, 3, 3]
     >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
-    >>> values, shapes, lost = lowest(model.structure.pencil, 3)
+    >>> values, shapes, lost = lowest(model.pencil, 3)
     >>> values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     >>> modes = CageModes(model, values, shapes.reshape(3, -1), lost)
     >>> load = modes.vector("gravity", (0, 0, -10.0), step())

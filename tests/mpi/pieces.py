@@ -28,7 +28,7 @@ warnings.simplefilter("ignore", SpacemapWarning)
 def solves(stages: list[Any]) -> bool:
     """Return whether this process has factorised the cage's matrices."""
     return any(
-        "pencil" in vars(stage._model.structure)
+        "stiffness" in vars(stage._model.pencil)
         for stage in stages
         if isinstance(stage, ModalSolver)
     )
