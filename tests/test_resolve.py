@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import os
 from math import inf, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -389,5 +390,8 @@ def test_a_draft_is_read_once_until_it_changes(
     source.update()
     assert len(reads) == 1
     source.ends = 6
+    assert source.cloth.drawdown.shape == (4, 6)
+    assert len(reads) == 1
+    os.utime(file, ns=(0, 0))
     assert source.cloth.drawdown.shape == (4, 6)
     assert len(reads) == 2

@@ -16,7 +16,7 @@ t**2 (2D - h) - 2 p t + h = 0.
 
 from __future__ import annotations
 
-from math import isfinite, pi, sqrt
+from math import isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -88,81 +88,12 @@ def balanced_height(warp_spacing: float, weft_spacing: float, diameter_sum: floa
     return 0.5 * (low + high)
 
 
-def height_from_crimp(spacing: float, crimp: float, diameter_sum: float) -> float:
-    """Return the crimp height of a yarn whose crimp was measured."""
-    p, d = spacing, diameter_sum
-    highest = d - _least_height(p, d)
-    most = float(solve(p, highest, d).crimp)
-    if not 0.0 <= crimp <= most * (1.0 + 1e-9):
-        raise GeometryError(
-            f"a yarn over a spacing of {_metres(p)} with a sum of diameters of {_metres(d)} "
-            "cannot have this crimp",
-            key="crimp",
-            value=crimp,
-            allowed=f"0 to {most:.6g}",
-            cure="Less crimp, a wider spacing or thinner yarns",
-        )
-    if crimp == 0.0 or crimp >= most:
-        return 0.0 if crimp == 0.0 else highest
-    length = p * (1.0 + crimp)
-
-    def remainder(theta: float) -> float:
-        # the equation less p, put so that a small crimp is not lost in l - p
-        sag = 2.0 * (length - d * theta) * np.sin(0.5 * theta) ** 2
-        return float(crimp * p - sag - d * (theta - np.sin(theta)))
-
-    # at jam the root is the end of the bracket, and may lie past it by rounding
-    theta = min(length / d, pi)
-    if remainder(theta) < 0.0:
-        from scipy.optimize import brentq  # with all it brings: a tenth of a second
-
-        theta = float(brentq(remainder, 0.0, theta, xtol=1e-300, rtol=1e-15))
-    height = (length - d * theta) * np.sin(theta) + 2.0 * d * np.sin(0.5 * theta) ** 2
-    return min(float(height), highest)
-
-
 def largest_diameter_sum(warp_spacing: float, weft_spacing: float) -> float:
     """Return the largest sum of diameters that can be woven at given spacings: a jammed cloth."""
     # over the larger spacing, so that the squares of tiny lengths stay normal numbers
     scale = max(warp_spacing, weft_spacing)
     a, b = (warp_spacing / scale) ** 2, (weft_spacing / scale) ** 2
     return scale * sqrt((a + b + 2.0 * sqrt(a * a - a * b + b * b)) / 3.0)
-
-
-def check(
-    warp_diameter: float,
-    weft_diameter: float,
-    warp_spacing: float,
-    weft_spacing: float,
-    height: float,
-) -> None:
-    """Refuse a cloth that cannot exist."""
-    d, p1, p2 = warp_diameter + weft_diameter, warp_spacing, weft_spacing
-    for key, value in (
-        ("warp_diameter", warp_diameter),
-        ("weft_diameter", weft_diameter),
-        ("warp_spacing", p1),
-        ("weft_spacing", p2),
-    ):
-        if not (isfinite(value) and value > 0.0):
-            raise GeometryError(
-                "a fabric needs a length here",
-                key=key,
-                value=value,
-                allowed="more than 0 m",
-                cure='Write, for example, "0.3 mm"',
-            )
-    for family, diameter, room in (("warp", warp_diameter, p1), ("weft", weft_diameter, p2)):
-        if diameter > room + JAM * d:
-            raise GeometryError(
-                f"neighbouring {family} yarns overlap: they are {_metres(diameter)} thick and "
-                f"{_metres(room)} apart",
-                key=f"{family}_diameter",
-                value=diameter,
-                allowed=f"up to {_metres(room)} ({family}_spacing)",
-                cure=f"Make {family}_diameter smaller or {family}_spacing larger",
-            )
-    check_height(p1, p2, d, height)
 
 
 def check_height(

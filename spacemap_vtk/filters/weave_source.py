@@ -60,8 +60,10 @@ class WeaveSource(Stage):
     }
     seamless = True
 
-    #: For which parameters, of which draft, and which cloth.
-    _resolved: tuple[tuple[Any, ...], Draft, Cloth] | None = None
+    #: The draft's file and its time, and what it holds.
+    _read: tuple[tuple[Any, ...], Draft] | None = None
+    #: For which parameters, and which cloth.
+    _resolved: tuple[tuple[Any, ...], Cloth] | None = None
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
@@ -211,14 +213,13 @@ class WeaveSource(Stage):
             If not even the crossings would fit into memory; `counts` looks after the patches.
         """
         # asked for at every frame, by whoever draws it
-        stamp = self.draft.stat().st_mtime_ns if self.draft and self.draft.is_file() else 0
-        key = (*self.settings.values(), stamp)
+        key = (*self.settings.values(), *self._stamp)
         if self._resolved is None or self._resolved[0] != key:
             source, asked = self.source, self.asked
             ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
-            self._resolved = key, source, resolve(source, asked)
-        return self._resolved[2]
+            self._resolved = key, resolve(source, asked)
+        return self._resolved[1]
 
     @property
     def counts(self) -> weave.Counts:
@@ -270,9 +271,7 @@ class WeaveSource(Stage):
         """
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
-        cloth = self.cloth
-        assert self._resolved is not None
-        return as_draft(cloth, self._resolved[1], self.asked, title)
+        return as_draft(self.cloth, self.source, self.asked, title)
 
     @property
     def asked(self) -> Asked:
@@ -368,7 +367,15 @@ class WeaveSource(Stage):
                 value=self.draft,
                 allowed=read_words("draft"),
             )
-        return read_draft(self.draft)
+        if self._read is None or self._read[0] != self._stamp:
+            self._read = self._stamp, read_draft(self.draft)
+        return self._read[1]
+
+    @property
+    def _stamp(self) -> tuple[Any, ...]:
+        """The draft's file, and when it was written."""
+        there = self.draft is not None and self.draft.is_file()
+        return self.draft, self.draft.stat().st_mtime_ns if there else 0
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
