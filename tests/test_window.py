@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 import numpy as np
-from window import drag, require_display, settled, type_into, wait_until
+from window import drag, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
 
@@ -17,7 +17,7 @@ from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
 
 def executions(window: Any) -> dict[str, int]:
-    scene = window.engine._pipeline._scene
+    scene = scene_of(window)
     return {stage.section: stage.executions for stage in scene.stages}
 
 

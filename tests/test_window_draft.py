@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
-from window import require_display, settled, type_into, wait_until
+from window import require_display, scene_of, settled, type_into, wait_until
 
 require_display()
 
@@ -117,11 +117,11 @@ def click(qtbot: Any, window: Any, panel: str, x: int, y: int, *keys: Any) -> No
 def woven(window: Any) -> np.ndarray:
     """The drawdown of the fabric that is drawn."""
     wait_until(lambda: settled(window))
-    return window.engine._pipeline._scene.weave.cloth.drawdown
+    return scene_of(window).weave.cloth.drawdown
 
 
 def runs(window: Any) -> dict[str, int]:
-    return {s.section: s.executions for s in window.engine._pipeline._scene.stages}
+    return {s.section: s.executions for s in scene_of(window).stages}
 
 
 def test_the_cloth_follows_the_threading(draft_of: Any, qtbot: Any, twill: Path) -> None:
@@ -272,7 +272,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     qtbot.mouseMove(view, spot(window, "warp", 3, 0))
     qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 3, 0))
     wait_until(lambda: settled(window))
-    colors = window.engine._pipeline._scene.weave.cloth.warp.colors
+    colors = scene_of(window).weave.cloth.warp.colors
     assert (colors[:3] == (0x11, 0x22, 0x33)).all()
     assert not (colors[3:] == (0x11, 0x22, 0x33)).all(axis=1).any()
     assert window.document.undo.count() == 1
@@ -281,7 +281,7 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     index = [color.name() for color in draft.palette_row.colors].index("#112233")
     qtbot.mouseDClick(draft.palette_row, LEFT, pos=draft.palette_row.rect_of(index).center())
     wait_until(lambda: settled(window))
-    assert (window.engine._pipeline._scene.weave.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
+    assert (scene_of(window).weave.cloth.warp.colors[:3] == (0xAA, 0x33, 0)).all()
     window.document.undo.undo()
     window.document.undo.undo()
     assert window.document.written("weave", "warp_color") is None

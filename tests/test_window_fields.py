@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window import drag, require_display, settled, type_into, wait_until
+from window import drag, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
 
@@ -97,7 +97,7 @@ def test_a_pattern_is_drawn_by_the_mouse(open_window: Any) -> None:
     assert rows[0][:3] == ("0" if repeat[0, 0] else "1") * 3
     assert rows[1:] == tuple("".join("01"[int(c)] for c in row) for row in repeat[1:])
     assert window.document.undo.count() == count + 1
-    drawdown = window.engine._pipeline._scene.weave.cloth.drawdown
+    drawdown = scene_of(window).weave.cloth.drawdown
     np.testing.assert_array_equal(drawdown[:4, :4], pattern.grid.repeat)
     click(pattern.buttons["+ end"])
     assert pattern.grid.repeat.shape == (4, 5)

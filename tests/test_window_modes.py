@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window import require_display, settled, wait_until
+from window import require_display, scene_of, settled, wait_until
 
 require_display()
 
@@ -38,7 +38,7 @@ def test_the_table_has_the_figures_of_the_command_line(open_window: Any) -> None
 
 def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_window: Any) -> None:
     window = open_window()
-    scene = window.engine._pipeline._scene
+    scene = scene_of(window)
     before = {stage.section: stage.executions for stage in scene.stages}
     sizes: list[float] = []
 

@@ -57,6 +57,11 @@ def settled(window: Any) -> bool:
     )
 
 
+def scene_of(window: Any) -> Any:
+    """Return the scene that the window's engine runs."""
+    return window.engine._pipeline._scene
+
+
 def drag(slider: Any, steps: int) -> None:
     """Press a slider's handle, move it, let go."""
     from PySide6.QtCore import QPoint, Qt
