@@ -17,7 +17,8 @@ import pyvista as pv
 
 from spacemap_vtk import MotionReader, ObjectSource
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.draw.order import Order
+from spacemap_vtk.errors import InputError, UnknownNameError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_blocks
@@ -223,6 +224,26 @@ def test_what_is_taken_back_is_gone() -> None:
     registry.forget(both)
     assert ".gone" not in registry.written()
     assert registry.kind_of(Path("a.gone")) is None
+
+
+def test_a_file_holds_what_there_is() -> None:
+    for decorator, holds in ((reads, "surfaces"), (writes, ("mesh",))):
+        with pytest.raises(UnknownNameError, match="no file holds that; allowed: "):
+            decorator(".abc", label="Alphabet", holds=holds)
+
+
+def test_two_writers_share_an_ending() -> None:
+    @writes(".vtu", label="Mine", holds=("surface",))
+    def mine(file: Path, surface: Any) -> None:
+        raise NotImplementedError
+
+    try:
+        assert registry.written()[".vtu"] == "patches or cage or surface"
+        assert Order("surface", Path("a.vtu")).what == "surface"
+        assert registry.writer(Path("a.vtu"), "surface").write is mine
+        assert registry.writer(Path("a.vtu"), "cage").write is not mine
+    finally:
+        registry.forget(mine)
 
 
 def test_the_last_one_that_is_registered_reads(tmp_path: Path) -> None:

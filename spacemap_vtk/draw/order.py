@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
 from spacemap_vtk.io.output import check_output, telling_refusals, whole_file, whole_folder
-from spacemap_vtk.io.registry import writer, written
+from spacemap_vtk.io.registry import DATA, writer, written
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
@@ -56,17 +56,16 @@ class Order:
             self._check_film()
         else:
             check_output(self.output, written())
-            format_ = writer(self.output)
-            format_.check(self.output)
-            kinds = format_.holds
-            self.what = self.what or kinds[0]
-            if self.what not in kinds:
+            ending = self.output.suffix.lower()
+            self.what = self.what or writer(self.output).holds[0]
+            if ending not in written(self.what):
                 raise InputError(
-                    f"{self.output.suffix.lower()} files do not hold that",
+                    f"{ending} files do not hold that",
                     key="what",
                     value=self.what,
-                    allowed=", ".join(kinds),
+                    allowed=", ".join(kind for kind in DATA if ending in written(kind)),
                 )
+            writer(self.output, self.what).check(self.output)
 
     @property
     def numbered(self) -> bool:
@@ -152,7 +151,8 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
 
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
-    format_, times = writer(order.output), list(order.times) or [scene.view.time]
+    format_ = writer(order.output, order.what)
+    times = list(order.times) or [scene.view.time]
     if format_.times and scene.moves:
         times = scene.animation.frame_times()
     steps = len(times) + 1

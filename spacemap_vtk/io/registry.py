@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.errors import InputError, MissingLibraryError, UnknownNameError
 
 #: What a file can hold that is read, and what reading it returns.
 READ = {
@@ -112,6 +112,8 @@ def reads(
 ) -> Callable[[_F], _F]:
     """Register a function of a path as the reader of files of some endings."""
 
+    _require_known([holds], READ)
+
     def register(function: _F) -> _F:
         _builtin()
         _readers.append(Reader(endings, label, holds, function, check, common, general, rest))
@@ -128,6 +130,8 @@ def writes(
     require: Callable[[Path], None] | None = None,
 ) -> Callable[[_F], _F]:
     """Register a function of a path and data as the writer of files of some endings."""
+
+    _require_known(holds, {**DATA, **DRAWN})
 
     def register(function: _F) -> _F:
         _builtin()
@@ -194,11 +198,12 @@ def kind_of(path: Path) -> str | None:
 
 def written(holds: str | None = None) -> dict[str, str]:
     """Return the endings of what is a key of `DATA` or `DRAWN`, in words; of all data without."""
-    return {
-        ending: " or ".join(writer.holds) if holds is None else DATA.get(holds, writer.label)
-        for writer in writers(holds)
-        for ending in writer.endings
-    }
+    found: dict[str, list[str]] = {}
+    for each in writers(holds):
+        for ending in each.endings:
+            words = each.holds if holds is None else [DATA.get(holds, each.label)]
+            found[ending] = _once([*found.get(ending, []), *words])
+    return {ending: " or ".join(words) for ending, words in found.items()}
 
 
 def writable(holds: str) -> list[str]:
@@ -284,6 +289,12 @@ def truncated(path: Path) -> InputError:
         key="file",
         cure="Write the file again, whole.",
     )
+
+
+def _require_known(holds: Iterable[str], known: dict[str, str]) -> None:
+    for name in holds:
+        if name not in known:
+            raise UnknownNameError("no file holds that", key=name, allowed=", ".join(known))
 
 
 def _enumerated(words: Iterable[str]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ def read_picture(path: Path) -> Draft:
 @writes(".wif", label="Weaver's draft", holds=("draft",))
 def write_wif(file: Path, draft: Draft) -> None:
     """Write a Weaving Information File."""
+    from spacemap_vtk.io.output import write
     from spacemap_vtk.io.wif_writer import format_wif
 
     write(file, [format_wif(draft)])

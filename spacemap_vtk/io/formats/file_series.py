@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +33,8 @@ def open_collection(file: Path) -> MeshSeries:
 @reads(".series", label="ParaView file series", holds="motion")
 def open_file_series(file: Path) -> MeshSeries:
     """Open the files that a file series names."""
+    import json
+
     from spacemap_vtk.io.series import FileSeries
 
     try:

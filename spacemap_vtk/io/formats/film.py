@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 from collections.abc import Iterable
 from contextlib import suppress
-from fractions import Fraction
 from itertools import chain
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
@@ -82,6 +78,10 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
 
 
 def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
+    import subprocess
+    from fractions import Fraction
+    from tempfile import TemporaryFile
+
     require_encoder(file)
     import numpy as np
     from imageio_ffmpeg import get_ffmpeg_exe
@@ -122,6 +122,8 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
 
 def _try_on(file: Path) -> None:
     """Write more to a file that another program has broken off: the disk tells its reason."""
+    import os
+
     with file.open("ab") as torn:
         torn.write(bytes(2**20))
         torn.flush()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import reads, truncated
@@ -18,6 +16,9 @@ if TYPE_CHECKING:
 
 def _check(path: Path) -> None:
     """Refuse a file that is not whole, or whose parts beside it are not."""
+    import json
+    from urllib.parse import unquote
+
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
         if content[:4] != b"glTF":

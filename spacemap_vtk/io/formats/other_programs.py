@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -26,6 +24,8 @@ from spacemap_vtk.io.registry import endings, reads, truncated
 )
 def read_with_pyvista(path: Path) -> Any:
     """Read a file, with errors in words in place of what pyvista and meshio print."""
+    import io
+
     from spacemap_vtk.datasets.quiet import quiet_vtk
 
     try:
@@ -64,6 +64,8 @@ def read_with_pyvista(path: Path) -> Any:
 @contextmanager
 def _quiet_logging() -> Iterator[None]:
     """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
+    import logging
+
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -39,6 +38,8 @@ def write_frames(file: Path, images: Iterable[NDArray[np.uint8]], rate: float = 
 def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     """Write a figure of matplotlib."""
     from io import BytesIO
+
+    from spacemap_vtk.io.output import write
 
     made = BytesIO()  # matplotlib leaves a file open that it cannot write
     figure.savefig(made, format=file.suffix[1:].lower(), **more)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import reads, truncated, writes
 
 if TYPE_CHECKING:
@@ -117,6 +116,7 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
+    from spacemap_vtk.io.output import write
     from spacemap_vtk.io.polygons import corners_of, facing, require_work
 
     require_work(surface, _WORK, ".ply")

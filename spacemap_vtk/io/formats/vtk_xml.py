@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def write_vtu(file: Path, data: vtkDataSet) -> None:
         append.AddInputData(data)
         append.Update()
         data = append.GetOutput()
-    write(file, [_made(vtkXMLUnstructuredGridWriter(), data, ".vtu")])
+    _write(file, vtkXMLUnstructuredGridWriter(), data)
 
 
 @writes(".vtp", label="VTK XML", holds=("surface",))
@@ -53,10 +52,12 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
     """Write a surface."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    write(file, [_made(vtkXMLPolyDataWriter(), data, ".vtp")])
+    _write(file, vtkXMLPolyDataWriter(), data)
 
 
-def _made(writer: Any, data: vtkDataSet, ending: str) -> bytes:
+def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
+    from spacemap_vtk.io.output import write
+
     writer.SetDataModeToBinary()
     writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
     writer.SetInputData(data)
@@ -71,5 +72,5 @@ def _made(writer: Any, data: vtkDataSet, ending: str) -> bytes:
         from vtkmodules.vtkCommonMisc import vtkErrorCode
 
         why = vtkErrorCode.GetStringFromErrorCode(fault)
-        raise SpacemapError(f"VTK has not made the {ending} file: {why}")
-    return made
+        raise SpacemapError(f"VTK has not made the {file.suffix.lower()} file: {why}")
+    write(file, [made])
