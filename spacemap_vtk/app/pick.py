@@ -46,29 +46,20 @@ def read_point(surface: vtkPolyData, cell: int, point: int) -> Pick:
     position = points_of(surface)[point].astype(float)
     moved = surface.GetPointData().GetArray("displacement")
     displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
-    yarn, family = _number(surface, "yarn", cell), _number(surface, "family", cell)
-    return Pick(
-        yarn=yarn,
-        family=family,
-        number=_number_in_family(surface, yarn, family),
-        position=_three(position),
-        rest=_three(position - displacement),
-        displacement=_three(displacement),
-    )
-
-
-def _number(surface: vtkPolyData, name: str, cell: int) -> int | None:
-    array = surface.GetCellData().GetArray(name)
-    return None if array is None else int(array.GetTuple1(cell))
-
-
-def _number_in_family(surface: vtkPolyData, yarn: int | None, family: int | None) -> int | None:
-    """Count from the family's first yarn, which is 1."""
-    if yarn is None or family is None:
-        return None
+    yarn, family, number = None, None, None
     cells = surface.GetCellData()
-    of_family = vtk_to_numpy(cells.GetArray("family")) == family
-    return yarn - int(vtk_to_numpy(cells.GetArray("yarn"))[of_family].min()) + 1
+    if cells.HasArray("yarn") and cells.HasArray("family"):
+        yarns, families = (vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "family"))
+        yarn, family = int(yarns[cell]), int(families[cell])
+        number = yarn - int(yarns[families == family].min()) + 1
+    return Pick(
+        yarn,
+        family,
+        number,
+        _three(position),
+        _three(position - displacement),
+        _three(displacement),
+    )
 
 
 def _three(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -8,19 +8,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import (
+    QBoxLayout,
     QCheckBox,
     QComboBox,
     QFileDialog,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QSizePolicy,
     QSpinBox,
-    QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -30,6 +28,7 @@ from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.draft.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 from spacemap_vtk.app.draft.strokes import NAMES
+from spacemap_vtk.app.widgets import column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
@@ -66,30 +65,19 @@ class DraftTab(QWidget):
         self._burst = 0
         self._cost, self._done = 0.0, 0.0
         self._waiting: tuple[Shown, str] | None = None
-        self._later = QTimer(self)
-        self._later.setSingleShot(True)
-        self._later.timeout.connect(self._commit)
+        self._later = later(self, self._commit)
         self.grid = DraftGrid()
         self.palette_row = Palette()
-        self.hint = QLabel(_HINT)
-        self.hint.setObjectName("about")
-        self.hint.setWordWrap(True)
+        self.hint = note(_HINT)
         self.hint.setMinimumHeight(2 * self.hint.fontMetrics().height() + 2)
         self.hint.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.empty = QLabel()
-        self.empty.setWordWrap(True)
+        self.empty = note()
         self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.empty.setObjectName("about")
         self.empty.hide()
         self.tools = QWidget()
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(6, 6, 6, 6)
-        layout.setSpacing(6)
-        self._add_tools(layout)
-        layout.addWidget(self.empty, 1)
-        layout.addWidget(self.grid, 1)
-        layout.addWidget(self.palette_row)
-        layout.addWidget(self.hint)
+        files = self._make_tools()
+        below = ((self.empty, 1), (self.grid, 1), self.palette_row, self.hint)
+        column(self, files, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.grid.edited.connect(self._edited)
         self.grid.hovered.connect(self._hovered)
         self.grid.refused.connect(self.hint.setText)
@@ -152,25 +140,20 @@ class DraftTab(QWidget):
         super().showEvent(event)
         self.refresh()
 
-    def _add_tools(self, layout: QVBoxLayout) -> None:
-        first = QHBoxLayout()
-        first.setSpacing(2)
-        self.opened = _button("Open…", "Weave a draft from a file (.wif, rows, picture)")
-        self.saved = _button("Save…", "Write the draft as WIF, for weaving programs")
-        self.smaller = _button("−", "Smaller (Ctrl+wheel)")
-        self.larger = _button("+", "Larger (Ctrl+wheel)")
-        self.fit = _button("Fit", "Show the whole draft")
-        self.colors = _button("Colours", "The yarns' colours; else black where the end is up", True)
+    def _make_tools(self) -> QBoxLayout:
+        """Fill the tools; return what stands over them, which is there without a draft, too."""
+        self.opened = tool_button("Open…", "Weave a draft from a file (.wif, rows, picture)")
+        self.saved = tool_button("Save…", "Write the draft as WIF, for weaving programs")
+        self.smaller = tool_button("−", "Smaller (Ctrl+wheel)")
+        self.larger = tool_button("+", "Larger (Ctrl+wheel)")
+        self.fit = tool_button("Fit", "Show the whole draft")
+        self.colors = tool_button(
+            "Colours", "The yarns' colours; else black where the end is up", True
+        )
         self.colors.setChecked(True)
         tip = "End 1 left and pick 1 below, as the cloth lies; else as on paper, right and above"
-        self.cloth = _button("As cloth", tip, True)
+        self.cloth = tool_button("As cloth", tip, True)
         self.cloth.setChecked(self.grid.as_cloth)
-        for button in (self.opened, self.saved):
-            first.addWidget(button)
-        first.addStretch(1)
-        for button in (self.smaller, self.larger, self.fit):
-            first.addWidget(button)
-        layout.addLayout(first)
         self.counts: dict[str, QSpinBox] = {}
         grid = QGridLayout()
         grid.setHorizontalSpacing(6)
@@ -203,7 +186,6 @@ class DraftTab(QWidget):
         grid.addWidget(self.rising, 2, 2, 1, 2)
         grid.addWidget(self.colors, 3, 0, 1, 2)
         grid.addWidget(self.cloth, 3, 2, 1, 2)
-        layout.addWidget(self.tools)
         grid.setContentsMargins(0, 0, 0, 0)
         self.tools.setLayout(grid)
         self.opened.clicked.connect(self.open)
@@ -213,6 +195,8 @@ class DraftTab(QWidget):
         self.fit.clicked.connect(self.grid.fit)
         self.colors.toggled.connect(self._view_chosen)
         self.cloth.toggled.connect(self._view_chosen)
+        sizes = (self.smaller, self.larger, self.fit)
+        return row(None, self.opened, self.saved, None, *sizes, spacing=2)
 
     def _show(self, shown: Shown | None, why: str = "") -> None:
         if shown is None:
@@ -350,12 +334,3 @@ class DraftTab(QWidget):
 
     def _view_chosen(self) -> None:
         self.grid.set_view(self.cloth.isChecked(), self.colors.isChecked())
-
-
-def _button(text: str, tip: str, checkable: bool = False) -> QToolButton:
-    button = QToolButton()
-    button.setText(text)
-    button.setToolTip(tip)
-    button.setCheckable(checkable)
-    button.setAutoRaise(True)
-    return button

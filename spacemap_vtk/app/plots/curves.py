@@ -107,17 +107,8 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
                 answer = response.frequency_response(weight, frequencies[part])
             answers[number, part] = abs(answer)
             yield
-    return Curves(
-        wish.key,
-        np.array(places).reshape(-1, 3),
-        times,
-        motion,
-        energies,
-        frequencies,
-        answers,
-        natural,
-        note,
-    )
+    points = np.array(places).reshape(-1, 3)
+    return Curves(wish.key, points, times, motion, energies, frequencies, answers, natural, note)
 
 
 def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
@@ -147,18 +138,9 @@ def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
     displacement = np.array(curves).reshape(-1, len(times), 3)
     velocity = np.gradient(displacement, times, axis=1)
     motion = np.stack([displacement, velocity, np.gradient(velocity, times, axis=1)])
-    nothing = np.zeros(0)
-    return Curves(
-        wish.key,
-        np.array(places).reshape(-1, 3),
-        times,
-        motion,
-        None,
-        nothing,
-        np.zeros((len(places), 0, 3)),
-        nothing,
-        note,
-    )
+    nothing, points = np.zeros(0), np.array(places).reshape(-1, 3)
+    answers = np.zeros((len(places), 0, 3))
+    return Curves(wish.key, points, times, motion, None, nothing, answers, nothing, note)
 
 
 def _tip(shape: FloatArray, points: FloatArray) -> Point:
