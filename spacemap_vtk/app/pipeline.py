@@ -14,9 +14,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Swing
-from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
-from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.draw.frame import Frame, copied, frame_of
+from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.draw.frame import Frame, add_shape, copied, frame_of
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -190,8 +189,5 @@ def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
     """Put a mode's displacement on a cage."""
     count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
     mode = min(swing.mode, count - 1)
-    shape = array_of(cage.GetPointData(), MODE_NAME.format(mode), "a swing")
-    largest = float(np.linalg.norm(shape, axis=1).max()) or 1.0
     side = float(np.ptp(points_of(cage), axis=0).max())
-    scale = swing.amplitude * side / largest * math.sin(2 * math.pi * swing.phase)
-    add_array(cage.GetPointData(), "displacement", shape * scale)
+    add_shape(cage, mode, swing.amplitude * side * math.sin(2 * math.pi * swing.phase))

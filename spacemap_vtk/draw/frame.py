@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
+from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
 from spacemap_vtk.scenes.scene import Scene
@@ -71,6 +74,13 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     if not isinstance(mover, Loaded):
         return None
     return load_arrows(mover, scene.deformed_cage, time)
+
+
+def add_shape(cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
+    """Move a cage by the shape of one of its modes, by so much [m] where that moves it most."""
+    shape = array_of(cage.GetPointData(), MODE_NAME.format(mode), "a mode's shape")
+    size = float(np.linalg.norm(shape, axis=1).max()) or 1.0
+    add_array(cage.GetPointData(), "displacement", shape * (largest / size))
 
 
 def copied(data: Any) -> Any:

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from vtkmodules.vtkFiltersCore import vtkFeatureEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
-from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import aim, set_background
 from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.shading import averaged
@@ -133,15 +133,14 @@ class _Drawing:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._grid: vtkUnstructuredGrid = scene.modal.GetOutputDataObject(0)
-        vertices = points_of(self._grid)
+        self._moved = copied(scene.modal.GetOutputDataObject(0))
+        vertices = points_of(self._moved)
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = Offscreen(size, samples=4)
         set_background(self._window.renderer, (255, 255, 255), (238, 242, 246))
-        self._solid, self._moved = SurfaceActor(), vtkUnstructuredGrid()
-        self._moved.ShallowCopy(self._grid)
+        self._solid = SurfaceActor()
         self._cage = vtkTrivialProducer()
         self._cage.SetOutput(self._moved)
         self._warp = BarycentricWarp()
@@ -175,9 +174,7 @@ class _Drawing:
 
     def shape(self, number: int) -> NDArray[np.uint8]:
         """Draw a mode shape."""
-        shape = array_of(self._grid.GetPointData(), MODE_NAME.format(number), "a sheet of modes")
-        largest = float(np.linalg.norm(shape, axis=1).max())
-        add_array(self._moved.GetPointData(), "displacement", shape * (self._swing / largest))
+        add_shape(self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")
         self._moved.Modified()
         self._surface.update()

@@ -1,0 +1,122 @@
+"""One renderer shows frames: whatever it has shown before leaves nothing behind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.datasets.arrays import elements_of, points_of
+from spacemap_vtk.draw.camera import aim
+from spacemap_vtk.draw.frame import Frame, frame_of
+from spacemap_vtk.draw.glyphs import CageActor, cut_of, moved_points
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.scene_view import Look, SceneView
+from spacemap_vtk.draw.surface_actor import Span
+from spacemap_vtk.scenes.scene import Scene
+
+VALUES: dict[str, Any] = {
+    "weave": {"ends": 3, "picks": 3},
+    "cage": {"divisions": [2, 2, 1]},
+    "modal": {"youngs_modulus": "100 Pa"},
+    "response": {"gravity": [0.0, -3.0, 3.0]},
+    "surface": {"subdivisions": 2},
+}
+SIZE = (200, 150)
+
+
+class Shown:
+    """A view of a scene in a window that nobody sees."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.window = Offscreen(SIZE, samples=4)
+        self.view = SceneView(self.window.renderer, far_sides=True)
+        self.scene = scene
+        aim(self.window.camera, moved_points(scene.deformed_cage), 4 / 3, "three-quarter", 1.0)
+
+    def image(self, frame: Frame, look: Look, span: Span | None = None, **view: Any) -> np.ndarray:
+        self.scene.view.configure(**view)
+        self.view.fit(self.scene.view, SIZE, 1.0, 1.0)
+        cut = cut_of(self.scene.view, frame.surface)
+        self.view.show(frame, self.scene.view, look, span, cut)
+        return self.window.draw().astype(int)
+
+
+@contextmanager
+def opened() -> Iterator[Shown]:
+    """Not a fixture, which would keep the scene's stages beyond the test."""
+    prepare_offscreen()
+    scene = Scene(VALUES)
+    scene.update(0.02)
+    shown = Shown(scene)
+    yield shown
+    shown.window.close()
+
+
+PLAIN = {"ghost": False, "loads": False, "supports": False, "clip_normal": None}
+BUSY = {"ghost": True, "loads": True, "supports": True, "clip_normal": (1.0, 0.0, 0.0)}
+
+
+def test_what_was_shown_leaves_nothing_behind() -> None:
+    with opened() as shown:
+        scene = shown.scene
+        plain = frame_of(scene, 0.02)
+        before = shown.image(plain, Look(cage=False), **PLAIN)
+        count = shown.window.renderer.GetViewProps().GetNumberOfItems()
+        scene.set("view.color=displacement")
+        scene.update(0.05)
+        busy = frame_of(scene, 0.05)
+        look = Look(wireframe=True)
+        assert np.abs(shown.image(busy, look, (0.0, 1e-3), **BUSY) - before).max() > 60
+        assert shown.view.room > 0.0
+        np.testing.assert_array_equal(shown.image(plain, Look(cage=False), **PLAIN), before)
+        assert shown.view.room == 0.0
+        # Brought up to date in place: no actor has come.
+        assert shown.window.renderer.GetViewProps().GetNumberOfItems() == count
+
+
+@pytest.mark.parametrize("name", ["ghost", "loads", "supports", "clip_normal"])
+def test_each_thing_is_another_picture(name: str) -> None:
+    with opened() as shown:
+        frame = frame_of(shown.scene, 0.02)
+        images = [shown.image(frame, Look(), **{**PLAIN, name: on[name]}) for on in (PLAIN, BUSY)]
+        assert np.abs(images[1] - images[0]).max() > 20
+
+
+def test_a_plane_moves_without_a_new_frame() -> None:
+    with opened() as shown:
+        frame = frame_of(shown.scene, 0.02)
+        for origin in ((0.0, 0.0, 0.0), (4e-4, 0.0, 0.0)):
+            whole = shown.image(frame, Look(), clip_normal=(1.0, 0.0, 0.0), clip_origin=origin)
+        shown.image(frame, Look(), clip_normal=(0.0, 1.0, 0.0))
+        shown.view.cut_open(((1.0, 0.0, 0.0), (4e-4, 0.0, 0.0)))
+        np.testing.assert_array_equal(shown.window.draw(), whole)
+
+
+def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
+    with opened() as shown:
+        frame = frame_of(shown.scene, 0.02)
+        assert frame.closed
+        view = SceneView(shown.window.renderer, far_sides=False)
+        for closed in (True, False):
+            view.show(replace(frame, closed=closed), shown.scene.view, Look())
+            assert view.surface.GetProperty().GetBackfaceCulling() == closed
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
+    scene = Scene({**VALUES, "cage": {"divisions": [2, 1, 1], "order": order}})
+    scene.update(0.02)
+    cage, actor = scene.deformed_cage, CageActor()
+    actor.show(cage)
+    lines = actor.GetMapper().GetInput()
+    corners = elements_of(cage)[:, :4]
+    edges = {tuple(sorted(c)) for t in corners for c in zip(t, np.roll(t, 1), strict=True)}
+    edges |= {tuple(sorted(t[[k, k + 2]])) for t in corners for k in (0, 1)}
+    assert lines.GetNumberOfLines() == order * len(edges)
+    np.testing.assert_allclose(points_of(lines), moved_points(cage), atol=1e-9)
