@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from vtkmodules.vtkFiltersCore import vtkFeatureEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
@@ -97,8 +97,10 @@ def _labelled(image: NDArray[np.uint8], times: Sequence[float]) -> NDArray[np.ui
 def mode_sheet(scene: Scene, tell: Callable[[int, int], object]) -> NDArray[np.uint8]:
     """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
     figures = report.modes(scene)
-    scene.update_stage(scene.modal)
-    drawing = _Drawing(scene)
+    solver = scene.stage("solver")
+    assert solver is not None
+    scene.update_stage(solver)
+    drawing = _Drawing(scene, solver.output)
     shapes = figures["modes"][:MOST_SHAPES]
     tell(0, len(shapes))
     columns = min(COLUMNS, len(shapes))
@@ -131,9 +133,8 @@ def _note(mode: dict[str, Any]) -> str:
 class _Drawing:
     """Draws one shape after the other from one place, with room for the swing to every side."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._moved = copied(scene.modal.GetOutputDataObject(0))
+    def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
+        self._scene, self._moved = scene, copied(cage)
         vertices = points_of(self._moved)
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # Two samples a pixel each way, averaged: what a screen's driver smooths varies.

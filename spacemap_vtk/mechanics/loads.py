@@ -89,18 +89,6 @@ def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
     return share[:, None] * np.asarray(stress, dtype=np.float64)
 
 
-def pressure(count: int, where: Wall, value: float) -> FloatArray:
-    """Return the forces of a pressure on a wall."""
-    return traction(count, where, -value * where.normal)
-
-
-def at_vertex(points: FloatArray, place: ArrayLike, force: ArrayLike) -> FloatArray:
-    """Return a force on the vertex nearest to a place."""
-    result = np.zeros_like(points)
-    result[nearest(points, place)] = force
-    return result
-
-
 def nearest(points: FloatArray, place: ArrayLike) -> int:
     """Return the vertex nearest to a place.
 

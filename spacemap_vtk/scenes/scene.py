@@ -235,7 +235,7 @@ class Scene:
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
-        self.update_stage(self.surface, time, piece)
+        self.update_stage(self.stages[-1], time, piece)
 
     def update_stage(
         self, stage: Stage, time: float | None = None, piece: Piece | None = None
@@ -418,7 +418,7 @@ class Scene:
     @property
     def polygons(self) -> vtkPolyData:
         """The surface, as of the last update."""
-        return self.surface.output
+        return self.stages[-1].output
 
     def _configure(self, section: str, values: Any) -> None:
         part = self._known(section)
