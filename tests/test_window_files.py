@@ -246,7 +246,7 @@ def test_undo_leads_back_to_a_draft_that_was_written_over(folders: tuple[Path, P
     original = (first / "twill.wif").read_bytes()
     wif = document.scene.draft
     loom = replace(wif.loom, rising=not wif.loom.rising)
-    edited = replace(wif, loom=loom, draft=replace(wif.draft, drawdown=loom.drawdown()))
+    edited = replace(wif, loom=loom, drawdown=loom.drawdown())
     document.set("weave", "draft", str(document.drafts.keep(edited)))
     inverted = document.scene.weave.wif.drawdown
     document.save()
