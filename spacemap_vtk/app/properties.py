@@ -101,7 +101,7 @@ class Properties(QScrollArea):
         part = self._document.scene.parts[self.section]
         feasible, known = _intervals(part), _resolved(part)
         for name, row in self.rows.items():
-            row.settled = known.get(name)
+            row.resolved = known.get(name)
             row.show_feasible(feasible.get(name))
         taken = time.thread_time() - begun
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)

@@ -67,7 +67,7 @@ class ParameterRow(QWidget):
         column(self, head, self.editor, self.note, margins=(0, 0, 0, 4), spacing=2)
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
-        self.settled: Any = None
+        self.resolved: Any = None
         #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
         self.about = ""
         self._feasible = ""
@@ -128,10 +128,10 @@ class ParameterRow(QWidget):
     def _automatic_clicked(self, checked: bool) -> None:
         if checked:
             self.edited.emit(self.parameter.name, None, 0)
-        elif self.settled is not None:
+        elif self.resolved is not None:
             # Begin from what "automatic" has chosen, so that nothing jumps.
-            text = self.parameter.show(self.settled)
-            self.edited.emit(self.parameter.name, _plain(self.settled, text), 0)
+            text = self.parameter.show(self.resolved)
+            self.edited.emit(self.parameter.name, _plain(self.resolved, text), 0)
         else:
             self.editor.setFocus()
 
