@@ -19,7 +19,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
 
-Job = TypeVar("Job")
+Task = TypeVar("Task")
 Function = TypeVar("Function", bound=Callable[..., object])
 
 #: Multiplications that OpenBLAS does in the calling thread. From about there on it starts threads
@@ -43,7 +43,7 @@ def thread_count() -> int:
 
 
 def for_each(
-    jobs: Sequence[Job], worker: Callable[[], Callable[[Job], None]], threads: int | None = None
+    jobs: Sequence[Task], worker: Callable[[], Callable[[Task], None]], threads: int | None = None
 ) -> None:
     """Do every job, in any order, in a few threads."""
     # The threads live for one call: kept ones would be lost by a fork and hang the child.

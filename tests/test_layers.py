@@ -173,6 +173,13 @@ def classes_twice() -> list[str]:
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(module)
+    # Another type's name would be taken for the class; two of the same type, such as an array's,
+    # are no danger.
+    for module, tree in modules().items():
+        for node in tree.body:
+            for name in node.targets if isinstance(node, ast.Assign) else ():
+                if isinstance(name, ast.Name) and name.id in places:
+                    places[name.id].append(module)
     return _twice(places)
 
 

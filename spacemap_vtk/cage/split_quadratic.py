@@ -19,7 +19,7 @@ from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, split_hexahedra
 
 
 @dataclass(frozen=True)
-class Kind:
+class CellKind:
     """A quadratic cell, with VTK's numbers of its nodes."""
 
     #: Corners and middles of edges; further ones are not used.
@@ -30,22 +30,22 @@ class Kind:
     faces: tuple[tuple[int, ...], ...]
 
 
-TETRAHEDRON = Kind(
+TETRAHEDRON = CellKind(
     10,
     ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     ((0, 1, 2), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
 )
-PYRAMID = Kind(
+PYRAMID = CellKind(
     13,
     ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
     ((0, 1, 2, 3), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
 )
-WEDGE = Kind(
+WEDGE = CellKind(
     15,
     ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
     ((0, 1, 2), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
 )
-HEXAHEDRON = Kind(
+HEXAHEDRON = CellKind(
     20,
     (
         *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
@@ -66,14 +66,14 @@ _EIGHT = np.array(
 )
 
 
-def split_quadratic(cells: Cells, kind: Kind) -> Cells:
+def split_quadratic(cells: Cells, kind: CellKind) -> Cells:
     """Return linear tetrahedra of quadratic cells.
 
     Parameters
     ----------
     cells : (n, at least kind.nodes) int
         In VTK's order.
-    kind : Kind
+    kind : CellKind
         What they are.
 
     Returns
@@ -125,7 +125,7 @@ def split_triquadratic(cells: Cells) -> Cells:
     return split_hexahedra(cells[:, _EIGHT].reshape(-1, 8))
 
 
-def _ring(corner: int, kind: Kind, middle: dict[Any, int]) -> list[int]:
+def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:
     """Return the middles of the edges at a corner, in circular order."""
     ring: list[int] = []
     pairs = []

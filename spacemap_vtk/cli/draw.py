@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
+    ColorBy,
     Quiet,
     Set,
-    Shown,
     Size,
     Time,
     opened,
@@ -36,7 +36,7 @@ def render(
     output: PictureFile,
     time: Time = None,
     size: Size = None,
-    color: Shown = None,
+    color: ColorBy = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -64,7 +64,7 @@ def animate(
         ),
     ],
     size: Size = None,
-    color: Shown = None,
+    color: ColorBy = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:

@@ -34,7 +34,7 @@ Size = Annotated[
     str | None,
     Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
 ]
-Shown = Annotated[
+ColorBy = Annotated[
     str | None,
     Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}."),
 ]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]  # (3, n): one row an axis
+Coordinates = NDArray[np.float64]  # (3, n): one row an axis
 
 # Face i lies opposite corner i; of a positive tetrahedron all look outwards.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -40,8 +40,8 @@ def boundary(
 
 
 def nearest_on_triangles(
-    points: Vector, a: Vector, b: Vector, c: Vector
-) -> tuple[NDArray[np.float64], Vector]:
+    points: Coordinates, a: Coordinates, b: Coordinates, c: Coordinates
+) -> tuple[NDArray[np.float64], Coordinates]:
     """Return the squared distance to triangles, and where it is attained."""
     ab, ac, bc = b - a, c - a, c - b
     ap, bp = points - a, points - b
@@ -64,7 +64,7 @@ def nearest_on_triangles(
     return squared, np.stack((np.maximum(1.0 - v - w, 0.0), v, w))
 
 
-def _on_edge(p: Vector, edge: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the parameter of the nearest point of an edge, and its squared distance."""
     length = _dot(edge, edge)
     t = np.clip(_dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
@@ -72,12 +72,12 @@ def _on_edge(p: Vector, edge: Vector) -> tuple[NDArray[np.float64], NDArray[np.f
     return t, _dot(rest, rest)
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
+def _cross(a: Coordinates, b: Coordinates) -> Coordinates:
     return np.stack(
         (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )
 
 
-def _dot(a: Vector, b: Vector) -> NDArray[np.float64]:
+def _dot(a: Coordinates, b: Coordinates) -> NDArray[np.float64]:
     result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return result

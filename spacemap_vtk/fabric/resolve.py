@@ -27,7 +27,7 @@ ASPECT = 1.5
 WARP_COLOR, WEFT_COLOR = (0x2D, 0x6A, 0x8E), (0xE8, 0xC7, 0x8F)
 
 #: One value for a family, or several that are repeated over its yarns.
-PerYarn = float | tuple[float, ...]
+Wanted = float | tuple[float, ...]
 Rgb = tuple[int, int, int]
 
 
@@ -38,9 +38,9 @@ class ThreadsAsked:
     What each means, and the defaults, stand with `spacemap_vtk.filters.weave_source.WeaveSource`.
     """
 
-    diameter: PerYarn | None
-    count: PerYarn | None
-    spacing: PerYarn | None
+    diameter: Wanted | None
+    count: Wanted | None
+    spacing: Wanted | None
     sett: float | None
     crimp: float | None
     section: str

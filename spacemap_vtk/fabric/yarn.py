@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.units import parse_quantity
 
-Numbers = TypeVar("Numbers", float, NDArray[np.float64])
+OneOrMany = TypeVar("OneOrMany", float, NDArray[np.float64])
 
 #: Density of cotton fibres at 65 % relative humidity, in kg/m3 (Morton and Hearle, table 5.1).
 COTTON = 1520.0
@@ -71,12 +71,12 @@ def linear_density(text: str) -> float:
     return size / max(numbers) * (min(numbers) if numbers[1:] else 1.0)
 
 
-def section_area(count: Numbers, density: float = COTTON, packing: float = PACKING) -> Numbers:
+def section_area(count: OneOrMany, density: float = COTTON, packing: float = PACKING) -> OneOrMany:
     """Return the area of a yarn's section, the air between its fibres included."""
     return count / (packing * density)
 
 
-def yarn_height(area: Numbers, aspect: float = 1.0, section: str = "circular") -> Numbers:
+def yarn_height(area: OneOrMany, aspect: float = 1.0, section: str = "circular") -> OneOrMany:
     """Return how high a yarn is whose section has a given area: the diameter of a round one."""
     return (area / section_factor(aspect, section)) ** 0.5
 

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QSlider
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
-from spacemap_vtk.app.fields.span import STEPS, Span, span_of
+from spacemap_vtk.app.fields.span import STEPS, SliderSpan, span_of
 from spacemap_vtk.app.widgets import column
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 
@@ -38,7 +38,7 @@ class NumberEditor(LineEditor):
         column(self, self.line, self.slider, spacing=2)
         self._value: float | None = None
         self._feasible: tuple[float, float] | None = None
-        self._span: Span | None = None
+        self._span: SliderSpan | None = None
         self._burst = 0
         self.slider.valueChanged.connect(self._slid)
         self.slider.sliderPressed.connect(self._pressed)

@@ -15,7 +15,7 @@ _WIDE = 50.0
 
 
 @dataclass(frozen=True)
-class Span:
+class SliderSpan:
     """The numbers that a slider runs over, in equal steps or in equal ratios."""
 
     #: Its ends.
@@ -48,17 +48,17 @@ class Span:
         return round(share * STEPS)
 
 
-def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> Span:
+def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> SliderSpan:
     """Return the span of a parameter's slider."""
     low, high = parameter.minimum, parameter.maximum
     open_low = parameter.above is not None and low is None
     if feasible is not None and all(map(math.isfinite, feasible)):
         low, high = feasible
-        return Span(low, max(high, low))
+        return SliderSpan(low, max(high, low))
     # Inside an end that is not allowed itself, by as much as a slider shows.
     if open_low and parameter.below is not None:
         inset = (parameter.below - (parameter.above or 0.0)) / STEPS
-        return Span((parameter.above or 0.0) + inset, parameter.below - inset)
+        return SliderSpan((parameter.above or 0.0) + inset, parameter.below - inset)
     # A vector's component has no default of its own.
     size = abs(value or 0.0) or abs(getattr(parameter, "default", None) or 0.0)
     size = size or (1e-2 if parameter.unit == "s" else 1.0)
@@ -70,4 +70,4 @@ def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = 
         high = 4.0 * size if parameter.kind != "integer" else max(4.0 * size, low + 10)
         if open_low:
             high = 8.0 * size
-    return Span(float(low), float(max(high, low)))
+    return SliderSpan(float(low), float(max(high, low)))
