@@ -45,9 +45,7 @@ def test_examples() -> None:
     assert doctest.testmod(yarn_clearance).failed == 0
 
 
-@settings(max_examples=150, deadline=None)
-@given(woven())
-def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
+def touches_and_never_overlaps(cloth: Cloth) -> None:
     size = np.max(cloth.warp.diameter) + np.max(cloth.weft.diameter)
     assert least_clearance(cloth).distance == pytest.approx(0, abs=1e-9 * size)
     made = build(cloth)
@@ -55,6 +53,19 @@ def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
     assert len(made.points) == made.patches.max() + 1
     found = clearance_of(made)
     assert abs(found.distance) <= (made.radial_error + 1e-12) * size
+
+
+@settings(max_examples=40, deadline=None)
+@given(woven())
+def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
+    touches_and_never_overlaps(cloth)
+
+
+@pytest.mark.nightly
+@settings(max_examples=150, deadline=None)
+@given(woven())
+def test_many_cloths_touch_and_never_overlap(cloth: Cloth) -> None:
+    touches_and_never_overlaps(cloth)
 
 
 @settings(max_examples=50, deadline=None)
