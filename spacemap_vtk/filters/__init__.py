@@ -1,1 +1,1 @@
-"""The six filters, thin VTK algorithms over the kernels. No pyvista here."""
+"""The filters: thin VTK algorithms over the kernels. No pyvista here."""

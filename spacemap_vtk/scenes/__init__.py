@@ -1,1 +1,1 @@
-"""Scenes: read, check, build the pipeline, draw and write results."""
+"""Scenes: read, check, connected to a pipeline; their figures."""
