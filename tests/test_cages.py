@@ -269,7 +269,8 @@ def test_what_hangs_on_an_edge_alone_gets_an_envelope(cache: Path) -> None:
     tetrahedra = tetrahedra_of(grid)
     assert split.parts(tetrahedra) == ([len(tetrahedra)], 1)
     assert locate(bars.points, grid.points, tetrahedra, "error").outside == 0
-    modal = ModalSolver(fixed="-x", modes=3)
+    # Of the side at -x fTetWild may leave a single vertex.
+    modal = ModalSolver(fixed="box(-1, -0.2, -1, 1, -1, 1)", modes=3)
     modal.SetInputConnection(cage.GetOutputPort())
     modal.update()
     frequencies = pv.wrap(modal.GetOutputDataObject(0)).field_data["frequencies"]
