@@ -201,7 +201,7 @@ def test_an_error_of_one_process_stops_all_with_its_message(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("processes", "yarns"),
-    [pytest.param(2, 16, marks=TWO), (3, 16), pytest.param(5, 2, marks=TWO)],
+    [pytest.param(2, 16, marks=TWO), (3, 8), pytest.param(5, 2, marks=TWO)],
     ids=["2", "3", "idle"],
 )
 def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None:
@@ -216,7 +216,7 @@ def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None
     assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
 
 
-@pytest.mark.parametrize("blind", ["both", "the second"])
+@pytest.mark.parametrize("blind", [pytest.param("both", marks=pytest.mark.nightly), "the second"])
 def test_without_a_display_all_end_with_the_message(blind: str, tmp_path: Path) -> None:
     script = ROOT / "pipelines" / "paraview" / "cloth_over_ranks.py"
     draws = ["pvbatch", script, tmp_path / "cloth.png", 2]

@@ -157,7 +157,12 @@ IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
 
 @pytest.mark.parametrize(
     ("script", "program"),
-    [(script, "pvpython" if script.stem == "plain_weave" else "pvbatch") for script in IN_PARAVIEW],
+    [
+        pytest.param(script, "pvpython" if script.stem == "plain_weave" else "pvbatch", marks=marks)
+        for script in IN_PARAVIEW
+        # Over three processes it runs with MPI's tests.
+        for marks in [[pytest.mark.nightly] if script.stem == "cloth_over_ranks" else []]
+    ],
     ids=lambda value: value if isinstance(value, str) else value.stem,
 )
 def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
