@@ -18,7 +18,7 @@ from spacemap_vtk.io.wif_text import MAX_LENGTH
 
 #: Characters of a row.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
-_APART = " \t,;"
+_APART = str.maketrans("", "", " \t,;")
 
 
 def read_draft(path: str | os.PathLike[str]) -> Draft:
@@ -44,16 +44,15 @@ def read_rows(path: Path) -> Draft:
 
 def parse_rows(text: str) -> NDArray[np.bool_]:
     """Read a drawdown that is written as text."""
-    rows: list[list[bool]] = []
+    rows: list[str] = []
     first = 0
     for number, line in enumerate(text.splitlines(), start=1):
-        cells = [cell for cell in line if cell not in _APART]
-        for cell in cells:
-            if cell not in _CELLS:
-                raise InputError(
-                    f'line {number}: "{cell}" is no crossing',
-                    allowed="1, # or X (end over pick), 0, . or - (end under pick)",
-                )
+        cells = line.translate(_APART)
+        if unknown := set(cells) - _CELLS.keys():
+            raise InputError(
+                f'line {number}: "{min(unknown, key=cells.index)}" is no crossing',
+                allowed="1, # or X (end over pick), 0, . or - (end under pick)",
+            )
         if not cells:
             continue
         if rows and len(cells) != len(rows[0]):
@@ -62,11 +61,11 @@ def parse_rows(text: str) -> NDArray[np.bool_]:
                 cure="Give every line as many characters",
             )
         first = first or number
-        rows.append([_CELLS[cell] for cell in cells])
+        rows.append(cells)
     if not rows:
         raise InputError("the file is empty", allowed="a line of 0 and 1 for each pick")
     _check_size(len(rows[0]), len(rows))
-    return np.array(rows)
+    return np.array([[_CELLS[cell] for cell in row] for row in rows])
 
 
 def read_picture(path: Path) -> Draft:
