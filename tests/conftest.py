@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +19,11 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.filters.base import Stage
+
+# A container may forbid to keep what is compiled: then each of a hundred processes that the tests
+# start, and each worker, would compile the package and the tests anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 def own_screen() -> subprocess.Popen[str] | None:
@@ -101,6 +107,9 @@ def noted_stages() -> Iterator[None]:
         return stage
 
     Stage.__new__ = noted
+    # What is imported stays: no collection need go through it again, and there are a thousand.
+    gc.collect()
+    gc.freeze()
     yield
     Stage.__new__ = make
 

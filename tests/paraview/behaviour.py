@@ -39,8 +39,8 @@ for proxy, name, value, ran in (
 assert weave.GetClientSideObject().warp_crimp_height is None
 
 # A film in two windows: each frame runs the moving stages once, for both.
-left = simple.CreateRenderView()
-right = simple.CreateRenderView()
+left = simple.CreateRenderView(ViewSize=[60, 40])
+right = simple.CreateRenderView(ViewSize=[60, 40])
 simple.Show(surface, left)
 simple.Show(surface, right)
 simple.Show(response, right)

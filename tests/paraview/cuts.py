@@ -18,7 +18,7 @@ warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp, Subdivisions=3)
 
 # As a session goes: played, changed, and with other filters on it before.
-view = simple.CreateRenderView()
+view = simple.CreateRenderView(ViewSize=[60, 40])
 simple.Show(surface, view)
 animation = simple.GetAnimationScene()
 animation.UpdateAnimationUsingDataTimeSteps()

@@ -67,7 +67,7 @@ for step, time in enumerate((0.0, 0.5, 2.0)):
 motion = simple.OpenDataFile(str(folder / "motion.pvd"))
 warp = simple.BarycentricWarp(Input=weave, Cage=motion)
 surface = simple.PatchTessellator(Input=warp)
-view = simple.CreateRenderView()
+view = simple.CreateRenderView(ViewSize=[60, 40])
 simple.Show(surface, view)
 animation = simple.GetAnimationScene()
 animation.PlayMode = "Snap To TimeSteps"

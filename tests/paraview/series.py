@@ -40,7 +40,7 @@ surface.UpdatePipeline(0.08)
 eighth = bounds(surface)
 
 # Played, each step is a frame; a time in between is none of its neighbours.
-view = simple.CreateRenderView()
+view = simple.CreateRenderView(ViewSize=[60, 40])
 simple.Show(surface, view)
 scene = simple.GetAnimationScene()
 scene.UpdateAnimationUsingDataTimeSteps()

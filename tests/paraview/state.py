@@ -11,7 +11,7 @@ proxies = connected(WarpDiameter="0.2 mm", WarpColor="#ff0000")
 surface = proxies[-1]
 surface.Subdivisions = 3
 proxies[4].Outside = "clamp"
-view = simple.CreateRenderView()
+view = simple.CreateRenderView(ViewSize=[60, 40])
 simple.Show(surface, view)
 animation = simple.GetAnimationScene()
 animation.UpdateAnimationUsingDataTimeSteps()

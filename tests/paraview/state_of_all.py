@@ -109,7 +109,7 @@ for name in (
 for name in ("moving cage", "motion", "surface", "object on scene"):
     assert np.abs(made[name]["Point displacement"]).max() > 1e-5, name
 
-simple.Show(surface, simple.CreateRenderView())
+simple.Show(surface, simple.CreateRenderView(ViewSize=[60, 40]))
 simple.SaveState(str(folder / "all.pvsm"))
 (folder / "all.py").write_text(smstate.get_state())  # as the window's File > Save State does
 
