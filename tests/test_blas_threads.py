@@ -17,9 +17,9 @@ threadpoolctl = pytest.importorskip("threadpoolctl")
 def two():
     """Let every library have two threads, whatever the machine and its environment say."""
     with threadpoolctl.threadpool_limits(2):
-        blas_threads._pools.cache_clear()
+        blas_threads.known_pools.cache_clear()
         yield
-    blas_threads._pools.cache_clear()
+    blas_threads.known_pools.cache_clear()
 
 
 def taken() -> dict[str, set[int]]:

@@ -197,7 +197,7 @@ def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None
         scene = Scene({**values, "view": {**values["view"], "color": color}})
         picture = Picture(scene, [0.001])
         image = picture.draw(0.001) / 255
-        renderer = picture._panels[0].window.renderer
+        renderer = picture.panels[0].window.renderer
         surface = scene.polygons
         points = points_of(surface)
         numbers = np.linalg.norm(

@@ -39,8 +39,8 @@ def surfaces(monkeypatch, connectivity, subdivisions):
     compiled, plain = both(
         monkeypatch, tessellation, lambda: Tessellation(connectivity, (3, 3), subdivisions)
     )
-    assert compiled._bicubic is not None
-    assert plain._bicubic is None
+    assert compiled.bicubic is not None
+    assert plain.bicubic is None
     return compiled, plain
 
 
@@ -121,7 +121,7 @@ def test_rational_and_other_patches_need_no_loops(small):
     np.testing.assert_allclose(surface.evaluate(points, np.float64)[0], ones[0], atol=1e-13)
     other = surface.evaluate(points, np.float64, weights=weights)
     assert np.abs(other[0] - ones[0]).max() > 1e-3
-    assert Tessellation(random_patches(50, 2, 3)[1], (2, 3), 2)._bicubic is None
+    assert Tessellation(random_patches(50, 2, 3)[1], (2, 3), 2).bicubic is None
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -87,9 +87,9 @@ class Picture:
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
         self._cut = cut_of(scene.view, scene.polygons)
-        self._panels: list[_Panel] = []
+        self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths, strict=True):
-            self._panels.append(self._panel(scene, panel, (w, height), extent))
+            self.panels.append(self._panel(scene, panel, (w, height), extent))
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -107,9 +107,9 @@ class Picture:
         self.scene.update(time)
         view = self.scene.view
         frame = frame_of(self.scene, time, loads=view.loads)
-        for panel in self._panels:
+        for panel in self.panels:
             panel.shown.show(frame, view, panel.look, self._span, self._cut)
-        return np.concatenate([self._drawn(panel) for panel in self._panels], axis=1)
+        return np.concatenate([self._drawn(panel) for panel in self.panels], axis=1)
 
     def _drawn(self, panel: _Panel) -> Image:
         (window, shown, _, shaded), shade = panel, None
@@ -155,7 +155,7 @@ class Picture:
             (size[0] * _SAMPLES, size[1] * _SAMPLES),
             samples=4,
             pixels=_SAMPLES,
-            beside=self._panels[-1].window if self._panels else None,
+            beside=self.panels[-1].window if self.panels else None,
         )
         shown = SceneView(window.renderer, far_sides=True)
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
@@ -176,7 +176,7 @@ class Picture:
 
     def close(self) -> None:
         """Free the windows."""
-        for panel in self._panels:
+        for panel in self.panels:
             panel.window.close()
 
 

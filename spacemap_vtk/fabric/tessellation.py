@@ -106,7 +106,7 @@ class Tessellation:
         self._basis = _stacked_basis(p, q, subdivisions)
         many = self.degree == (3, 3) and self.point_count > WORTHWHILE
         compiled = loops("spacemap_vtk.fabric.patch_loops") if many else None
-        self._bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
+        self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         self._chunks = cut_into_chunks(
             patches.astype(np.int64, copy=False)[:, order], 3 * (subdivisions + 1) ** 2
@@ -165,7 +165,7 @@ class Tessellation:
         with_origin = _with_ones(stacked[:samples])
         if points.dtype not in (np.float32, np.float64):
             points = points.astype(np.float64)
-        bicubic = self._bicubic if rational is None else None
+        bicubic = self.bicubic if rational is None else None
 
         unsure: list[list[tuple[Chunk, NDArray[np.intp]]]] = []  # normals, for each thread
 
@@ -250,7 +250,7 @@ class Tessellation:
         most = max((chunk.row_count for chunk in self._chunks), default=0)
         origins = np.tile(origin, (most + 1, 1))
 
-        bicubic = self._bicubic if rational is None else None
+        bicubic = self.bicubic if rational is None else None
 
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)

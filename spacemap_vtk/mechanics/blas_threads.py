@@ -19,13 +19,13 @@ _MANY = 1e9
 
 def one() -> AbstractContextManager[Any]:
     """Return a context in which dense algebra is done by the calling thread."""
-    pools = _pools()
+    pools = known_pools()
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
 def several(work: float) -> AbstractContextManager[Any]:
     """Return a context, within that of `one`, in which a large block is shared among threads."""
-    pools = _pools() if work > _MANY else None
+    pools = known_pools() if work > _MANY else None
     return nullcontext() if pools is None else _lifted(pools[1])
 
 
@@ -41,7 +41,7 @@ def _lifted(pool: dict[Any, int]) -> Iterator[None]:
 
 
 @cache
-def _pools() -> tuple[Any, dict[Any, int]] | None:
+def known_pools() -> tuple[Any, dict[Any, int]] | None:
     """Return the control of every OpenBLAS, and of SciPy's how many threads it had at first."""
     try:
         from threadpoolctl import ThreadpoolController

@@ -39,7 +39,7 @@ def factorise(
     matrix: sp.csr_matrix, analysis: Callable[[], Analysis], progress: Progress | None = None
 ) -> Factors:
     """Factorise a matrix."""
-    for library in (_cholmod, _pardiso):
+    for library in (cholmod, pardiso):
         try:
             return Factors(library(matrix), library.__name__.strip("_"))
         except ImportError:
@@ -57,17 +57,19 @@ def factorise(
     return Factors(Cholesky(matrix, analysis(), progress).solve, "multifrontal")
 
 
-def _cholmod(matrix: sp.csr_matrix) -> Solve:
-    from sksparse import cholmod
+def cholmod(matrix: sp.csr_matrix) -> Solve:
+    """Factorise by SuiteSparse's CHOLMOD."""
+    from sksparse import cholmod as library
 
-    if hasattr(cholmod, "cho_factor"):  # from scikit-sparse 0.5 on
-        return cholmod.cho_factor(matrix.tocsc(), lower=True, order="metis").solve
+    if hasattr(library, "cho_factor"):  # from scikit-sparse 0.5 on
+        return library.cho_factor(matrix.tocsc(), lower=True, order="metis").solve
     # Of a small matrix it would otherwise take an LDLᵀ, which indefinite ones have as well.
-    factor = cholmod.cholesky(matrix.tocsc(), ordering_method="metis", mode="supernodal")
+    factor = library.cholesky(matrix.tocsc(), ordering_method="metis", mode="supernodal")
     return lambda right: factor(right)
 
 
-def _pardiso(matrix: sp.csr_matrix) -> Solve:
+def pardiso(matrix: sp.csr_matrix) -> Solve:
+    """Factorise by MKL's PARDISO."""
     from pypardiso import PyPardisoSolver
 
     solver = PyPardisoSolver(mtype=2)
