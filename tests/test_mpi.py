@@ -151,36 +151,39 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
                 np.testing.assert_array_equal(found[key], values, err_msg=name)
 
 
-@pytest.mark.parametrize(
-    ("processes", "yarns"),
-    [pytest.param(2, (7, 7), marks=TWO), (3, (7, 7)), (4, (1, 2))],
-    ids=["2", "3", "idle"],
-)
-def test_scenes_and_files(processes: int, yarns: tuple[int, int], tmp_path: Path) -> None:
-    file = tmp_path / "scene.toml"
-    file.write_text(
-        f"[weave]\nends = {yarns[0]}\npicks = {yarns[1]}\n"
-        "[cage]\ndivisions = [3, 3, 1]\norder = 2\n[modal]\nmodes = 40\n"
-        "[response]\ngravity = [0, 0, -9]\n"
-    )
-    code, out, error = mpirun("-np", processes, "pvbatch", SCRIPTS / "proxies.py", file, tmp_path)
+@pytest.mark.parametrize("processes", [pytest.param(2, marks=TWO), 4])
+def test_scenes_and_files(processes: int, tmp_path: Path) -> None:
+    yarns = {tmp_path / "all": (7, 7), tmp_path / "idle": (1, 2)}
+    for folder, (ends, picks) in yarns.items():
+        folder.mkdir()
+        (folder / "scene.toml").write_text(
+            f"[weave]\nends = {ends}\npicks = {picks}\n"
+            "[cage]\ndivisions = [3, 3, 1]\norder = 2\n[modal]\nmodes = 40\n"
+            "[response]\ngravity = [0, 0, -9]\n"
+        )
+    code, out, error = mpirun("-np", processes, "pvbatch", SCRIPTS / "proxies.py", *yarns)
     assert (code, error) == (0, ""), out + error
-    assert out == "[1, 1, 1, 1]\n"
-    scene = Scene.read(file)
+    assert out == 2 * "[1, 1, 1, 1]\n"
+    for folder, threads in yarns.items():
+        compare(folder, min(processes, sum(threads)))  # nothing for idle processes
+
+
+def compare(folder: Path, pieces: int) -> None:
+    """Compare the files that were written of a scene with what one process makes of it."""
+    scene = Scene.read(folder / "scene.toml")
     scene.update(0.05)
     expected = ordered(surface(scene.polygons))
     reader = vtkXMLPPolyDataReader()
-    reader.SetFileName(str(tmp_path / "surface.pvtp"))
+    reader.SetFileName(str(folder / "surface.pvtp"))
     reader.Update()
     found = ordered(surface(reader.GetOutput()))
     size = np.ptp(expected["corners"])
     for name, values in expected.items():
         np.testing.assert_allclose(found[name], values, atol=2e-6 * size, err_msg=name)
-    patches = pv.read(tmp_path / "patches.pvtu")
+    patches = pv.read(folder / "patches.pvtu")
     assert patches.n_cells == scene.patches.GetNumberOfCells()
     np.testing.assert_allclose(patches.bounds, scene.patches.GetBounds(), atol=1e-9 * size)
-    written = {path.name for path in (tmp_path / "patches").iterdir()}
-    assert len(written) == min(processes, sum(yarns))  # nothing for idle processes
+    assert len(list((folder / "patches").iterdir())) == pieces
 
 
 def test_an_error_of_one_process_stops_all_with_its_message(tmp_path: Path) -> None:
