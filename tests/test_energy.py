@@ -19,7 +19,7 @@ def lost_by_quadrature(motion, start, end):
     marks = {start, end, *(t for d in motion.drives for t in breaks(d.function, end) if t > start)}
     marks = sorted(marks)
     marks = [a for a, b in zip(marks, [*marks[1:], math.inf], strict=True) if b - a > 1e-12]
-    nodes, weights = np.polynomial.legendre.leggauss(24)
+    nodes, weights = np.polynomial.legendre.leggauss(18)
     total = 0.0
     for begin, finish in itertools.pairwise(marks):
         edges = np.linspace(begin, finish, 2 + int((finish - begin) / 0.2))
