@@ -528,6 +528,29 @@ def test_quadratic_tetrahedra_and_partial_supports(fixed: str) -> None:
     assert len(chain.at(0.2, "von_mises")) == len(model.cells)
 
 
+def test_curves_over_the_same_times_share_their_states(monkeypatch):
+    chain = Chain()
+    chain.at(0.01)
+    motion, times = chain.response.motion, np.linspace(0.0, 0.1, 7)
+    moving = np.argsort(abs(motion.at(0.05)[0]).max(axis=1))[-2:]
+    weights = np.eye(len(chain.model.points))[moving]
+    asked, at = [], motion.modal.at
+    monkeypatch.setattr(motion.modal, "at", lambda time: (asked.append(time), at(time))[1])
+    curves = [motion.history(weight, times) for weight in weights]
+    energies = motion.energies(times)
+    assert asked == times.tolist()
+    # Other times, though in the same array, are asked for anew.
+    times += 0.05
+    for weight, curve in zip(weights, curves, strict=True):
+        again = motion.history(weight, times)
+        assert not np.allclose(again, curve)
+        for k, time in enumerate(times):
+            expected = weight @ motion.at(time)
+            np.testing.assert_allclose(again[:, k], expected, rtol=1e-9, atol=1e-12)
+    assert not np.allclose(motion.energies(times), energies, atol=0.0)
+    np.testing.assert_array_equal(motion.energies(times)[3], motion.energy(times[3]))
+
+
 @pytest.mark.parametrize("time", [math.nan, math.inf])
 def test_a_time_that_is_no_number_is_refused(time):
     chain = Chain()

@@ -145,6 +145,7 @@ class Response:
             position=self._start(displacement, "displacement"),
             rate=self._start(velocity, "velocity"),
         )
+        self._kept: tuple[FloatArray, list[State]] | None = None
 
     def _start(self, field: FloatArray | None, what: str) -> FloatArray | None:
         """Return a field in modal coordinates."""
@@ -219,7 +220,8 @@ class Response:
             Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
         """
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
-        rows = [self._fields(self.modal.at(t), shapes, t)[:, 0] for t in times]
+        states = self._states(times)
+        rows = [self._fields(now, shapes, t)[:, 0] for t, now in zip(times, states, strict=True)]
         return np.stack(rows, axis=1)
 
     def energies(self, times: FloatArray) -> FloatArray:
@@ -235,7 +237,14 @@ class Response:
         ndarray of float64, shape (t, 4)
             Kinetic, strain and dissipated energy, and their sum, the external work [J].
         """
-        return np.array([self.energy(t) for t in times]).reshape(-1, 4)
+        states = zip(times, self._states(times), strict=True)
+        return np.array([self.energy(t, now) for t, now in states]).reshape(-1, 4)
+
+    def _states(self, times: FloatArray) -> list[State]:
+        """Return the states at some times; the last are kept, for other curves over the same."""
+        if self._kept is None or not np.array_equal(self._kept[0], times):
+            self._kept = times.copy(), [self.modal.at(t) for t in times]
+        return self._kept[1]
 
     def frequency_response(
         self, weights: FloatArray, frequencies: FloatArray

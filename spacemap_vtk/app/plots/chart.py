@@ -80,7 +80,8 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes.tick_params(colors=ink, labelsize=7.5, length=0, which="both")
             axes.xaxis.label.set(color=ink, fontsize=8)
         self._place()
-        self.draw()
+        # Not at once: where the canvas is resized too, both are one picture.
+        self.draw_idle()
 
     def set_time(self, time: float) -> None:
         """Move the cursor; nothing but a line is painted."""

@@ -84,14 +84,13 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
             note = f"{error.message}."
         yield
     motion = np.zeros((3, len(places), len(times), 3))
-    for number, weight in enumerate(weights):
-        for part in _parts(len(times)):
+    energies = np.zeros((len(times), 4)) if "kinetic_energy" in mover.arrays else None
+    # All that is asked of a span of times one after the other: its states are found once.
+    for part in _parts(len(times)):
+        for number, weight in enumerate(weights):
             motion[:, number, part] = model.history(weight, times[part])
             yield
-    energies = None
-    if "kinetic_energy" in mover.arrays:
-        energies = np.zeros((len(times), 4))
-        for part in _parts(len(times)):
+        if energies is not None:
             energies[part] = model.energies(times[part])
             yield
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
