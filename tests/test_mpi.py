@@ -33,7 +33,9 @@ pytestmark = pytest.mark.skipif(
 #: What three processes do, two do too.
 TWO = pytest.mark.nightly
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
-MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe"]
+# Who waits lets others run: there may be fewer cores than processes.
+YIELDING = ["--mca", "mpi_yield_when_idle", "1"]
+MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", *YIELDING]
 
 
 def mpirun(*arguments: object, timeout: float = 300.0, **more: Any) -> tuple[int, str, str]:
