@@ -6,6 +6,7 @@ import importlib
 import inspect
 import json
 import re
+import signal
 import subprocess
 import sys
 import tomllib
@@ -19,6 +20,7 @@ from PIL import Image
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.cli.main import _COMMANDS, main
 from spacemap_vtk.errors import SizeError
+from spacemap_vtk.filters.algorithm import Algorithm
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import read_wif
 from spacemap_vtk.scenes.chain import sections
@@ -831,3 +833,25 @@ def test_what_a_writer_needs_is_asked_for_first(
         registry.writer(file := tmp_path / f"b{ending}").write(file, scene.data("surface"))
     registry.writer(file := tmp_path / "b.vtp").write(file, scene.data("surface"))
     assert pv.read(file).n_cells == polygons
+
+
+def test_an_interrupt_between_vtk_and_python_is_told_as_one(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where VTK has just called, nothing catches it, and VTK knows of a failure only."""
+    answer = Algorithm.ProcessRequest
+
+    def interrupted(stage: Algorithm, *request: object) -> int:
+        signal.raise_signal(signal.SIGINT)
+        return answer(stage, *request)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Algorithm, "ProcessRequest", interrupted)
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main(["render", "plain_weave", "-q", "-o", str(tmp_path / "x.png")])
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    assert (ended.value.code, capsys.readouterr().err) == (1, "spacemap: stopped\n")
+    assert list(tmp_path.iterdir()) == []

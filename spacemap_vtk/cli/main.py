@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
 
@@ -81,7 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with warnings.catch_warnings():
             # Commands and the window show what stages say in their own way.
             warnings.simplefilter("ignore", SpacemapWarning)
-            app(words, exit_on_error=False, print_error=False, result_action="return_value")
+            with _heard_interrupt():
+                app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _say(_plain(error))
         sys.exit(2)
@@ -97,6 +102,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _say(error)
         sys.exit(1)
     sys.exit(0)
+
+
+@contextmanager
+def _heard_interrupt() -> Iterator[None]:
+    """Let Ctrl-C be told as itself: of Python code that VTK has just called it knows a failure."""
+    heard = []
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        heard.append(number)
+        signal.default_int_handler(number, frame)
+
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    hears = usual and threading.current_thread() is threading.main_thread()
+    if hears:
+        signal.signal(signal.SIGINT, hear)
+    try:
+        yield
+    except Exception:
+        if heard:
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        if hears:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _plain(error: CycloptsError) -> str:
