@@ -70,6 +70,10 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     if app.property("styled") is None:
         app.setStyle("Fusion")
         app.setProperty("styled", True)
+    words = {word: colors[dark] for word, colors in _WORDS.items()}
+    sheet = _SHEET.format(**words) + (_DARK_SHEET if dark else "")
+    if app.styleSheet() == sheet:
+        return  # all that is on the screen would be measured and painted anew
     palette = QPalette()
     for role, colors in _COLORS.items():
         palette.setColor(role, QColor(colors[dark]))
@@ -77,5 +81,4 @@ def apply_theme(app: QApplication, dark: bool) -> None:
     for role in (_Role.Text, _Role.WindowText, _Role.ButtonText):
         palette.setColor(group, role, QColor("#5d6875" if dark else "#a4adb8"))
     app.setPalette(palette)
-    words = {word: colors[dark] for word, colors in _WORDS.items()}
-    app.setStyleSheet(_SHEET.format(**words) + (_DARK_SHEET if dark else ""))
+    app.setStyleSheet(sheet)

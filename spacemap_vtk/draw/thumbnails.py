@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from spacemap_vtk.scenes import library
 
@@ -25,7 +27,12 @@ def file_of(name: str) -> Path:
 def title_of(name: str) -> str:
     """Return a scene's title."""
     text = (library.folder() / f"{name}.toml").read_text(encoding="utf-8")
-    return str(tomllib.loads(text).get("title", name))
+    return str(_tables(text).get("title", name))
+
+
+@lru_cache(64)
+def _tables(text: str) -> dict[str, Any]:
+    return tomllib.loads(text)
 
 
 def digest_of(name: str) -> str:
@@ -33,7 +40,7 @@ def digest_of(name: str) -> str:
     path = library.folder() / f"{name}.toml"
     text = path.read_bytes()
     digest = hashlib.sha256(text.replace(b"\r\n", b"\n"))
-    for table in tomllib.loads(text.decode()).values():
+    for table in _tables(text.decode()).values():
         for key in ("draft", "file"):
             if isinstance(table, dict) and key in table:
                 digest.update((path.parent / table[key]).read_bytes())
