@@ -128,7 +128,7 @@ class Recycler:
 
     def __init__(self, keep: int = 2) -> None:
         self._keep = keep
-        self._free: list[memoryview] = []
+        self.free: list[memoryview] = []
         #: What is in use, by the identity of the reference that watches it.
         self._lent: dict[int, tuple[weakref.ref[NDArray[Any]], memoryview]] = {}
         #: The references whose arrays have died.
@@ -149,9 +149,9 @@ class Recycler:
     def _take(self, size: int) -> memoryview:
         self._collect()
         # blocks of another size will hardly be asked for again
-        self._free = [block for block in self._free if block.nbytes == size][: self._keep]
+        self.free = [block for block in self.free if block.nbytes == size][: self._keep]
         try:
-            return self._free.pop()
+            return self.free.pop()
         except IndexError:  # another thread may just have taken the last
             # np.empty asks for huge pages where the system grants them; bytearray would clear it
             return np.empty(size, np.uint8).data
@@ -163,4 +163,4 @@ class Recycler:
                 watch = self._left.popleft()
             except IndexError:  # another thread was quicker
                 return
-            self._free.append(self._lent.pop(id(watch))[1])
+            self.free.append(self._lent.pop(id(watch))[1])

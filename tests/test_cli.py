@@ -18,7 +18,7 @@ import pyvista as pv
 from PIL import Image
 
 from spacemap_vtk import WeaveSource
-from spacemap_vtk.cli.main import _COMMANDS, main
+from spacemap_vtk.cli.main import COMMANDS, main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.algorithm import Algorithm
 from spacemap_vtk.io import registry
@@ -250,13 +250,13 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     for noise in ("[default: ()]", "[default: False]", "File to write"):
         assert noise not in out
     # The function's docstring, whose first line the list of commands repeats.
-    name, _ = _COMMANDS[command]
+    name, _ = COMMANDS[command]
     module, function = name.split(":")
     doc = getattr(importlib.import_module(f"spacemap_vtk.cli.{module}"), function).__doc__
     told = inspect.cleandoc(doc).partition("\n\nParameters\n")[0]
     assert " ".join(told.split()) in " ".join(out.split())
     summary = out.strip().splitlines()[2].strip()
-    assert summary == _COMMANDS[command][1] == told.splitlines()[0]
+    assert summary == COMMANDS[command][1] == told.splitlines()[0]
     assert run("--help") == 0
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert command in listed
@@ -569,7 +569,7 @@ def test_a_missing_library_is_named(
 ) -> None:
     from spacemap_vtk.draw import graphics
 
-    monkeypatch.setattr(graphics, "_loads", lambda name: False)
+    monkeypatch.setattr(graphics, "can_load", lambda name: False)
     target = tmp_path / "a.png"
     assert run("render", "plain_weave", "-o", str(target)) == 1
     assert "apt-get install libegl1 libgl1" in capsys.readouterr().err

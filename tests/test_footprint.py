@@ -32,7 +32,7 @@ with open("/proc/self/statm") as stream:
 picture = Picture(scene, times, size)
 for time in times:
     picture.draw(time)
-renderer = picture.panels[0].window._window.ReportCapabilities()
+renderer = picture.panels[0].window.render_window.ReportCapabilities()
 peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
 print(json.dumps([estimate, peak, "llvmpipe" in renderer]))
 """

@@ -249,7 +249,7 @@ def test_what_dies_with_a_stage_runs_no_python() -> None:
     assert "a" not in kept
     other = {2}
     kept["b"] = other
-    assert list(kept._kept) == ["b"]
+    assert list(kept.entries) == ["b"]
 
 
 def thinner(length, divisions=(5, 5, 1), held=True, thickness=3e-4):

@@ -230,7 +230,7 @@ def test_a_periodic_load_costs_nothing_more_when_late():
     motion = ModalMotion(STIFFNESS, DAMPING["ratio"], [drive])
     late = motion.at(3e5)
     assert np.isfinite(late.position).all()
-    assert len(motion._repeated[0]._sums) <= 21  # of a million periods
+    assert len(motion.repeated[0].sums) <= 21  # of a million periods
 
 
 def test_restarting_a_table_gives_the_same_end():

@@ -209,8 +209,8 @@ def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) 
     import spacemap_vtk.datasets.surface_extract as module
 
     calls = []
-    real = module._surface
-    monkeypatch.setattr(module, "_surface", lambda *a: calls.append(1) or real(*a))
+    real = module.surface_of
+    monkeypatch.setattr(module, "surface_of", lambda *a: calls.append(1) or real(*a))
     grid = pv.ImageData(dimensions=(4, 4, 4)).cast_to_unstructured_grid()
     grid["heat"] = grid.points[:, 0].copy()
     grid.cell_data["part"] = np.arange(27)

@@ -348,7 +348,7 @@ def test_memory_is_used_again():
     # another size lets go of the free blocks, and the recycler may die before its arrays
     del held
     other = recycler.empty((5,), np.float64)
-    assert len(recycler._free) == 0
+    assert len(recycler.free) == 0
     del recycler
     other[:] = 1
     del other

@@ -281,7 +281,7 @@ def running_engine() -> Iterator[tuple[Engine, list[Any]]]:
 def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: Any) -> None:
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
-        do, pending = engine._do, [engine.cancel]
+        do, pending = engine.perform, [engine.cancel]
 
         def cancelled_first(job: Job) -> None:
             # The job is taken, and nothing of it runs yet.
@@ -289,7 +289,7 @@ def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: 
                 pending.pop()()
             do(job)
 
-        engine._do = cancelled_first
+        engine.perform = cancelled_first
         engine.ask(first)
         wait_until(lambda: told and not engine.busy)
         assert told == ["cancelled"]
@@ -306,16 +306,16 @@ def test_a_cancel_between_a_job_and_its_run_holds_for_it_and_for_no_other(qapp: 
 
 def test_closing_between_a_job_and_its_run_ends_it(qapp: Any) -> None:
     with running_engine() as (engine, told):
-        do, taken = engine._do, threading.Event()
+        do, taken = engine.perform, threading.Event()
 
         def late(job: Job) -> None:
             taken.set()
-            while not engine._ending:
+            while not engine.ending:
                 time.sleep(0.001)
             time.sleep(0.2)
             do(job)
 
-        engine._do = late
+        engine.perform = late
         engine.ask(a_job(2))
         assert taken.wait(30.0)
         engine.finish()
@@ -328,7 +328,7 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
     """A newer wish ends a run of some time; the run may end by itself in that very moment."""
     with running_engine() as (engine, told):
         first, second = a_job(2), a_job(3)
-        do, stop = engine._do, engine._pipeline.stop
+        do, stop = engine.perform, engine.pipeline.stop
         begun, asked, taken = threading.Event(), threading.Event(), []
 
         def slow(job: Job) -> None:
@@ -347,7 +347,7 @@ def test_what_gives_up_a_long_run_leaves_the_next_one_alone(
             stop()
 
         monkeypatch.setattr("spacemap_vtk.app.engine.PATIENCE", 0.0)
-        engine._do, engine._pipeline.stop = slow, late
+        engine.perform, engine.pipeline.stop = slow, late
         engine.ask(first)
         assert begun.wait(30.0)
         engine.ask(second)

@@ -115,7 +115,7 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
 
     def look() -> None:
         dialog = QApplication.activeModalWidget()
-        proposed.append((dialog.file.name, dialog._filters))
+        proposed.append((dialog.file.name, dialog.filters))
         dialog.reject()
 
     QTimer.singleShot(200, look)

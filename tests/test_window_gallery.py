@@ -115,7 +115,7 @@ def test_what_was_used_lately_is_listed(open_window: Any, tmp_path: Path) -> Non
 
 def test_the_first_picture_goes_when_the_window_has_drawn(open_window: Any) -> None:
     splash = Splash("gust")
-    screen = splash._screen
+    screen = splash.shown
     assert screen.isVisible()
     seen = screen.grab().toImage()
     assert len({seen.pixel(x, 160) for x in range(0, 480, 3)}) > 20
@@ -134,7 +134,7 @@ def test_the_first_picture_goes_when_the_first_run_is_given_up(
         "[weave]\n[cage]\ndivisions = [24, 24, 2]\norder = 2\n[modal]\nmodes = 400\n[response]\n"
     )
     splash = Splash(str(scene))
-    screen = splash._screen
+    screen = splash.shown
     window = open_window(str(scene), wait=False)
     splash.give_way_to(window)
     wait_until(lambda: window.stages.states["modal"] == "running" and window.cancel.isVisible())

@@ -113,7 +113,7 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
         assert grid.stroking
     elif moment == "curves":
         window.tabs.setCurrentWidget(window.plots)
-        wait_until(lambda: window.engine._beside is not None)
+        wait_until(lambda: window.engine.beside is not None)
     elif moment == "swing":
         window.modes.table.cellClicked.emit(1, 0)
         qtbot.wait(50)

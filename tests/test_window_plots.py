@@ -25,7 +25,7 @@ LEFT = Qt.MouseButton.LeftButton
 
 def plotted(window: Any) -> bool:
     plots = window.plots
-    return plots.curves is not None and plots.curves.key == plots._wish().key
+    return plots.curves is not None and plots.curves.key == plots.wish().key
 
 
 @pytest.fixture
@@ -134,7 +134,7 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
     monkeypatch.setattr(canvas, "draw", lambda: drawn.append(1))
     curves = window.plots.curves
     columns = set()
-    window.director.drawn.connect(lambda _: columns.add(tuple(canvas._columns())))
+    window.director.drawn.connect(lambda _: columns.add(tuple(canvas.columns())))
     qtbot.mouseClick(window.times.play, LEFT)
     wait_until(lambda: len(columns) > 8)
     qtbot.mouseClick(window.times.play, LEFT)
@@ -145,12 +145,12 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
     share = window.times.time / 0.2
     box = canvas.axes[0].get_position()
     column = (box.x0 + share * box.width) * canvas.width()
-    assert all(abs(c - column) <= 1 for c in canvas._columns())
+    assert all(abs(c - column) <= 1 for c in canvas.columns())
     picture = canvas.grab().toImage()
     middle = round(canvas.height() * (1 - (box.y0 + box.y1) / 2))
     dark = [
         picture.pixelColor(x, middle + y).lightness() < 90
-        for x in range(canvas._columns()[0] - 1, canvas._columns()[0] + 2)
+        for x in range(canvas.columns()[0] - 1, canvas.columns()[0] + 2)
         for y in (0, 3, 7)
     ]
     assert sum(dark) >= 3
@@ -302,7 +302,7 @@ def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
     wait_until(lambda: not window.engine.busy)
     # The engine's scene has the old modes still: what is asked of it would be no answer.
     plots.show_points([])
-    wait_until(lambda: not plots._rest.isActive())
+    wait_until(lambda: not plots.rest.isActive())
     QTest.qWait(500)
     assert plots.curves is before
     assert plots.hint.text() != "Computing…"

@@ -93,7 +93,7 @@ def test_dots_and_lines_are_as_wide_on_a_fine_screen(tmp_path: Path) -> None:
 
 def test_python_works_on_while_software_draws(open_window: Any) -> None:
     window = open_window()
-    canvas, wait, done, ticks = window.view.plotter, window.view.plotter._wait, [], []
+    canvas, wait, done, ticks = window.view.plotter, window.view.plotter.wait, [], []
     interactor, drawing, ended = canvas.interactor, [], threading.Event()
 
     def tick() -> None:
@@ -114,7 +114,7 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
             interactor.Render()
             drawing.append(len(done) - before)
 
-    canvas._wait, canvas.interactor = watched, Watched()
+    canvas.wait, canvas.interactor = watched, Watched()
     thread = threading.Thread(target=tick)
     usual = sys.getswitchinterval()
     # Nobody is made to let go of Python's lock: who works has been let.
@@ -200,8 +200,8 @@ def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
     wait_until(lambda: settled(window) and view.scene_view.cut)
     handle = view.handle
     x = view.scene_view.cut[1][0] + 7e-4
-    handle._shape.SetOrigin(x, 0.0, 0.0)
-    handle._widget.InvokeEvent("InteractionEvent")
+    handle.shape.SetOrigin(x, 0.0, 0.0)
+    handle.widget.InvokeEvent("InteractionEvent")
     bounds = view.scene_view.face.GetMapper().GetInput().GetBounds()
     np.testing.assert_allclose(bounds[:2], x, atol=1e-7)
     window.tools.clip.trigger()
@@ -320,7 +320,7 @@ def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_window: Any) ->
     assert clear(1.0)
     window.tools.coloring.setCurrentIndex(window.tools.coloring.findData("displacement"))
     wait_until(lambda: settled(window))
-    size = window.view._size
+    size = window.view.size_of_view
     assert clear(0.0)
     assert clear(1.0 - scale_share(size) - 2 / size[0])
     camera = window.view.plotter.renderer.GetActiveCamera()

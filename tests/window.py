@@ -52,14 +52,14 @@ def settled(window: Any) -> bool:
         and not window.engine.busy
         # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
         # "busy": the thread hands the frame over first.
-        and window.engine._frame is None
-        and not director._rest.isActive()
+        and window.engine.waiting_frame is None
+        and not director.rest.isActive()
     )
 
 
 def scene_of(window: Any) -> Any:
     """Return the scene that the window's engine runs."""
-    return window.engine._pipeline._scene
+    return window.engine.pipeline.scene
 
 
 def drag(slider: Any, steps: int) -> None:

@@ -87,7 +87,7 @@ class Canvas(_Widget):
         """Find the OpenGL function that waits, for the context that there is now."""
         super().initializeGL()
         place = int(self.context().getProcAddress(b"glFinish"))
-        self._wait = ctypes.CFUNCTYPE(None)(place)
+        self.wait = ctypes.CFUNCTYPE(None)(place)
 
     def paintGL(self) -> None:
         """Draw, and hand Qt what was drawn."""
@@ -107,7 +107,7 @@ class Canvas(_Widget):
             # has Python's waits for the collector's: both would stand for ever.
             self.interactor.EnableRenderOn()
             self.interactor.Render()
-            self._wait()
+            self.wait()
         finally:
             self.interactor.EnableRenderOff()
             self._painting = False

@@ -20,60 +20,60 @@ class ClipHandle:
     def __init__(
         self, interactor: vtkRenderWindowInteractor, moved: Callable[[bool], object]
     ) -> None:
-        self._shape = vtkImplicitPlaneRepresentation()
-        self._shape.SetPlaceFactor(1.15)
-        self._shape.DrawOutlineOff()
-        self._shape.OutlineTranslationOff()
-        self._shape.ScaleEnabledOff()
-        self._shape.SetDrawPlane(True)
-        self._shape.GetPlaneProperty().SetOpacity(0.10)
-        self._shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
+        self.shape = vtkImplicitPlaneRepresentation()
+        self.shape.SetPlaceFactor(1.15)
+        self.shape.DrawOutlineOff()
+        self.shape.OutlineTranslationOff()
+        self.shape.ScaleEnabledOff()
+        self.shape.SetDrawPlane(True)
+        self.shape.GetPlaneProperty().SetOpacity(0.10)
+        self.shape.GetPlaneProperty().SetColor(0.30, 0.61, 0.78)
         # VTK's own is a green that would tint the cloth while the mouse holds the plane.
-        self._shape.GetSelectedPlaneProperty().SetOpacity(0.16)
-        self._shape.GetSelectedPlaneProperty().SetColor(0.30, 0.61, 0.78)
-        self._shape.SetEdgeColor(0.30, 0.61, 0.78)
-        self._shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
-        self._shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
-        self._widget = vtkImplicitPlaneWidget2()
+        self.shape.GetSelectedPlaneProperty().SetOpacity(0.16)
+        self.shape.GetSelectedPlaneProperty().SetColor(0.30, 0.61, 0.78)
+        self.shape.SetEdgeColor(0.30, 0.61, 0.78)
+        self.shape.GetNormalProperty().SetColor(0.85, 0.39, 0.17)
+        self.shape.GetSelectedNormalProperty().SetColor(0.95, 0.55, 0.2)
+        self.widget = vtkImplicitPlaneWidget2()
         # No key of its own: I would bring up the plane of a cut that is none.
-        self._widget.KeyPressActivationOff()
-        self._widget.SetInteractor(interactor)
-        self._widget.SetRepresentation(self._shape)
+        self.widget.KeyPressActivationOff()
+        self.widget.SetInteractor(interactor)
+        self.widget.SetRepresentation(self.shape)
 
         def tell(_caller: Any, event: str) -> None:
             moved(event == "EndInteractionEvent")
 
         self._observers = [
-            self._widget.AddObserver(event, tell)
+            self.widget.AddObserver(event, tell)
             for event in ("InteractionEvent", "EndInteractionEvent")
         ]
 
     def place(self, cut: Cut, points: NDArray[np.float64], pixels: float) -> None:
         """Stand where a plane cuts what is seen; lines are so many pixels times as wide."""
-        self._shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
-        self._shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
+        self.shape.GetEdgesProperty().SetLineWidth(2.0 * pixels)
+        self.shape.GetNormalProperty().SetLineWidth(2.0 * pixels)
         low, high = points.min(axis=0), points.max(axis=0)
         # A flat cloth too gets a box that the mouse can take hold of.
         slack = 0.15 * float(np.linalg.norm(high - low))
         bounds = np.stack([low - slack, high + slack], axis=1).ravel()
-        self._shape.PlaceWidget(bounds.tolist())
-        self._shape.SetNormal(*cut[0])
-        self._shape.SetOrigin(*cut[1])
+        self.shape.PlaceWidget(bounds.tolist())
+        self.shape.SetNormal(*cut[0])
+        self.shape.SetOrigin(*cut[1])
 
     @property
     def cut(self) -> Cut:
         """Normal and origin of the plane where it is now."""
         plane = vtkPlane()
-        self._shape.GetPlane(plane)
+        self.shape.GetPlane(plane)
         return plane.GetNormal(), plane.GetOrigin()
 
     def show(self, on: bool) -> None:
         """Be seen, or not."""
-        self._widget.SetEnabled(on)
+        self.widget.SetEnabled(on)
 
     def close(self) -> None:
         """Let go of the interactor, before it is freed."""
-        self._widget.SetEnabled(False)
+        self.widget.SetEnabled(False)
         for observer in self._observers:
-            self._widget.RemoveObserver(observer)
-        self._widget.SetInteractor(None)
+            self.widget.RemoveObserver(observer)
+        self.widget.SetInteractor(None)

@@ -51,7 +51,7 @@ class Director(QObject):
         #: Whether a drag goes on.
         self.held = self._giving_up = False
         self._settings: dict[str, dict[str, Any]] = {}
-        self._rest = later(self, self._refine, _REST)
+        self.rest = later(self, self._refine, _REST)
         self._notice = later(self, self._show_running, _NOTICE)
         document.crowded = lambda: engine.crowded
         document.changed.connect(self._changed)
@@ -83,9 +83,9 @@ class Director(QObject):
         if not self._notice.isActive():
             self._notice.start()
         if coarse:
-            self._rest.start()
+            self.rest.start()
         else:
-            self._rest.stop()
+            self.rest.stop()
 
     def swing_mode(self, swing: Swing | None) -> None:
         """Show a mode in place of the motion; None: the motion again."""
@@ -104,13 +104,13 @@ class Director(QObject):
     def cancel(self) -> None:
         """Give up what runs; the last picture stays."""
         self._times.pause()
-        self._rest.stop()
+        self.rest.stop()
         self._giving_up = True
         self._engine.cancel()
 
     def stop(self) -> None:
         """End for good."""
-        self._rest.stop()
+        self.rest.stop()
         self._notice.stop()
         self._times.pause()
         self._engine.finish()
@@ -142,7 +142,7 @@ class Director(QObject):
 
     def _refine(self) -> None:
         if self._engine.busy or self.held:
-            self._rest.start()
+            self.rest.start()
         elif not self._times.playing and self.swing is None:
             self.ask(coarse=False)
 
@@ -200,7 +200,7 @@ class Director(QObject):
             return  # that scene has been left
         if job is self._asked:
             # Of a newer wish the smooth frame is still to come.
-            self._rest.stop()
+            self.rest.stop()
         self._times.pause()
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
         self._end_notice()

@@ -44,14 +44,14 @@ class Engine(QThread):
         super().__init__(parent)
         self._condition = threading.Condition()
         self._job: Job | None = None
-        self._frame: Frame | None = None
-        self._ending = False
+        self.waiting_frame: Frame | None = None
+        self.ending = False
         self._begun: float | None = None
         self._running_values: dict[str, Any] = {}
-        self._beside: Generator[None, None, Any] | None = None
+        self.beside: Generator[None, None, Any] | None = None
         # The pipeline must not keep the thread object alive that owns it.
         me = weakref.proxy(self)
-        self._pipeline = Pipeline(
+        self.pipeline = Pipeline(
             lambda section: me.stage_started.emit(section),
             lambda section, seconds, runs: me.stage_ran.emit(section, seconds, runs),
             lambda section, share: me.progressed.emit(section, share),
@@ -69,19 +69,19 @@ class Engine(QThread):
             )
             self._condition.notify()
             if late:
-                self._pipeline.stop()
+                self.pipeline.stop()
 
     def ask_beside(self, work: Callable[[Scene], Generator[None, None, Any]] | None) -> None:
         """Ask for work on the present scene that is done while no frame is asked for."""
         with self._condition:
-            scene = self._pipeline.scene
-            self._beside = None if work is None or scene is None else work(scene)
+            scene = self.pipeline.scene
+            self.beside = None if work is None or scene is None else work(scene)
             self._condition.notify()
 
     def take(self) -> Frame | None:
         """Return the latest frame once; None if it was taken."""
         with self._condition:
-            frame, self._frame = self._frame, None
+            frame, self.waiting_frame = self.waiting_frame, None
         return frame
 
     @property
@@ -102,47 +102,47 @@ class Engine(QThread):
         """Give up what is asked for and what runs."""
         with self._condition:
             self._job = None
-            self._pipeline.stop()
+            self.pipeline.stop()
 
     def finish(self) -> None:
         """Stop, and wait until the thread has ended."""
         with self._condition:
-            self._ending = True
-            self._job = self._beside = None
+            self.ending = True
+            self._job = self.beside = None
             self._condition.notify()
-            self._pipeline.stop()
+            self.pipeline.stop()
         self.wait()
-        self._frame = None
+        self.waiting_frame = None
 
     def run(self) -> None:
         """Do one job after the other; the thread's own function."""
         while True:
             with self._condition:
-                while self._job is None and self._beside is None and not self._ending:
+                while self._job is None and self.beside is None and not self.ending:
                     self._condition.wait()
-                if self._ending:
+                if self.ending:
                     return
                 job, self._job = self._job, None
-                beside = self._beside
+                beside = self.beside
                 if job is not None:
                     self._begun = time.perf_counter()
                     self._running_values = job.values
                     # Here, not where the run begins: a stop holds for the job that is taken, from
                     # this moment until the next one is. Whoever stops holds the condition, too.
-                    self._pipeline.stopped = False
+                    self.pipeline.stopped = False
             if job is None:
                 self._go_on(beside)
                 continue
-            self._do(job)
+            self.perform(job)
             with self._condition:
                 self._begun = None
                 idle = self._job is None
             if idle:
                 self.idle.emit()
 
-    def _do(self, job: Job) -> None:
+    def perform(self, job: Job) -> None:
         try:
-            frame = self._pipeline.run(job)
+            frame = self.pipeline.run(job)
         except Cancelled:
             self.cancelled.emit()
         except Exception as error:
@@ -150,7 +150,7 @@ class Engine(QThread):
             self.failed.emit(error.with_traceback(None), job)
         else:
             with self._condition:
-                self._frame = frame
+                self.waiting_frame = frame
             self.ready.emit()
 
     def _go_on(self, beside: Generator[None, None, Any] | None) -> None:
@@ -167,5 +167,5 @@ class Engine(QThread):
         else:
             return
         with self._condition:
-            if self._beside is beside:
-                self._beside = None
+            if self.beside is beside:
+                self.beside = None

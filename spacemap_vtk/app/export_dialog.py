@@ -27,7 +27,7 @@ class ExportDialog(QDialog):
     ) -> None:
         super().__init__(parent)
         self.setWindowTitle(f"Export {kind}")
-        self._filters = filters
+        self.filters = filters
         self.line = QLineEdit(str(Path.cwd() / proposal))
         self.line.setMinimumWidth(340)
         browse = QPushButton("Browse…")
@@ -67,7 +67,7 @@ class ExportDialog(QDialog):
         return self.camera.currentIndex() == 0
 
     def _browse(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, "Export", self.line.text(), self._filters)
+        name, _ = QFileDialog.getSaveFileName(self, "Export", self.line.text(), self.filters)
         if name:
             self.line.setText(name)
 

@@ -32,7 +32,7 @@ class Splash:
         # Exposed, then painted: two turns of the loop.
         self.app.processEvents()
         self.app.processEvents()
-        self._screen: QLabel | None = label
+        self.shown: QLabel | None = label
 
     def give_way_to(self, window: Any) -> None:
         """Go at the window's first picture, or when there will be none."""
@@ -44,9 +44,9 @@ class Splash:
         self.close()
 
     def close(self) -> None:
-        if self._screen is not None:
-            self._screen.close()
-            self._screen = None
+        if self.shown is not None:
+            self.shown.close()
+            self.shown = None
 
 
 def _picture(name: str) -> QPixmap:

@@ -68,7 +68,7 @@ class View3D(QWidget):
         self._cut: tuple[object, Cut | None] = None, None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
-        self._span: tuple[object, Span] | None = None
+        self.span: tuple[object, Span] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
@@ -286,10 +286,10 @@ class View3D(QWidget):
         pixels = self.plotter.devicePixelRatioF()
         point = pixels * view.line_scale
         self.marks.GetProperty().SetPointSize(PICKED * point)
-        self.scene_view.fit(view, self._size, pixels, point)
+        self.scene_view.fit(view, self.size_of_view, pixels, point)
 
     @property
-    def _size(self) -> tuple[int, int]:
+    def size_of_view(self) -> tuple[int, int]:
         return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
 
     def _span_of(self, frame: Frame) -> Span | None:
@@ -298,9 +298,9 @@ class View3D(QWidget):
         if numbers is None:
             return None
         low, high = natural_span(vtk_to_numpy(numbers))
-        if self._span is not None and self._span[0] == (frame.values, frame.swing):
-            low, high = min(low, self._span[1][0]), max(high, self._span[1][1])
-        self._span = (frame.values, frame.swing), (low, high)
+        if self.span is not None and self.span[0] == (frame.values, frame.swing):
+            low, high = min(low, self.span[1][0]), max(high, self.span[1][1])
+        self.span = (frame.values, frame.swing), (low, high)
         return low, high
 
     def _extent(self) -> NDArray[np.float64] | None:

@@ -35,7 +35,7 @@ app = App(
     Exit status: 0 done, 2 the input is wrong, 1 failed for another reason.
     """,
 )
-_COMMANDS = {
+COMMANDS = {
     "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
@@ -50,7 +50,7 @@ _COMMANDS = {
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
-for _name, (_function, _help) in _COMMANDS.items():
+for _name, (_function, _help) in COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.
     app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
 
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words.remove("--no-cache")
         os.environ[VARIABLE] = "off"
     try:
-        if words and words[0] in _COMMANDS:
+        if words and words[0] in COMMANDS:
             # The sentence of the table is for lists of commands: a command's own help says all.
             app[words[0]].help = None
         with warnings.catch_warnings():

@@ -34,16 +34,16 @@ class Skin:
                 f"the input has {grid.GetNumberOfPoints()} points and no cells to draw"
             )
         if not isinstance(grid, vtkUnstructuredGrid):
-            output.ShallowCopy(_surface(grid, 0))
+            output.ShallowCopy(surface_of(grid, 0))
             return
         if any(kind not in _STRAIGHT for kind in cell_types(grid)):
-            output.ShallowCopy(_surface(grid, ceil(log2(subdivisions))))
+            output.ShallowCopy(surface_of(grid, ceil(log2(subdivisions))))
             return
         if self._kept is None or not self._kept[0].matches(grid):
             # without arrays: those are taken anew each time
             bare = grid.NewInstance()
             bare.CopyStructure(grid)
-            skin = _surface(bare, 0)
+            skin = surface_of(bare, 0)
             points = vtk_to_numpy(skin.GetPointData().GetArray(_POINTS)).copy()
             cells = vtk_to_numpy(skin.GetCellData().GetArray(_CELLS)).copy()
             skin.GetPointData().Initialize()
@@ -60,7 +60,7 @@ class Skin:
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
 
-def _surface(grid: vtkPointSet, level: int) -> vtkPolyData:
+def surface_of(grid: vtkPointSet, level: int) -> vtkPolyData:
     maker = vtkDataSetSurfaceFilter()
     maker.SetInputData(grid)
     maker.SetNonlinearSubdivisionLevel(level)

@@ -21,10 +21,10 @@ def prepare_offscreen() -> None:
     if not sys.platform.startswith("linux"):
         return
     # Both are needed for EGL: VTK's wheel loads libEGL for the window and libGL for the calls.
-    missing = [name for name in ("libEGL.so.1", "libGL.so.1") if not _loads(name)]
+    missing = [name for name in ("libEGL.so.1", "libGL.so.1") if not can_load(name)]
     if not missing:
         window = "vtkEGLRenderWindow"
-    elif _loads("libOSMesa.so.8") or _loads("libOSMesa.so"):
+    elif can_load("libOSMesa.so.8") or can_load("libOSMesa.so"):
         window = "vtkOSOpenGLRenderWindow"
     else:
         raise MissingLibraryError(
@@ -36,7 +36,7 @@ def prepare_offscreen() -> None:
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", window)
 
 
-def _loads(name: str) -> bool:
+def can_load(name: str) -> bool:
     try:
         ctypes.CDLL(name)
     except OSError:

@@ -30,17 +30,17 @@ class Offscreen:
         self.renderer = lit_renderer()
         self._size = size
         if beside is not None and beside._size == size:
-            self._window: vtkRenderWindow = beside._window
+            self.render_window: vtkRenderWindow = beside.render_window
         else:
-            self._window = _window(size, samples, pixels)
-        self._window.AddRenderer(self.renderer)
+            self.render_window = _window(size, samples, pixels)
+        self.render_window.AddRenderer(self.renderer)
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None
 
     def add_in_front(self, prop: vtkProp) -> None:
         """Add what is drawn over all else, wherever it stands."""
         if self.front is None:
-            self.front = front_of(self._window, self.renderer)
+            self.front = front_of(self.render_window, self.renderer)
         self.front.AddViewProp(prop)
 
     @property
@@ -50,22 +50,22 @@ class Offscreen:
 
     def draw(self, front: bool = True) -> NDArray[np.uint8]:
         """Draw."""
-        for renderer in self._window.GetRenderers():
+        for renderer in self.render_window.GetRenderers():
             renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
         self.renderer.ResetCameraClippingRange()
-        self._window.Render()
+        self.render_window.Render()
         width, height = self._size
         pixels = vtkUnsignedCharArray()
         # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
         # plain mean of them.
-        self._window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
+        self.render_window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
         return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
 
     def depth(self) -> NDArray[np.float32]:
         """Return how far from the camera is what was drawn last."""
         width, height = self._size
         buffer = vtkFloatArray()
-        self._window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
+        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
         z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
         near, far = self.camera.GetClippingRange()
         if self.camera.GetParallelProjection():
@@ -77,7 +77,7 @@ class Offscreen:
 
     def close(self) -> None:
         """Free the window."""
-        self._window.Finalize()
+        self.render_window.Finalize()
 
 
 def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:

@@ -45,19 +45,19 @@ class WeakValues(Generic[V]):
     # both stand for ever. So the dead are dropped when the next value comes.
 
     def __init__(self) -> None:
-        self._kept: dict[str, weakref.ref[V]] = {}
+        self.entries: dict[str, weakref.ref[V]] = {}
 
     def get(self, key: str) -> V | None:
         """Return a value, or None where there is none any more."""
-        kept = self._kept.get(key)
+        kept = self.entries.get(key)
         return None if kept is None else kept()
 
     def __contains__(self, key: str) -> bool:
         return self.get(key) is not None
 
     def __setitem__(self, key: str, value: V) -> None:
-        alive = {k: kept for k, kept in list(self._kept.items()) if kept() is not None}
-        self._kept = alive | {key: weakref.ref(value)}
+        alive = {k: kept for k, kept in list(self.entries.items()) if kept() is not None}
+        self.entries = alive | {key: weakref.ref(value)}
 
 
 class Model:

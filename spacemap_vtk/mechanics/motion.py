@@ -79,7 +79,7 @@ class ModalMotion:
             if isinstance(drive.function, Pieces) and drive.function.period is None
         ]
         self._linear = self._merged(linear)
-        self._repeated = [
+        self.repeated = [
             self._periodic(drive, drive.function)
             for drive in self.drives
             if isinstance(drive.function, Pieces) and drive.function.period is not None
@@ -104,7 +104,7 @@ class ModalMotion:
     def state(self, time: float) -> FloatArray:
         """Return positions and rates at a time, after a jump that happens just then."""
         state = self._linear.at(time)
-        for repeated in self._repeated:
+        for repeated in self.repeated:
             state = state + repeated.at(time)
         for phasor, sine in self.sines:
             if sine.steady:

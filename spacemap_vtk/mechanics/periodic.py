@@ -94,7 +94,7 @@ class Repeated:
         columns = function.values[:, None], function.slopes[:, None]
         self._inside = Linear(stiffness, half, function.times, *columns, gain[None, :], inner, rest)
         #: What m = 1, 2, 4, … periods add to a state, and how they move it.
-        self._sums = [self._inside.at(self._period) + jumps[-1]]
+        self.sums = [self._inside.at(self._period) + jumps[-1]]
         self._moves = [kernels(stiffness, half, self._period)]
         self._first = self._steady_state() if function.steady else jumps[0]
 
@@ -104,21 +104,21 @@ class Repeated:
         state = self._first
         level = 0
         while count >> level:
-            if level == len(self._sums):
+            if level == len(self.sums):
                 move = self._moves[-1]
-                self._sums.append(_moved(move, self._sums[-1]) + self._sums[-1])
+                self.sums.append(_moved(move, self.sums[-1]) + self.sums[-1])
                 self._moves.append(
                     kernels(self._stiffness, self._half, self._period * float(1 << level))
                 )
             if count >> level & 1:
-                state = _moved(self._moves[level], state) + self._sums[level]
+                state = _moved(self._moves[level], state) + self.sums[level]
             level += 1
         free = _moved(kernels(self._stiffness, self._half, rest), state)
         return free + self._inside.at(rest)
 
     def _steady_state(self) -> FloatArray:
         """Return x of x = A x + b."""
-        move, (q, rate) = self._moves[0], self._sums[0]
+        move, (q, rate) = self._moves[0], self.sums[0]
         # (1 - A)⁻¹ by Cramer's rule, mode by mode, with 1 - C = λ S₂ and 1 - Ṡ = λ S₂ + 2h S: for
         # a mode much slower than the period the differences would have no digits.
         a = self._stiffness * move.step

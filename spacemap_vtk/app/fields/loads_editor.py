@@ -55,7 +55,7 @@ class LoadsEditor(Editor):
         menu = QMenu(self.add)
         for action in ACTIONS:
             menu.addAction(action.replace("_", " ").capitalize()).setData(action)
-        menu.triggered.connect(self._added)
+        menu.triggered.connect(self.add_load)
         self.add.setMenu(menu)
         self._layout = column(self, self.add)
 
@@ -77,7 +77,7 @@ class LoadsEditor(Editor):
             card.show_load(load)
         self._tables = [{k: _plain(v) for k, v in table.items()} for table in tables]
 
-    def _added(self, action: Any) -> None:
+    def add_load(self, action: Any) -> None:
         self.edited.emit([*self._tables, dict(_BEGINNINGS[action.data()])], 0)
 
     def _card_edited(self, number: int, changes: dict[str, Any] | None, burst: int) -> None:

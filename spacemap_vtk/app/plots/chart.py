@@ -85,9 +85,9 @@ class PlotCanvas(FigureCanvasQTAgg):
 
     def set_time(self, time: float) -> None:
         """Move the cursor; nothing but a line is painted."""
-        before = self._columns()
+        before = self.columns()
         self._time = time
-        for column in {*before, *self._columns()}:
+        for column in {*before, *self.columns()}:
             self.update(QRect(column - 2, 0, 5, self.height()))
 
     def time_at(self, axes: Axes, x: float) -> float:
@@ -101,7 +101,7 @@ class PlotCanvas(FigureCanvasQTAgg):
         super().paintEvent(event)
         painter = QPainter(self)
         painter.setPen(QPen(self._ink, 1.2))
-        for axes, column in zip(self.timed, self._columns(), strict=True):
+        for axes, column in zip(self.timed, self.columns(), strict=True):
             box = axes.get_position()
             top, bottom = (round(self.height() * (1 - y)) for y in (box.y1, box.y0))
             painter.drawLine(column, top, column, bottom)
@@ -132,7 +132,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             axes, self._pressed = self._pressed, None
             self.asked.emit(self.time_at(axes, event.position().x()), False)
 
-    def _columns(self) -> list[int]:
+    def columns(self) -> list[int]:
         """Return where the cursor stands in each plot over time; out of sight outside."""
         columns = []
         for axes in self.timed:

@@ -92,7 +92,7 @@ class PlotsTab(QWidget):
         first = row(None, (self.quantity, 1), (self.component, 1))
         second = row(None, (self.clear, 1), (self.save, 1))
         self._layout = column(self, first, second, None, self.hint, margins=(6, 6, 6, 6))
-        self._rest = later(self, self._ask, _REST)
+        self.rest = later(self, self._ask, _REST)
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
         self.clear.clicked.connect(self.cleared)
@@ -113,11 +113,11 @@ class PlotsTab(QWidget):
         self._drawn = frame.values
         if self.canvas is not None and self.isVisible():
             self.canvas.set_time(frame.time)
-        if self.isVisible() and not self._rest.isActive() and self._wish().key != self._key:
+        if self.isVisible() and not self.rest.isActive() and self.wish().key != self._key:
             self._later()
 
     def stop(self) -> None:
-        self._rest.stop()
+        self.rest.stop()
         self._engine.ask_beside(None)
 
     def save_picture(self) -> None:
@@ -164,9 +164,9 @@ class PlotsTab(QWidget):
 
     def _later(self) -> None:
         if self.isVisible():
-            self._rest.start()
+            self.rest.start()
 
-    def _wish(self) -> Wish:
+    def wish(self) -> Wish:
         values, animation = self._document.values, self._document.scene.animation
         start, stop = animation.start, max(animation.stop, animation.start + 1e-9)
         points = tuple(pick.rest for pick in self.points)
@@ -174,11 +174,11 @@ class PlotsTab(QWidget):
         return Wish(key, points, start, stop)
 
     def _ask(self) -> None:
-        wish = self._wish()
+        wish = self.wish()
         if not self.isVisible() or wish.key == self._key:
             return
         if self._engine.busy:
-            self._rest.start()
+            self.rest.start()
             return
         if self._drawn != self._document.values:
             return  # its run has failed or was given up: what the engine has is another scene's
