@@ -8,6 +8,7 @@ import importlib.util
 import os
 import sys
 
+from spacemap_vtk.draw.graphics import can_load
 from spacemap_vtk.errors import MissingLibraryError
 
 #: The packages of the extra ``[qt]``, by the name they are imported under.
@@ -53,7 +54,7 @@ def require_window() -> None:
         raise MissingLibraryError(
             "there is no display to open a window on", cure=_CURE.format("from a desktop")
         )
-    absent = [name for name in LIBRARIES if not _loads(name)]
+    absent = [name for name in LIBRARIES if not can_load(name)]
     if absent:
         raise MissingLibraryError(
             f"{', '.join(absent)} not found: Qt needs them to open a window",
@@ -90,12 +91,4 @@ def _wayland_answers(display: str) -> bool:
             probe.connect(os.path.join(os.environ.get("XDG_RUNTIME_DIR", ""), display))
         except OSError:
             return False
-    return True
-
-
-def _loads(name: str) -> bool:
-    try:
-        ctypes.CDLL(name)
-    except OSError:
-        return False
     return True

@@ -37,6 +37,7 @@ def prepare_offscreen() -> None:
 
 
 def can_load(name: str) -> bool:
+    """Return whether the system finds a shared library."""
     try:
         ctypes.CDLL(name)
     except OSError:

@@ -104,7 +104,6 @@ def _ply_row(
 
 @reads(".ply", label="PLY", holds="mesh", check=_check)
 def read_ply(path: Path) -> Any:
-    """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk
 
     return read_with_vtk(path, "vtkIOPLY", "vtkPLYReader")

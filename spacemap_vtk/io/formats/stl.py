@@ -36,7 +36,6 @@ def _check(path: Path) -> None:
 
 @reads(".stl", label="STL", holds="mesh", check=_check)
 def read_stl(path: Path) -> Any:
-    """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk
 
     return read_with_vtk(path, "vtkIOGeometry", "vtkSTLReader")

@@ -32,7 +32,6 @@ def _check(path: Path) -> None:
 
 @reads(".vtk", label="VTK legacy", holds="mesh", check=_check)
 def read_legacy(path: Path) -> Any:
-    """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk
 
     return read_with_vtk(path, "vtkIOLegacy", "vtkGenericDataObjectReader")

@@ -27,7 +27,6 @@ _READERS = {
 @reads(*list(_READERS)[2:], label="Other VTK XML", holds="mesh", common=False)
 @reads(".vtu", ".vtp", label="VTK XML", holds="mesh")
 def read_xml(path: Path) -> Any:
-    """Read a file."""
     from spacemap_vtk.io.reading import read_with_vtk
 
     return read_with_vtk(path, "vtkIOXML", _READERS[path.suffix.lower()])
