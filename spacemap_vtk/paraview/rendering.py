@@ -15,7 +15,7 @@ while the others, which have found that there is no display, take no part in the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
@@ -30,21 +30,27 @@ def show_colors() -> None:
     # It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
     # them, and ticked for others. What a user ticks by hand stays until the next choice of an
     # array.
+    _at_each_proxy(("PROCESS_CLIENT", "PROCESS_BATCH"), _follow_new)
+
+
+def _at_each_proxy(processes: Sequence[str], do: Callable[[Any], None]) -> None:
+    """In processes of some types, do something with the session whenever it gets a proxy."""
     try:
         from paraview.modules.vtkRemotingCore import vtkProcessModule
         from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
     except ImportError:  # a server built without a client's libraries
         return
-    clients = (vtkProcessModule.PROCESS_CLIENT, vtkProcessModule.PROCESS_BATCH)
-    if vtkProcessModule.GetProcessType() in clients:
-        manager = vtkSMProxyManager.GetProxyManager()
-        manager.AddObserver("RegisterEvent", lambda caller, event: _follow_new(caller))
+
+    def registered_one(manager: Any, _event: str) -> None:
+        if (session := manager.GetActiveSessionProxyManager()) is not None:
+            do(session)
+
+    types = [getattr(vtkProcessModule, name) for name in processes]
+    if vtkProcessModule.GetProcessType() in types:
+        vtkSMProxyManager.GetProxyManager().AddObserver("RegisterEvent", registered_one)
 
 
-def _follow_new(manager: Any) -> None:
-    session = manager.GetActiveSessionProxyManager()
-    if session is None:
-        return
+def _follow_new(session: Any) -> None:
     follow: dict[str, Callable[[Any], None]]
     follow = {"representations": _follow, "scalar_bars": _follow_legend}
     for group, observe in follow.items():
@@ -138,20 +144,10 @@ def _has_colors(representation: Any) -> bool:
 
 def guard_pictures() -> None:
     """From now on no view of a batch begins to draw unless all its processes can."""
-    try:
-        from paraview.modules.vtkRemotingCore import vtkProcessModule
-        from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
-    except ImportError:  # a server built without a client's libraries
-        return
-    if vtkProcessModule.GetProcessType() == vtkProcessModule.PROCESS_BATCH:
-        manager = vtkSMProxyManager.GetProxyManager()
-        manager.AddObserver("RegisterEvent", lambda caller, event: _guard_new(caller))
+    _at_each_proxy(("PROCESS_BATCH",), _guard_new)
 
 
-def _guard_new(manager: Any) -> None:
-    session = manager.GetActiveSessionProxyManager()
-    if session is None:
-        return
+def _guard_new(session: Any) -> None:
     for view in registered(session, "views"):
         if view.GetGlobalID() not in _guarded:
             _guarded.add(view.GetGlobalID())
