@@ -44,6 +44,31 @@ def busy(seconds: float) -> str:
     return "done"
 
 
+def test_who_waits_for_the_compiler_is_not_ended_there() -> None:
+    """The lock would stay with a thread that is gone, and all that compile wait for ever."""
+    lock = pytest.importorskip("numba.core.compiler_lock").global_compiler_lock
+    interrupt, said = Interrupt(), []
+
+    def work() -> None:
+        try:
+            interrupt.guard(lambda: (lock(lambda: said.append("compiled"))(), busy(30.0)))
+        except Interrupted:
+            said.append("ended")
+
+    thread = threading.Thread(target=work)
+    with lock:
+        thread.start()
+        time.sleep(0.1)
+        interrupt.end()
+        time.sleep(2.5 * GRACE)
+    thread.join(20)
+    assert said == ["compiled", "ended"]
+    free: list[bool] = []
+    threading.Thread(target=lock(lambda: free.append(True)), daemon=True).start()
+    wait_until(lambda: free, seconds=5.0)
+    assert free == [True]
+
+
 def test_a_thread_is_ended_where_it_stands() -> None:
     interrupt, ends = Interrupt(), []
 

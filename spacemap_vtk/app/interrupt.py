@@ -2,13 +2,15 @@
 
 A stage looks up whenever it reports progress. One that does not is ended where it stands, between
 two steps of Python; only a single call into a library, such as the factorisation of one matrix, is
-waited for, and an import: a module that was half imported could not be imported again. What such a
+waited for, an import, as a module that was half imported could not be imported again, and Numba's
+compiler, as one that was ended while it waits for its lock would hold it for ever. What such a
 stage has kept is whole all the same: stages keep results by one assignment at their end.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
 import threading
 import time
@@ -22,6 +24,9 @@ T = TypeVar("T")
 #: Seconds that a stage has for ending by itself, and between one blow and the next: a blow that
 #: falls into one of VTK's callbacks is printed there, and lost.
 GRACE = 0.3
+
+#: Part of the names of Numba's own files.
+_COMPILER = f"{os.sep}numba{os.sep}"
 
 
 class Interrupted(Cancelled):
@@ -66,7 +71,7 @@ class Interrupt:
             with self._lock:
                 if self._thread is None or self._run != run:
                     return
-                if not _imports(self._thread):
+                if not _spared(self._thread):
                     _set(self._thread, Interrupted)
 
     def _close(self) -> None:
@@ -82,10 +87,12 @@ class Interrupt:
                 continue
 
 
-def _imports(thread: int) -> bool:
+def _spared(thread: int) -> bool:
+    """Return whether a thread imports, or compiles, and must not be ended there."""
     frame = sys._current_frames().get(thread)
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        file = frame.f_code.co_filename
+        if file.startswith("<frozen importlib") or _COMPILER in file:
             return True
         frame = frame.f_back
     return False
