@@ -7,6 +7,7 @@ stiffness are two measures, not one modulus and a thickness.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,10 @@ SHEAR_CORRECTION = 5 / 6
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Stiffness of a sheet per width, symmetric and positive definite.
+    """Stiffness of a sheet per width, symmetric and positive definite."""
 
-    Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane: of a fabric
-    whose normal is z, 1 is x, the weft, and 2 is y, the warp. See `homogeneous` for other normals.
-    """
+    # Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane: of a fabric
+    # whose normal is z, 1 is x, the weft, and 2 is y, the warp. See `homogeneous` for others.
 
     #: (3, 3) Force per width from strain [N/m].
     membrane: FloatArray
@@ -39,44 +39,17 @@ class Plate:
 
 
 def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Plate:
-    """Return the plate that is a solid of some thickness.
-
-    Parameters
-    ----------
-    elasticity : ndarray of float64, shape (6, 6)
-        Elasticity matrix along x, y, z [Pa], in the order of
-        `spacemap_vtk.mechanics.materials.isotropic`.
-    thickness : float
-        Above 0 [m].
-    normal : int
-        Axis of the thickness. Axes 1 and 2 of the plate are the two that follow it in a circle:
-        x and y where it is z (2), y and z where it is x (0), z and x where it is y (1).
-
-    Returns
-    -------
-    Plate
-        With h the thickness, S the compliance and Q the inverse of its block in the plane (plane
-        stress): membrane Q h, bending Q h³/12, shear 5/6 h times the inverse of S's block of 13
-        and 23, thickness h/S33.
-
-    Raises
-    ------
-    InputError
-        If the thickness is not above 0.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.mechanics.materials import isotropic
-    >>> plate = homogeneous(isotropic(1e6, 0.0), 1e-3)
-    >>> round(float(plate.membrane[0, 0])), round(float(plate.bending[0, 0] * 1e6), 6)
-    (1000, 83.333333)
-    """
+    """Return the plate that is a solid of some thickness."""
+    # Axes 1 and 2 of the plate are the two that follow its normal in a circle: x and y where that
+    # is z (2), y and z where it is x (0), z and x where it is y (1). With h the thickness, S the
+    # compliance and Q the inverse of its block in the plane (plane stress): membrane Q h, bending
+    # Q h³/12, shear 5/6 h times the inverse of S's block of 13 and 23, thickness h/S33.
     if not (np.isfinite(thickness) and thickness > 0):
         raise InputError(
             "no plate is as thick", key="thickness", value=thickness, allowed="above 0 m"
         )
     first, second = (normal + 1) % 3, (normal + 2) % 3
-    compliance: FloatArray = np.linalg.inv(elasticity)
+    compliance = np.linalg.inv(elasticity)
     plane = _inverse(compliance, [first, second, VOIGT[first, second]])
     across = _inverse(compliance, [VOIGT[first, normal], VOIGT[second, normal]])
     return Plate(
@@ -87,7 +60,7 @@ def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Pl
     )
 
 
-def _inverse(matrix: FloatArray, rows: list[int]) -> FloatArray:
+def _inverse(matrix: NDArray[np.floating[Any]], rows: list[int]) -> FloatArray:
     """Return the inverse of a symmetric block, symmetric to the last digit."""
     found = np.linalg.inv(matrix[np.ix_(rows, rows)])
     symmetric: FloatArray = (found + found.T) / 2
