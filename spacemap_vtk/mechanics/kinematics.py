@@ -78,7 +78,7 @@ def strains(gradients: FloatArray) -> FloatArray:
 
 #: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;
 #: their mean is exact.
-_SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
+SAMPLES = np.full((4, 4), (5 - 5**0.5) / 20) + np.eye(4) / 5**0.5
 
 #: Tetrahedra that are worked on at a time.
 _CHUNK = 4096
@@ -93,7 +93,7 @@ def strain_products(
     # subtracted, it is a sum of positive terms, with twice as many digits.
     gradients, volume = barycentric_gradients(points, cells)
     linear = cells.shape[1] == 4
-    slopes = np.eye(4)[None] if linear else shape_slopes(_SAMPLES)
+    slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
     total = np.zeros((len(fields), len(fields)))
     for start in range(0, len(cells), _CHUNK):
         part = slice(start, start + _CHUNK)

@@ -1,0 +1,216 @@
+"""A sheet on a cage's own vertices: those of a one-layer lattice come in pairs.
+
+A pair is a mid-point p = (x⁺ + x⁻)/2 and half a thickness δ = (x⁺ - x⁻)/2, its director is
+d = 2 δ/h. On the quadrilaterals of the pairs all strains are quadratic in these, so that no
+rotation is ever a variable and nothing is linearised:
+
+    membrane         e_ij = ½ (p,i · p,j - P,i · P,j)
+    bending          k_ij = sym(p,i · d,j) - its reference
+    transverse shear g_i = p,i · d - its reference, from the middles of the edges
+    thickness        t = ½ (d · d - 1), at the vertices, so that curvature does not lock it
+
+The shear is interpolated as in MITC4: Dvorkin and Bathe, Eng. Comput. 1 (1984) 77; Bathe and
+Dvorkin, Int. J. Numer. Meth. Eng. 21 (1985) 367.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
+from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.strains import Strains, product
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: Cells this many times wider than thick are those of a sheet: there even quadratic tetrahedra
+#: twist too stiffly (see `spacemap_vtk.mechanics.bending.locking`).
+THIN = 4.0
+
+#: Corners of a quadrilateral, and its points of quadrature.
+_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_GAUSS = _CORNERS / 3**0.5
+
+#: Middles of the edges along ξ (at η = -1 and 1), and along η (at ξ = -1 and 1).
+_MIDDLES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
+
+
+class MidSurface(NamedTuple):
+    """The pairs of vertices of a one-layer lattice, and their quadrilaterals."""
+
+    pairs: IntArray
+    """(P, 2) vertices at the upper and the lower end of each."""
+    quads: IntArray
+    """(E, 4) pairs of each hexahedron, counter-clockwise seen from above."""
+    normal: int
+    """The axis nearest to the direction across the layer."""
+
+    def nodal(self, vertices: FloatArray) -> FloatArray:
+        """Return p of all pairs, then δ of all, of what vertices have, both (V, …)."""
+        upper, lower = vertices[self.pairs.T]
+        return np.concatenate([(upper + lower) / 2, (upper - lower) / 2])
+
+    def vertices(self, nodal: FloatArray) -> FloatArray:
+        """Return what vertices have out of p and δ, both (V, …)."""
+        middle, half = nodal.reshape(2, -1, *nodal.shape[1:])
+        result = np.empty_like(nodal)
+        result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
+        return result
+
+    def thickness(self, points: FloatArray) -> FloatArray:
+        """Return the length of each pair [m], (P,)."""
+        upper, lower = points[self.pairs.T]
+        return np.linalg.norm(upper - lower, axis=1)
+
+    def aspect(self, points: FloatArray) -> float:
+        """Return how many times wider than thick the cells are."""
+        corners = self.nodal(points)[self.quads]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return float(sides.mean() / self.thickness(points).mean())
+
+
+def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
+    """Return the mid-surface of a one-layer lattice, whole or carved; None of any other mesh."""
+    # It lies across the thinnest axis along which no two hexahedra meet.
+    corners = _corners(cells)
+    if corners is None:
+        return None
+    best, thin = None, np.inf
+    for axis in range(3):
+        bit = 1 << axis
+        other, last = 1 << (axis + 1) % 3, 1 << (axis + 2) % 3
+        lower = np.array([0, other, other | last, last])
+        pairs, quads = np.unique(
+            corners[:, np.stack([lower | bit, lower], axis=1)].reshape(-1, 2),
+            axis=0,
+            return_inverse=True,
+        )
+        # Each vertex in one pair, at one end of it: no two hexahedra lie above each other.
+        if len(pairs) * 2 == len(points) == len(np.unique(pairs)):
+            across = points[pairs[:, 0]] - points[pairs[:, 1]]
+            normal = int(abs(across.mean(axis=0)).argmax())
+            found = MidSurface(pairs, quads.reshape(-1, 4), normal)
+            if (thickness := float(found.thickness(points).mean())) < thin:
+                best, thin = found, thickness
+    return best
+
+
+def _corners(cells: IntArray) -> IntArray | None:
+    """Return the corners x + 2y + 4z of each hexahedron, (E, 8); None where there are none."""
+    if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
+        return None
+    groups = cells.reshape(-1, 4 * TETRAHEDRA_PER_CELL)
+    result = np.empty((len(groups), 8), dtype=np.int64)
+    left = np.ones(len(groups), dtype=bool)
+    for split in SPLIT.reshape(2, -1):
+        corners = groups[:, np.unique(split, return_index=True)[1]]
+        fits = (corners[:, split] == groups).all(axis=1)
+        result[fits] = corners[fits]
+        left &= ~fits
+    return None if left.any() else result
+
+
+def of_sheet(points: FloatArray, surface: MidSurface, plate: Plate) -> list[Strains]:
+    """Return the strains of a sheet: those of its quadrilaterals, and its pairs' thickness."""
+    # Over the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending 11, 22,
+    # 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 is, in the sheet's plane, the
+    # one that follows the normal in a circle: x of a sheet across z.
+    nodal, count = surface.nodal(points), len(surface.pairs)
+    z = nodal[surface.quads]
+    # Of the director d = 2 δ/h.
+    scale = 2.0 / surface.thickness(points)
+    director = scale[surface.quads]
+    along, area = _axes(z, _GAUSS, surface.normal)
+    mid_shear = [
+        product(_wide(np.broadcast_to(slope, z.shape[:2]), 0), _wide(value * director, 4))
+        for value, slope in (
+            (_shape(at), _slopes(at)[0 if number < 2 else 1]) for number, at in enumerate(_MIDDLES)
+        )
+    ]
+    forms = np.zeros((len(z), 4, 8, 8, 8))
+    for q, (xi, eta) in enumerate(_GAUSS):
+        slope = along[:, q] @ _slopes(_GAUSS[q])  # (E, 2, 4): derivatives along the axes
+        p = [_wide(slope[:, i], 0) for i in range(2)]
+        d = [_wide(slope[:, i] * director, 4) for i in range(2)]
+        for i in range(2):
+            forms[:, q, i] = product(p[i], p[i]) / 2
+            forms[:, q, 3 + i] = product(p[i], d[i])
+        forms[:, q, 2] = product(p[0], p[1])
+        forms[:, q, 5] = product(p[0], d[1]) + product(p[1], d[0])
+        natural = (
+            ((1 - eta) * mid_shear[0] + (1 + eta) * mid_shear[1]) / 2,
+            ((1 - xi) * mid_shear[2] + (1 + xi) * mid_shear[3]) / 2,
+        )
+        for i in range(2):
+            turn = along[:, q, i, :, None, None]
+            forms[:, q, 6 + i] = turn[:, 0] * natural[0] + turn[:, 1] * natural[1]
+    stiffness = np.zeros((8, 8))
+    stiffness[:3, :3], stiffness[3:6, 3:6] = plate.membrane, plate.bending
+    stiffness[6:, 6:] = plate.shear
+    nodes = np.concatenate([surface.quads, surface.quads + count], axis=1)
+    rows = np.arange(count, 2 * count)[:, None]
+    share = np.bincount(surface.quads.ravel(), _axes(z, _CORNERS, surface.normal)[1].ravel(), count)
+    thick = (scale**2).reshape(-1, 1, 1, 1, 1)
+    return [
+        _unstrained(nodes, forms, area[..., None, None] * stiffness, nodal),
+        _unstrained(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
+    ]
+
+
+def mass_products(points: FloatArray, surface: MidSurface) -> FloatArray:
+    """Return ∫ N_a N_b h of each quadrilateral [m³], (E, 4, 4): the mass of mid-points over ρ."""
+    # That of the half thicknesses is a third of it, as x = p + ζ δ with ζ from -1 to 1.
+    area = _axes(surface.nodal(points)[surface.quads], _GAUSS, surface.normal)[1]
+    shapes = np.stack([_shape(at) for at in _GAUSS])
+    thickness = surface.thickness(points)[surface.quads] @ shapes.T
+    return np.einsum("eq,qa,qb->eab", area * thickness, shapes, shapes)
+
+
+def _unstrained(
+    nodes: IntArray, forms: FloatArray, stiffness: NDArray[Any], nodal: FloatArray
+) -> Strains:
+    """Return strains that are zero in a shape."""
+    bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
+    return Strains(nodes, forms, bare.at(nodal)[0], stiffness)
+
+
+def _shape(at: FloatArray) -> FloatArray:
+    """Return the four bilinear shape functions at a place (ξ, η)."""
+    result: FloatArray = (1 + _CORNERS * at).prod(axis=1) / 4
+    return result
+
+
+def _slopes(at: FloatArray) -> FloatArray:
+    """Return their derivatives along ξ and η, (2, 4)."""
+    return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
+
+
+def _axes(z: FloatArray, places: FloatArray, normal: int) -> tuple[FloatArray, FloatArray]:
+    """Return ∂(ξ, η)/∂ the axes 1 and 2, (E, q, 2, 2), and the area each place stands for."""
+    tangents = np.stack([_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
+    upward = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    area: FloatArray = np.linalg.norm(upward, axis=2)
+    upward /= area[..., None]
+    one, two = ((normal + k) % 3 for k in (1, 2))
+    first = np.eye(3)[one] - upward * upward[..., one, None]
+    # Where a sheet is turned so far that axis 1 stands on it, axis 2 leads.
+    second = np.eye(3)[two] - upward * upward[..., two, None]
+    steep = abs(upward[..., one, None]) > abs(upward[..., two, None])
+    first = np.where(steep, np.cross(second, upward), first)
+    first /= np.linalg.norm(first, axis=2)[..., None]
+    frame = np.stack([first, np.cross(upward, first)], axis=2)
+    turn: FloatArray = np.linalg.inv(
+        (frame @ tangents.swapaxes(2, 3)).astype(np.float64, copy=False)
+    ).swapaxes(2, 3)
+    return turn, area
+
+
+def _wide(values: FloatArray, start: int) -> FloatArray:
+    """Return values of four mid-points (start 0) or directors (4) as those of all eight."""
+    result = np.zeros((len(values), 8))
+    result[:, start : start + 4] = values
+    return result

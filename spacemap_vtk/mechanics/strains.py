@@ -1,0 +1,166 @@
+"""Strains that are quadratic in the positions: one kernel for cloth and solids, at any size.
+
+With the positions z of an element's nodes each of its strains is
+
+    ε_s = ½ Σ_ab b_sab z_a · z_b - ε⁰_s
+
+with a constant symmetric form b. Energy, forces and their exact tangent are then a few products:
+
+    W = ½ Σ ε C ε      f = Σ_s σ_s b_s z,  σ = C ε      K = Gᵀ C G + Σ_s σ_s b_s ⊗ I,  G_s = b_s z
+
+Where nothing is strained the second part of K, the geometric stiffness, is zero and K the linear
+one. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; the strains of a sheet are in
+`spacemap_vtk.mechanics.shell`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.mechanics.elasticity import barycentric_gradients
+from spacemap_vtk.mechanics.elements import shape_slopes
+from spacemap_vtk.mechanics.kinematics import SAMPLES
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: Axes of the strains xx, yy, zz, yz, zx, xy.
+_AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
+
+#: Share of a form's largest eigenvalue below which a negative one is rounding.
+_DEFINITE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Strains:
+    """The strains of elements of one kind, at their points of quadrature, and their energy."""
+
+    #: (E, n) Rows of the positions that each of E elements has.
+    nodes: IntArray
+    #: (E, Q, s, n, n) b of s strains at each of Q points, symmetric.
+    forms: FloatArray
+    #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
+    reference: FloatArray
+    #: (E, Q, s, s) C, weights of the quadrature included.
+    stiffness: FloatArray
+
+    def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
+        z = positions[self.nodes]
+        elements, nodes = self.nodes.shape
+        gradients = (self.forms.reshape(elements, -1, nodes) @ z).reshape(*self.forms.shape[:4], 3)
+        flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
+        return 0.5 * flat.reshape(self.reference.shape) - self.reference, gradients
+
+    def energy(self, positions: FloatArray) -> float:
+        """Return W = ½ Σ εᵀ C ε [J]."""
+        strain = self.at(positions)[0]
+        return 0.5 * float(np.vdot(strain, self.stresses(strain)))
+
+    def forces(self, positions: FloatArray) -> FloatArray:
+        """Return ∂W/∂z, (V, 3): what holds the shape [N]."""
+        strain, gradients = self.at(positions)
+        return self.summed(self.stresses(strain), gradients, len(positions))
+
+    def stresses(self, strain: FloatArray) -> FloatArray:
+        """Return C ε of strains (E, Q, s), weights of the quadrature included."""
+        return (self.stiffness @ strain[..., None])[..., 0]
+
+    def summed(self, stress: FloatArray, gradients: FloatArray, count: int) -> FloatArray:
+        """Return Σ_s σ_s G_s of each of `count` nodes, (count, 3)."""
+        elements, nodes = self.nodes.shape
+        force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
+        force = force.reshape(-1, 3)
+        rows = self.nodes.ravel()
+        return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
+
+    def tangent(self, positions: FloatArray, definite: bool = False) -> FloatArray:
+        """Return ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
+        # Definite: without what may make it indefinite, the geometric stiffness of compression and
+        # of strains whose form is itself indefinite.
+        strain, gradients = self.at(positions)
+        stress = self.stresses(strain)
+        if definite:
+            stress = np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
+        return self.tangent_of(stress, gradients)
+
+    def tangent_of(self, stress: FloatArray, gradients: FloatArray) -> FloatArray:
+        """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
+        elements, points, count, nodes, _ = gradients.shape
+        flat = gradients.reshape(elements, points, count, 3 * nodes)
+        pulled = (self.stiffness @ flat).reshape(elements, -1, 3 * nodes)
+        result = flat.reshape(elements, -1, 3 * nodes).swapaxes(1, 2) @ pulled
+        forms = self.forms.reshape(elements, points * count, -1)
+        pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+        blocks = result.reshape(elements, nodes, 3, nodes, 3)
+        for axis in range(3):
+            blocks[:, :, axis, :, axis] += pull
+        return result
+
+    def products(self, positions: FloatArray, fields: FloatArray) -> FloatArray:
+        """Return φᵀ K φ of each two of the fields (m, V, 3), as a sum over strains, (m, m)."""
+        # Where K is a sum of large forces that cancel, as of a thin sheet that bends, this has more
+        # digits.
+        strain, gradients = self.at(positions)
+        stress = self.stresses(strain)
+        elements, nodes = self.nodes.shape
+        moved = fields[:, self.nodes]
+        rows = moved.reshape(len(fields), elements, 3 * nodes).transpose(1, 2, 0)
+        strained = gradients.reshape(elements, -1, 3 * nodes) @ rows
+        strained = strained.reshape(*self.reference.shape, len(fields))
+        left, right = (self.stiffness @ strained), strained
+        total = left.reshape(-1, len(fields)).T @ right.reshape(-1, len(fields))
+        if stress.any():
+            forms = self.forms.reshape(elements, -1, nodes * nodes)
+            pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+            total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
+        return (total + total.T) / 2
+
+    @cached_property
+    def _stabilises(self) -> NDArray[np.bool_]:
+        """Strains whose stress, where it pulls, stiffens."""
+        values = np.linalg.eigvalsh(self.forms)
+        return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
+
+
+def of_tetrahedra(points: FloatArray, cells: IntArray, elasticity: FloatArray) -> Strains:
+    """Return the strains of linear or quadratic tetrahedra: Green's, xx, yy, zz, yz, zx, xy."""
+    gradients, volume = barycentric_gradients(points, cells)
+    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
+    slope = np.einsum("qna,tai->tqni", slopes, gradients)
+    forms = np.stack([product(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
+    forms[:, :, :3] /= 2
+    shape = (len(cells), len(slopes))
+    reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*shape, 6))
+    weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
+    return Strains(cells, forms, reference, weights[..., None, None] * elasticity)
+
+
+def product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the form whose strain is (Σ left_a z_a) · (Σ right_b z_b)."""
+    outer = left[..., :, None] * right[..., None, :]
+    return outer + outer.swapaxes(-1, -2)
+
+
+def tangent(strains: Sequence[Strains], positions: FloatArray) -> csr_matrix:
+    """Return K of elements of all kinds at some positions, (3V, 3V)."""
+    from scipy.sparse import coo_matrix
+
+    size, values, rows, columns = positions.size, [], [], []
+    for kind in strains:
+        dof = (3 * kind.nodes[:, :, None] + np.arange(3)).reshape(len(kind.nodes), -1)
+        each = dof.shape[1]
+        values.append(kind.tangent(positions).ravel())
+        rows.append(np.repeat(dof, each, axis=1).ravel())
+        columns.append(np.tile(dof, each).ravel())
+    data = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_matrix(data, shape=(size, size)).tocsr()
