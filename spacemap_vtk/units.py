@@ -7,7 +7,12 @@ import re
 from spacemap_vtk.errors import InputError
 
 _INCH = 0.0254
-_GRAVITY = 9.80665
+#: In a radian.
+_DEGREES = 57.29577951308232
+#: Standard gravity [m/s²], by which a weight on Earth is a force.
+GRAVITY = 9.80665
+#: A gram's and a pound's weight [N].
+_GF, _LBF = 1e-3 * GRAVITY, 0.45359237 * GRAVITY
 
 #: For each SI unit that a parameter may have: the units a user may write, and their size in SI.
 UNITS: dict[str, dict[str, float]] = {
@@ -19,11 +24,38 @@ UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
     "1/s": {"1/s": 1.0, "Hz": 1.0},
     "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
-    "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": _GRAVITY},
+    "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": GRAVITY},
     "": {"%": 0.01},
+    # What a fabric resists stretching and shearing with, per width; Kawabata's shear is per degree.
+    "N/m": {
+        "N/m": 1.0,
+        "mN/m": 1e-3,
+        "kN/m": 1e3,
+        "N/mm": 1e3,
+        "N/cm": 100.0,
+        "cN/cm": 1.0,
+        "gf/cm": _GF * 100,
+        "gf/cm.deg": _GF * 100 * _DEGREES,
+        "lbf/in": _LBF / _INCH,
+    },
+    # Likewise bending: a moment per width and curvature, which Kawabata writes out.
+    "N.m": {
+        "N.m": 1.0,
+        "mN.m": 1e-3,
+        "uN.m": 1e-6,
+        "µN.m": 1e-6,
+        "mN.cm": 1e-5,
+        "mg.cm": _GF * 1e-5,
+        "gf.cm": _GF * 1e-2,
+        "gf.cm2/cm": _GF * 1e-2,
+    },
+    "kg/m2": {"kg/m2": 1.0, "g/m2": 1e-3, "gsm": 1e-3, "oz/yd2": 0.028349523125 / 0.9144**2},
     "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "kN": 1e3},
-    "deg": {"deg": 1.0, "rad": 57.29577951308232},
+    "deg": {"deg": 1.0, "rad": _DEGREES},
 }
+
+#: Of one unit: a power or a product may be written in several ways.
+_SPELLINGS = str.maketrans({"²": "2", "³": "3", "^": "", "μ": "µ", "·": ".", "⋅": ".", "*": "."})
 
 _QUANTITY = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*?)\s*"
@@ -39,12 +71,15 @@ def parse_quantity(text: str, unit: str) -> float:
     number, name = match.groups()
     if name == "":
         return float(number)
-    name = name.replace("²", "2").replace("³", "3").replace("^", "").replace("μ", "µ")
+    name = name.translate(_SPELLINGS)
     if name not in known:
         raise InputError(f'unit "{name}" is not known here', value=text, allowed=_example(unit))
     # Dividing by an exact 1000 rounds once ("0.3 mm" is 0.0003); 0.3 * 1e-3 would round twice.
     size = known[name]
-    return float(number) / round(1 / size) if size < 0.01 else float(number) * size
+    parts = round(1 / size)
+    if size < 0.01 and abs(parts * size - 1) < 1e-12:
+        return float(number) / parts
+    return float(number) * size
 
 
 def _example(unit: str) -> str:
@@ -60,6 +95,9 @@ def format_quantity(value: float, unit: str) -> str:
         "s": ("ms", "s"),
         "kg/m": ("dtex", "tex"),
         "1/m": ("/m", "/cm"),
+        "N/m": ("N/m", "kN/m"),
+        "N.m": ("µN.m", "mN.m", "N.m"),
+        "kg/m2": ("g/m2", "kg/m2"),
     }
     best, size = unit, 1.0
     for name in scales.get(unit, ()):

@@ -200,7 +200,32 @@ def test_a_quantity_reads_as_it_was_written(value: float, units: tuple[str, str]
     assert parse_quantity(f"{value!r} {name}", si) == pytest.approx(value * UNITS[si][name], 1e-15)
 
 
-@given(st.floats(1e-7, 1e9), st.sampled_from(["m", "Pa", "s", "kg/m3", ""]))
+@pytest.mark.parametrize(
+    ("text", "si", "value"),
+    [
+        ("1 gf/cm", "N/m", 0.980665),
+        ("1 gf/cm·deg", "N/m", 0.980665 * 180 / math.pi),
+        ("20 kN/m", "N/m", 2e4),
+        ("3 cN/cm", "N/m", 3.0),
+        ("1 lbf/in", "N/m", 175.1268352465),
+        # a gram's weight, 9.80665 mN, times a centimetre
+        ("1 gf*cm²/cm", "N.m", 9.80665e-5),
+        ("0.05 gf.cm^2/cm", "N.m", 4.903325e-6),
+        ("1 mg.cm", "N.m", 9.80665e-8),
+        ("5 µN·m", "N.m", 5e-6),
+        ("5 uN*m", "N.m", 5e-6),
+        ("2 mN*cm", "N.m", 2e-5),
+        ("150 g/m²", "kg/m2", 0.15),
+        ("150 gsm", "kg/m2", 0.15),
+        # a square yard has 0.83612736 m²
+        ("4.4 oz/yd²", "kg/m2", 4.4 * 0.028349523125 / 0.83612736),
+    ],
+)
+def test_units_of_the_trade(text: str, si: str, value: float) -> None:
+    assert parse_quantity(text, si) == pytest.approx(value, rel=1e-9)
+
+
+@given(st.floats(1e-7, 1e9), st.sampled_from(["m", "Pa", "s", "kg/m3", "N.m", "kg/m2", "N/m", ""]))
 def test_a_shown_quantity_can_be_read_back(value: float, unit: str) -> None:
     assert parse_quantity(format_quantity(value, unit), unit) == pytest.approx(value, rel=1e-5)
 
