@@ -144,6 +144,19 @@ def test_everything_at_once_from_a_given_state():
     agrees(DAMPING["ratio"], drives, TIMES[1:], **given)
 
 
+@pytest.mark.parametrize("base", [False, True])
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_before_zero_the_start_is_held_at_rest(function, base):
+    drives = [Drive(GAIN, FUNCTIONS[function], base)]
+    motion = ModalMotion(STIFFNESS, DAMPING["alpha"], drives, position=GAIN, rate=-GAIN)
+    first, later = motion.at(-0.2), motion.at(-0.1)
+    np.testing.assert_array_equal(first.position, motion.at(0.0).position)
+    for state in (first, later):
+        # the derivatives of a displacement that is the same at all times before 0
+        np.testing.assert_array_equal(state.rate, (later.position - first.position) / 0.1)
+        assert not state.acceleration.any()
+
+
 def test_equilibrium_and_release():
     gain = GAIN * (STIFFNESS > 0)
     weight, held = Drive(gain, tf.step()), Drive(np.roll(gain, 1) * (STIFFNESS > 0), tf.pulse(0.5))

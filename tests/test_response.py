@@ -210,6 +210,38 @@ def test_base_displacement_and_base_acceleration_agree() -> None:
         np.testing.assert_allclose(apart, np.tile(-(omega**2) * base, (len(apart), 1)), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "time",
+    [
+        {"time": "step"},
+        {"time": "ramp", "rise": "10 ms"},
+        {"time": "table", "times": [0.01, 0.02], "values": [1.0, 2.0]},
+        {"time": "harmonic", "frequency": 20.0, "phase": 90.0},
+        {"time": "harmonic", "frequency": 20.0, "steady": True},
+    ],
+)
+def test_before_zero_velocity_and_acceleration_are_those_of_the_displacement(
+    time: dict[str, Any],
+) -> None:
+    base = {"base_displacement": ["1 mm", 0, 0], **time}
+    chain = Chain(loads=[base], initial_velocity=(0, 0, 0.1), alpha=2.0)
+    held = chain.at(0.0)
+    np.testing.assert_array_equal(chain.at(-0.3), held)
+    for name in ("velocity", "acceleration"):
+        assert not chain.at(-0.3, name).any()
+    motion = chain.response.motion
+    assert motion is not None
+    times = np.array([-0.3, -0.2, -0.1, 0.0])
+    for vertex in (0, len(held) - 1):
+        history = motion.history(np.eye(len(held))[vertex], times)
+        np.testing.assert_allclose(history[0], np.tile(held[vertex], (4, 1)), atol=1e-17)
+        assert not history[1:, :3].any()
+    assert abs(chain.at(0.0, "velocity")).max() >= 0.05  # what starts then, starts then
+    kinetic, strain, dissipated, work = motion.energies(times)[0]
+    assert kinetic == dissipated == 0.0
+    assert strain == work == pytest.approx(motion.energies(times)[3, 1])
+
+
 def test_without_supports_there_is_no_base() -> None:
     chain = Chain(fixed="", loads=[{"base_displacement": [0, 0, 1]}])
     with pytest.raises(InputError, match=r"response\.loads\[0\]\.base_displacement.*no base"):

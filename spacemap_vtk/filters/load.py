@@ -130,10 +130,15 @@ class Load(Parameterised):
     length = Real(None, "How long a pulse lasts.", unit="s", above=0.0)
     rise = Real(None, "How long a ramp rises.", unit="s", above=0.0)
     times = Numbers(
-        "Times of a table; a time given twice is a jump. The last is the period of a periodic one.",
+        "Times of a table, counted from start; a time given twice is a jump. Where the first is "
+        "above 0, the first value holds from start up to it already: begin with a value of 0 for a "
+        "load that sets in later. The last is the period of a periodic one.",
         component=Real(0.0, "", unit="s", minimum=0.0),
     )
-    values = Numbers("Factor at each of the times.", component=Real(0.0, ""))
+    values = Numbers(
+        "Factor at each of the times; after the last time of a table its value stays.",
+        component=Real(0.0, ""),
+    )
     file = FilePath(
         None,
         "Times in s and factors from a text file (.csv) of two columns, in place of times and "

@@ -248,7 +248,7 @@ class ModalResponse(Stage):
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
-        """Evaluate the sum at `time`; before t = 0 the initial state holds."""
+        """Evaluate the sum at `time`; before t = 0 the initial state holds, at rest."""
         grid = inputs[0]
         if self._modes is None:
             self._modes = ModesReader()

@@ -63,11 +63,12 @@ class Account:
         )
 
     def at(self, time: float, state: State | None = None) -> Energy:
-        """Return the energies at a time."""
-        time = max(time, 0.0)
+        """Return the energies at a time; before 0 those of the initial state, held at rest."""
         state = self._motion.at(time) if state is None else state
         kinetic = 0.5 * float(state.rate @ state.rate)
         strain = 0.5 * float(self._motion.stiffness @ state.position**2)
+        if time < 0.0:
+            return Energy(kinetic, strain, 0.0, kinetic + strain)
         if time * self._rate > MOST:  # too many to add up: work and loss are unknown
             return Energy(kinetic, strain, math.nan, math.nan)
         self._reach(time)

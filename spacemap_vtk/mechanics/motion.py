@@ -91,13 +91,14 @@ class ModalMotion:
         ]
 
     def at(self, time: float) -> State:
-        """Return the motion at a time, after a jump that happens just then."""
+        """Return the motion at a time, after a jump that happens just then; at rest before 0."""
         if not math.isfinite(time):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
-        time = max(time, 0.0)
-        q, rate = self.state(time)
+        q, rate = self.state(max(time, 0.0))
+        if time < 0.0:  # the displacement is constant there
+            return State(q, np.zeros_like(q), np.zeros_like(q))
         acceleration = self.load(time) - 2 * self.half * rate - self.stiffness * q
         return State(q, rate, acceleration)
 

@@ -165,7 +165,7 @@ class Response:
         return Account(self.modal)
 
     def at(self, time: float, state: State | None = None) -> FloatArray:
-        """Return the motion of the vertices at a time; before t = 0 the initial state holds.
+        """Return the motion of the vertices at a time; before 0 they rest in the initial state.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class Response:
             If the time is not a finite number.
         """
         state = self.modal.at(time) if state is None else state
-        return self._fields(state, self._shapes, max(time, 0.0))
+        return self._fields(state, self._shapes, time)
 
     def energy(self, time: float, state: State | None = None) -> Energy:
         """Return the energies at a time [J], as `Account.at` does.
@@ -193,7 +193,7 @@ class Response:
         Parameters
         ----------
         time : float
-            In s; those at 0 hold before it.
+            In s; before 0 the initial state is held at rest.
         state : State, optional
             That of the modal coordinates at that time, where it is known already.
 
@@ -288,8 +288,10 @@ class Response:
         for load in self.loads:
             if load.moves_base is not None:
                 function = load.function
-                value = function.value(time)
+                value = function.value(max(time, 0.0))
                 fields[0] += value * load.moves_base
+                if time < 0.0:
+                    continue
                 fields[1] += function.slope(time) * load.moves_base
                 # Of a sine; a linear piece has none.
                 curvature = -(getattr(function, "omega", 0.0) ** 2) * value
