@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, shown
 from spacemap_vtk.parameterised import AUTOMATIC, Parameter, Parameterised, suggestion
 from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
@@ -27,6 +27,7 @@ __all__ = [
     "Parameter",
     "Parameterised",
     "Real",
+    "Series",
     "Text",
     "Vector",
     "suggestion",
@@ -305,3 +306,80 @@ class Color(Parameter[Any]):
     def text(self, value: Any) -> str:
         """Return ``#rrggbb``."""
         return "#{:02x}{:02x}{:02x}".format(*value)
+
+
+class Series(Parameter[Any]):
+    """One value, or a list of values.
+
+    Parameters
+    ----------
+    component : Parameter
+        What each value must be, with the help.
+    automatic : str
+        As for `Parameter`.
+    """
+
+    # Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
+
+    kind = "series"
+    #: What a list is for, in words.
+    each = ""
+
+    def __init__(self, component: Parameter[Any], *, automatic: str) -> None:
+        super().__init__(None, component.help, unit=component.unit, automatic=automatic)
+        self.component = component
+        self.annotation = f"{component.annotation}, or a list of such"
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.component.__set_name__(owner, name)
+        super().__set_name__(owner, name)
+
+    def convert(self, value: Any) -> Any:
+        """Return a checked value, or a tuple of several."""
+        if isinstance(value, str) and "," in value:
+            value = [item.strip() for item in value.split(",")]
+        try:
+            return self.component.convert(value)
+        except InputError:
+            # a list of one value is none; three numbers are one colour
+            if isinstance(value, str) or not isinstance(value, Iterable):
+                raise
+        items = []
+        for number, item in enumerate(value, start=1):
+            try:
+                items.append(self.component.convert(item))
+            except InputError as error:
+                what = f"value {number}, {shown(item)}: {error.message}"
+                raise InputError(what, cure=error.cure) from None
+        if not items:
+            raise InputError("an empty list")
+        return items[0] if len(set(items)) == 1 else tuple(items)
+
+    @property
+    def form(self) -> str:
+        """What each value may be."""
+        return f"{self.component.form}; or a list of such, {self.each}"
+
+    def text(self, value: Any) -> str:
+        """Return the value, or the list with commas."""
+        several = self.several(value)
+        return ", ".join(self.component.show(item) for item in several or (value,))
+
+    def several(self, value: Any) -> tuple[Any, ...] | None:
+        """Return the values where they are a list.
+
+        Parameters
+        ----------
+        value : object
+            A stored value.
+
+        Returns
+        -------
+        tuple or None
+            None for a single value.
+        """
+        # a colour is a tuple itself
+        is_list = isinstance(value, tuple) and not (
+            isinstance(self.component, Color) and isinstance(value[0], int)
+        )
+        return value if is_list else None

@@ -312,55 +312,6 @@ def test_given_fields_come_from_point_arrays() -> None:
         chain.response.update()
 
 
-# --- damping ------------------------------------------------------------------------------------
-
-
-def test_two_pairs_make_alpha_and_beta() -> None:
-    damping = ModalResponse(damping_pairs=[["10 Hz", 0.02], [80, 0.03]]).damping
-    for frequency, ratio in ((10, 0.02), (80, 0.03)):
-        omega = 2 * math.pi * frequency
-        assert damping.alpha / (2 * omega) + damping.beta * omega / 2 == pytest.approx(ratio)
-    with pytest.raises(InputError, match=r"damping_pairs.*second ratio from 0.0025 to 0.16"):
-        _ = ModalResponse(damping_pairs=[[10, 0.02], [80, 0.5]]).damping
-    with pytest.raises(InputError, match=r"damping_pairs.*3 pairs in place of 2"):
-        ModalResponse(damping_pairs=[[1, 0.1], [2, 0.1], [3, 0.1]])
-
-
-@pytest.mark.parametrize(
-    ("values", "names"),
-    [
-        ({"damping_ratio": 0.1, "alpha": 2.0}, ("damping_ratio", "alpha")),
-        ({"damping_ratio": 0.0, "beta": 2.0}, ("damping_ratio", "beta")),
-        ({"damping_pairs": [[1, 0.1], [2, 0.1]], "alpha": 2.0}, ("damping_pairs", "alpha")),
-        (
-            {"damping_pairs": [[1, 0.1], [2, 0.1]], "damping_ratio": 0.1},
-            ("damping_ratio", "damping_pairs"),
-        ),
-    ],
-)
-def test_contradictions_name_both(values: dict[str, Any], names: tuple[str, str]) -> None:
-    chain = Chain(**values)
-    with pytest.raises(InputError) as caught:
-        chain.response.update(0.1)
-    assert f"response.{names[0]}" in str(caught.value)
-    assert f"{names[0]} and {names[1]} both" in str(caught.value)
-    assert Chain(damping_ratio=0.1, alpha=0.0).response.damping.ratio == 0.1
-
-
-def test_one_ratio_damps_every_mode_alike() -> None:
-    chain = Chain(damping_ratio=0.05, gravity=(0, 0, 0), initial_velocity=(0, 0, 0.1))
-    chain.response.residual_vectors = False
-    eigenvalues = chain.at(0.0, "eigenvalues")
-    chain.at(0.02, "modal_coordinates")
-    omega = np.sqrt(eigenvalues)
-    d = omega * math.sqrt(1 - 0.05**2)
-    rates = chain.response.motion.modes.shapes @ (
-        chain.model.mass @ (np.tile([0, 0, 0.1], len(chain.model.points)) * chain.model.free)
-    )
-    expected = rates * np.exp(-0.05 * omega * 0.02) * np.sin(d * 0.02) / d
-    np.testing.assert_allclose(chain.at(0.02, "modal_coordinates"), expected, rtol=1e-10)
-
-
 # --- truncation ---------------------------------------------------------------------------------
 
 

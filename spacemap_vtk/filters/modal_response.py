@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,6 +20,7 @@ from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.damping import Damping, rayleigh
 from spacemap_vtk.mechanics.kinematics import (
@@ -30,7 +33,7 @@ from spacemap_vtk.mechanics.kinematics import (
 from spacemap_vtk.mechanics.model import Model, digest_of
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.mechanics.timefunctions import step
-from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Text, Vector
+from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
 
 FloatArray = NDArray[np.float64]
 
@@ -71,6 +74,35 @@ class DampingPairs(Parameter[Any]):
     def text(self, value: Any) -> str:
         """Return TOML's spelling."""
         return str([list(pair) for pair in value])
+
+
+class DampingRatio(Series):
+    """A damping ratio for all modes, one for each, or the name of a text file with these."""
+
+    each = (
+        "one for each mode from mode 0 on, the last for all that follow; or the name of a text "
+        "file with one ratio in each line"
+    )
+
+    def convert(self, value: Any) -> Any:
+        """Return a ratio, a tuple of several, or the path of a file, read when it is used."""
+        return Path(value) if _is_file(value) else super().convert(value)
+
+    def within(self, value: Any, folder: Path) -> Any:
+        """Return a file's path, from the folder on; numbers as they are."""
+        return folder / value if _is_file(value) and not self.is_automatic(value) else value
+
+    def text(self, value: Any) -> str:
+        """Return the ratios with commas, or the file."""
+        return str(value) if isinstance(value, Path) else super().text(value)
+
+
+def _is_file(value: Any) -> bool:
+    # What has letters, but for those that numbers have.
+    numbers = r"[-+.,%\d\seE]*|[-+]?(nan|inf)"
+    return isinstance(value, Path) or (
+        isinstance(value, str) and re.fullmatch(numbers, value) is None
+    )
 
 
 class ModalResponse(Stage):
@@ -135,10 +167,8 @@ class ModalResponse(Stage):
         minimum=0.0,
         when=_RAYLEIGH,
     )
-    damping_ratio = Real(
-        None,
-        "One damping ratio for all modes, in place of alpha and beta.",
-        minimum=0.0,
+    damping_ratio = DampingRatio(
+        Real(0.0, "Damping ratio of the modes, in place of alpha and beta.", minimum=0.0),
         automatic="alpha and beta damp",
     )
     damping_pairs = DampingPairs(
@@ -207,7 +237,7 @@ class ModalResponse(Stage):
         Raises
         ------
         InputError
-            If two of them contradict each other.
+            If two of them contradict each other, or a file has no ratios.
         """
         ways = [
             name for name in ("damping_ratio", "damping_pairs") if getattr(self, name) is not None
@@ -222,8 +252,14 @@ class ModalResponse(Stage):
                 cure=f"Leave out {ways[0]} or {ways[1]}"
                 + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
             )
-        if self.damping_ratio is not None:
-            return Damping(ratio=self.damping_ratio)
+        if (ratio := self.damping_ratio) is not None:
+            try:
+                if isinstance(ratio, Path):
+                    ratio = type(self).damping_ratio.convert(registry.read(ratio, "column"))
+                return Damping(ratio=ratio)
+            except InputError as error:
+                error.key, error.value = "damping_ratio", self.damping_ratio
+                raise
         if self.damping_pairs is not None:
             try:
                 return rayleigh(self.damping_pairs)

@@ -29,6 +29,7 @@ READ = {
     "mesh": "any data object of VTK's, or `texture_atlas.Painted`",
     "motion": "`series.MeshSeries`",
     "table": "times and factors",
+    "column": "numbers",
 }
 #: What data a scene has that is written, in words.
 DATA = {

@@ -1,4 +1,4 @@
-"""How much a cage is damped: α and β, from two measured ratios, or one ratio for all modes."""
+"""How much a cage is damped: α and β, from two measured ratios, or ratios of the modes."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ FloatArray = NDArray[np.float64]
 
 
 class Damping(NamedTuple):
-    """Damping of the modes, 2h = α + βλ + 2ζ√λ."""
+    """Damping of the modes, 2hₖ = α + βλₖ + 2ζₖ√λₖ."""
 
     alpha: float = 0.0
     """Proportional to mass [1/s]."""
     beta: float = 0.0
     """Proportional to stiffness [s]."""
-    ratio: float = 0.0
-    """ζ of every mode that has a frequency."""
+    ratio: float | tuple[float, ...] = 0.0
+    """ζ of every mode that has a frequency; or of each mode, the last one's for all that follow."""
 
     def alphas(self, eigenvalues: FloatArray) -> FloatArray:
         """Return what acts like an α of each mode's own: α + 2ζ√λ.
@@ -31,14 +31,16 @@ class Damping(NamedTuple):
         Parameters
         ----------
         eigenvalues : ndarray of float64, shape (n,)
-            λ [1/s²].
+            λ [1/s²], those of the modes first.
 
         Returns
         -------
         ndarray of float64, shape (n,)
             In 1/s.
         """
-        return self.alpha + 2.0 * self.ratio * np.sqrt(eigenvalues)
+        given = np.atleast_1d(self.ratio)
+        ratios = given[np.minimum(np.arange(len(eigenvalues)), len(given) - 1)]
+        return np.asarray(self.alpha + 2.0 * ratios * np.sqrt(eigenvalues))
 
     def halves(self, eigenvalues: FloatArray) -> FloatArray:
         """Return h of each mode, its rate of decay where it swings.

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files: a column of times, a column of factors."""
+"""Numbers in text files: a column of times and one of factors, or a single column."""
 
 from __future__ import annotations
 
@@ -14,8 +14,18 @@ _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 
 
 @reads(".csv", ".txt", label="Table", holds="table", general=True, rest=True)
-def read_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def read_table(path: Path) -> tuple[tuple[float, ...], ...]:
     """Read two columns of numbers."""
+    return _columns(path, 2, "two numbers in each line, time in s and factor")
+
+
+@reads(".csv", ".txt", label="Column", holds="column", general=True, rest=True)
+def read_column(path: Path) -> tuple[float, ...]:
+    """Read a single column of numbers."""
+    return _columns(path, 1, "one number in each line")[0]
+
+
+def _columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ...], ...]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -23,29 +33,25 @@ def read_table(path: Path) -> tuple[tuple[float, ...], tuple[float, ...]]:
         raise InputError(
             f"{reason}: {path}", key="file", allowed="a table as text (.csv)"
         ) from None
-    rows: list[tuple[float, float]] = []
+    rows: list[tuple[float, ...]] = []
     heading = True
     for number, line in enumerate(text.splitlines(), 1):
         line = line.partition("#")[0].strip()
         if not line:
             continue
-        if ";" in line:
+        if ";" in line or count == 1:
             line = _DECIMAL_COMMA.sub(r"\1.\2", line)
+        words = _BETWEEN.split(line)
         try:
-            time, value = (float(word) for word in _BETWEEN.split(line)[:2])
+            row = tuple(float(word) for word in words[:count])
+            whole = len(row) == count and (count > 1 or len(words) == 1)
         except ValueError:
-            if not heading:
-                raise InputError(
-                    f'line {number} of {path}: "{line}"',
-                    key="file",
-                    allowed="two numbers in each line, time in s and factor",
-                ) from None
-        else:
-            rows.append((time, value))
+            whole = False
+        if whole:
+            rows.append(row)
+        elif not heading or line[0] in "+-.0123456789":
+            raise InputError(f'line {number} of {path}: "{line}"', key="file", allowed=allowed)
         heading = False
     if not rows:
-        raise InputError(
-            f"{path} has no numbers", key="file", allowed="lines of time in s and factor"
-        )
-    times, values = zip(*rows, strict=True)
-    return times, values
+        raise InputError(f"{path} has no numbers", key="file", allowed=allowed)
+    return tuple(zip(*rows, strict=True))
