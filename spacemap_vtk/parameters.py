@@ -317,6 +317,8 @@ class Series(Parameter[Any]):
         What each value must be, with the help.
     automatic : str
         As for `Parameter`.
+    **rest : object
+        As for `Parameter`.
     """
 
     # Surfaces that show text may show and take a list with commas: ``"0.3 mm, 0.2 mm"``.
@@ -325,8 +327,8 @@ class Series(Parameter[Any]):
     #: What a list is for, in words.
     each = ""
 
-    def __init__(self, component: Parameter[Any], *, automatic: str) -> None:
-        super().__init__(None, component.help, unit=component.unit, automatic=automatic)
+    def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
+        super().__init__(None, component.help, unit=component.unit, automatic=automatic, **rest)
         self.component = component
         self.annotation = f"{component.annotation}, or a list of such"
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.plates import homogeneous
+from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.plates import homogeneous, measured
 
 E, NU, H = 2e6, 0.3, 3e-4
 
@@ -43,3 +44,100 @@ def test_the_plane_of_a_plate_follows_its_normal_in_a_circle():
 def test_a_plate_has_a_thickness():
     with pytest.raises(InputError, match="thickness"):
         homogeneous(isotropic(E, NU), 0.0)
+
+
+def pulled(stiffness, angle):
+    """Return what a sheet held in all its width resists along a direction, from x to y."""
+    c, s = np.cos(angle), np.sin(angle)
+    strain = np.array([c * c, s * s, 2 * c * s])
+    return strain @ stiffness @ strain
+
+
+def test_measures_are_what_strips_and_frames_would_show():
+    tensile, bending, ratio = (4000.0, 1000.0), (2e-5, 5e-6), 0.8
+    plate = measured(
+        homogeneous(isotropic(E, NU), H),
+        tensile=tensile,
+        shear=30.0,
+        ratio=ratio,
+        bending=bending,
+        twisting=3e-6,
+    )
+    compliance = np.linalg.inv(plate.membrane)
+    assert (1 / np.diag(compliance)).tolist() == pytest.approx([1000.0, 4000.0, 30.0])
+    # pulled along the warp, y, by a unit strain
+    assert -compliance[0, 1] / compliance[1, 1] == pytest.approx(ratio)
+    bent = np.linalg.inv(plate.bending)
+    assert (1 / np.diag(bent)).tolist() == pytest.approx([5e-6, 2e-5, 3e-6])
+    # Maxwell and Betti: ν12 ν21 = ν12² T2/T1 is that of bending, too
+    assert bent[0, 1] ** 2 / bent[0, 0] / bent[1, 1] == pytest.approx(ratio**2 / 4)
+    for matrix in (plate.membrane, plate.bending, plate.shear):
+        np.linalg.cholesky(matrix)
+    # a fabric's thickness and its normals are kept by what is as stiff as the membrane
+    assert plate.thickness == plate.shear[0, 0] == plate.membrane[1, 1]
+
+
+def test_measures_of_an_isotropic_plate_make_that_plate():
+    """Strips resist E h and E h³/12; the rest follows from Poisson's ratio."""
+    soft, plate = homogeneous(isotropic(1.0, NU), H), homogeneous(isotropic(E, NU), H)
+    made = measured(soft, tensile=(E * H, E * H), bending=(E * H**3 / 12, E * H**3 / 12))
+    np.testing.assert_allclose(made.membrane, plate.membrane, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(made.bending, plate.bending, rtol=1e-12, atol=1e-18)
+    other = homogeneous(isotropic(E, 0.1), H)
+    stretch, bend = (E * H, E * H), (E * H**3 / 12, E * H**3 / 12)
+    made = measured(plate, tensile=stretch, bending=bend, ratio=0.1)
+    np.testing.assert_allclose(made.membrane, other.membrane, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(made.bending, other.bending, rtol=1e-12, atol=1e-18)
+
+
+def test_what_nobody_measured_stays():
+    plate = homogeneous(isotropic(E, NU), H)
+    bent = measured(plate, bending=(2e-6, 1e-6))
+    assert bent.membrane is plate.membrane
+    assert bent.shear is plate.shear
+    sheared = measured(plate, shear=3.0)
+    assert sheared.bending is plate.bending
+    np.testing.assert_allclose(sheared.membrane[:2, :2], plate.membrane[:2, :2], rtol=1e-12)
+    assert sheared.membrane[2, 2] == 3.0
+    twisted = measured(plate, twisting=1e-9)
+    np.testing.assert_allclose(twisted.bending[:2, :2], plate.bending[:2, :2], rtol=1e-12)
+    assert twisted.bending[2, 2] == 1e-9
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_sheet_that_is_not_positive_definite_is_refused(sign):
+    plate = homogeneous(isotropic(E, NU), H)
+    why = r"poissons_ratio_in_plane.*between -2 and 2, the root of warp over weft.*was that"
+    with pytest.raises(InputError, match=why):
+        measured(plate, tensile=(4e3, 1e3), ratio=2.0 * sign)
+    near = measured(plate, tensile=(4e3, 1e3), ratio=1.999 * sign, bending=(1e-6, 1e-6))
+    assert np.linalg.eigvalsh(near.membrane)[0] > 0
+    assert np.linalg.eigvalsh(near.bending)[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("key", "measures"),
+    [
+        ("tensile_rigidity", {"tensile": (1.0, 0.0)}),
+        ("shear_rigidity", {"shear": -1.0}),
+        ("bending_rigidity", {"bending": (np.nan, 1.0)}),
+        ("twisting_rigidity", {"twisting": 0.0}),
+    ],
+)
+def test_a_sheet_resists_everything(key, measures):
+    with pytest.raises(InputError, match=f"{key}.*allowed: 1e-30 to 1e.30 N"):
+        measured(homogeneous(isotropic(E, NU), H), **measures)
+
+
+@pytest.mark.parametrize("name", FABRICS)
+def test_a_fabrics_sheet_resists_what_was_measured(name):
+    fabric = FABRICS[name]
+    sheet, (along, askew, across) = fabric.sheet, fabric.bending
+    found = [pulled(sheet.bending, angle) for angle in (0, np.pi / 4, np.pi / 2)]
+    assert found == pytest.approx([along, askew, across], rel=1e-12)
+    np.linalg.cholesky(sheet.bending)
+    # it stretches as the solid that it is made into for tetrahedra does
+    solid = homogeneous(along_fabric(orthotropic(*fabric.solid(1e-3)[:3])), 1e-3)
+    np.testing.assert_allclose(sheet.membrane, solid.membrane, rtol=1e-12, atol=1e-9)
+    # and leans by less than 1 % in folds of a centimetre
+    assert max(fabric.bending) / sheet.shear[0, 0] / 1e-2**2 < 0.01

@@ -16,19 +16,17 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.datasets.modal_model import MODE_NAME, attach
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
-from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic, volume_ratio
+from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Parameter, Real, Vector
+from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.units import format_quantity
-
-#: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
-DENSITY = 300.0
 
 #: A cage is warned of where it bends or twists more often than this too stiffly or softly.
 BENDS_ALIKE = 2.0
@@ -50,10 +48,6 @@ ROUNDING = 1e-4
 
 #: Names of the arrays that are kept on disk.
 _STORED = ("eigenvalues", "shapes", "rounding")
-
-#: The materials that the moduli and ratios of each kind are for.
-_ISOTROPIC = {"material": ("isotropic",)}
-_ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
 
 FloatArray = NDArray[np.float64]
 
@@ -82,7 +76,7 @@ class Supports(Parameter[tuple[str, ...]]):
         return f'"{" ".join(value)}"'
 
 
-class ModalSolver(Stage):
+class ModalSolver(CageMaterial):
     """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
 
     Modes are kept: another modulus or density only scales them, and what was solved once is read
@@ -122,67 +116,6 @@ class ModalSolver(Stage):
     whole_inputs = (0,)
     replicated = True
 
-    material = Choice(
-        "isotropic",
-        "Kind of the cage's material: isotropic, orthotropic along the fabric, or a measured "
-        "fabric, whose moduli, ratios and density count where they are not given (see "
-        '"spacemap materials").',
-        ["isotropic", "orthotropic", *FABRICS],
-    )
-    youngs_modulus = Real(
-        1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0, when=_ISOTROPIC
-    )
-    poissons_ratio = Real(
-        0.3,
-        "Poisson's ratio of an isotropic cage. Linear tetrahedra lock as it nears 0.5, where K is "
-        "singular.",
-        above=-1.0,
-        below=0.5,
-        when=_ISOTROPIC,
-    )
-    youngs_moduli = Vector(
-        None,
-        "Young's moduli of an orthotropic cage, or in place of a measured fabric's, along the warp "
-        "(1, y), the weft (2, x) and the normal (3, z).",
-        component=Real(1.0, "", unit="Pa", above=0.0),
-        labels=("E1", "E2", "E3"),
-        automatic="none",
-        when=_ORTHOTROPIC,
-    )
-    shear_moduli = Vector(
-        None,
-        "Shear moduli of an orthotropic cage: G12 in the plane of the fabric, G13 across the "
-        "warp's thickness, G23 across the weft's.",
-        component=Real(1.0, "", unit="Pa", above=0.0),
-        labels=("G12", "G13", "G23"),
-        automatic="none",
-        when=_ORTHOTROPIC,
-    )
-    poissons_ratios = Vector(
-        None,
-        "Poisson's ratios of an orthotropic cage: νij is the contraction along j for a stretch "
-        "along i.",
-        component=Real(0.0, ""),
-        labels=("ν12", "ν13", "ν23"),
-        automatic="none",
-        when=_ORTHOTROPIC,
-    )
-    density = Real(
-        None,
-        "Mass density of the cage.",
-        unit="kg/m3",
-        above=0.0,
-        automatic=f"{DENSITY:g} kg/m3, or a measured fabric's",
-    )
-    thickness = Real(
-        None,
-        "What a measured fabric's stiffness per width and mass per area are divided by; at the "
-        "cage's own thickness it stretches and weighs as the fabric.",
-        unit="m",
-        above=0.0,
-        automatic="the cage's extent along z",
-        when={"material": tuple(FABRICS)},
-    )
     mass = Choice(
         "consistent",
         "Mass matrix: consistent with the elements' shape functions, or lumped on the vertices.",
@@ -246,56 +179,6 @@ class ModalSolver(Stage):
         self._warn_of_stiffness(model)
         if linear:
             self._warn_of_volume(elasticity)
-
-    def check(self) -> None:
-        """Check the material."""
-        self.constants(1.0)
-
-    def constants(self, extent: float) -> tuple[FloatArray, float]:
-        """Return the material's constants.
-
-        Parameters
-        ----------
-        extent : float
-            Of the cage along z [m], over which those of a measured fabric are spread.
-
-        Returns
-        -------
-        elasticity : ndarray of float64, shape (6, 6)
-            Along x, y and z [Pa].
-        density : float
-            In kg/m³.
-
-        Raises
-        ------
-        InputError
-            If a parameter is missing or belongs to another material, or no stable solid has them.
-        """
-        keys = ("youngs_moduli", "shear_moduli", "poissons_ratios", "density", "thickness")
-        given = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
-        for key, value in given.items():
-            if why := self.idle(key):
-                raise InputError(
-                    f"it does not count: {why}",
-                    key=key,
-                    value=value,
-                    cure=f"It counts where {self.parameter(key).counts}.",
-                )
-        if self.material in FABRICS:
-            thickness = given.pop("thickness", extent)
-            solid = FABRICS[self.material].solid(thickness)._replace(**given)
-            return along_fabric(orthotropic(*solid[:3])), solid.density
-        density = given.pop("density", DENSITY)
-        if self.material == "orthotropic":
-            for key in keys[:3]:
-                if key not in given:
-                    raise InputError(
-                        "an orthotropic material needs it",
-                        key=key,
-                        allowed=self.parameter(key).allowed,
-                    )
-            return along_fabric(orthotropic(*(given[key] for key in keys[:3]))), density
-        return isotropic(self.youngs_modulus, self.poissons_ratio), density
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # With all of scipy that solves: what is kept on disk needs none of it.

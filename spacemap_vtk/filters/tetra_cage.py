@@ -122,8 +122,14 @@ class TetraCage(Stage):
         """Make the mesh."""
         if self.method == "file":
             self._from_file(output)
-            return
-        if inputs[0].GetNumberOfPoints() == 0 and self.piece.of == 1:
+        else:
+            self._round(inputs[0], output)
+        # A sheet can weigh as the weave in it does.
+        if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
+            output.GetFieldData().AddArray(mass)
+
+    def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
+        if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
         apart = self.piece.of > 1 and self._processes is None
         if self.piece.of > 1 and (self.method == "tetwild" or (apart and self.method == "carved")):
@@ -136,9 +142,9 @@ class TetraCage(Stage):
                 cure='Write the cage of the whole object to a file, and use method = "file".',
             )
         if self.method == "tetwild":
-            vertices, tetrahedra = self._wild(inputs[0])
+            vertices, tetrahedra = self._wild(data)
         else:
-            vertices, tetrahedra = self._box(inputs[0])
+            vertices, tetrahedra = self._box(data)
         cell_type = VTK_TETRA
         if self.order == 2:
             vertices, tetrahedra = with_midpoints(vertices, tetrahedra)

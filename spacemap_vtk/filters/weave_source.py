@@ -16,6 +16,7 @@ from spacemap_vtk.fabric.axes import ALL
 from spacemap_vtk.fabric.cloth import AXES, Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
+from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.fabric.threads import SECTIONS
@@ -407,6 +408,8 @@ class WeaveSource(Stage):
             ):
                 add_array(output.GetFieldData(), f"{name}_{figure}", np.array([float(value)]))
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
+        mass = fabric_figures(cloth)["areal_mass"]  # for a sheet as which the cloth moves
+        add_array(output.GetFieldData(), "areal_mass", np.array([mass]))
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth))
 

@@ -1,8 +1,9 @@
-"""Measured fabrics: stiffness per width and mass per area, made into a solid of some thickness.
+"""Measured fabrics: stiffness per width and mass per area, of a sheet or made into a solid.
 
-A cage is a solid, a measurement is one of a sheet: the moduli are the sheet's stiffness divided by
-the thickness of the cage, so that the cage stretches, shears and weighs as the fabric does. Its
-frequencies in the plane do not depend on that thickness; bending does, see `MeasuredFabric.plate`.
+A sheet keeps what was measured: stretch, shear and bending, see `MeasuredFabric.sheet`. A cage of
+tetrahedra is a solid: its moduli are the sheet's stiffness divided by the thickness of the cage, so
+that it stretches, shears and weighs as the fabric does. Its frequencies in the plane do not depend
+on that thickness; bending does, see `MeasuredFabric.plate`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.plates import Plate, stiff_across
 
 FloatArray = NDArray[np.float64]
 
@@ -36,8 +38,12 @@ ASSUMED = (
     "direction 1 of the table is the weft (of a knit: the courses): denim stretches more along its "
     "weft, which has the elastane",
     "across the thickness E3 = sqrt(E1 E2), G13 = G23 = G12, ν13 = ν23 = 0: none was measured",
-    "no thickness was measured: moduli and density are those per width and area, divided by "
-    "modal.thickness",
+    "no thickness was measured: of tetrahedra, moduli and density are those per width and area, "
+    "divided by modal.thickness",
+    "of a sheet, bending along one direction does nothing along the other (D12 = 0), as in ARCSim: "
+    "then D66 follows from the bias, whose B45 = (D11 + D22 + 2 D12 + 4 D66)/4",
+    "of a sheet, thickness and transverse shear resist as much as the stiffer of warp and weft: "
+    "enough to keep its thickness and its normals upright",
 )
 
 
@@ -80,6 +86,19 @@ class MeasuredFabric(NamedTuple):
         c11, _, c22, _ = self.stiffness
         along, _, across = self.bending
         return math.sqrt(12 * math.sqrt(along * across / (c11 * c22)))
+
+    @property
+    def sheet(self) -> Plate:
+        """What the fabric itself resists, per width."""
+        c11, c12, c22, c33 = self.stiffness
+        c12 = max(c12, 0.0)
+        along, askew, across = self.bending
+        # Of the bias: (D11 + D22 + 2 D12 + 4 D66)/4 with D12 = 0. Shear is of tensor measure:
+        # force per width = c33 γ / 2.
+        twisting = askew - (along + across) / 4
+        stretched = np.array([[c11, c12, 0.0], [c12, c22, 0.0], [0.0, 0.0, c33 / 2]])
+        bent = np.diag([along, across, twisting])
+        return stiff_across(Plate(stretched, bent, np.eye(2), 1.0))
 
     def solid(self, thickness: float) -> Solid:
         """Return the solid that is the fabric when it is as thick as given."""

@@ -6,7 +6,8 @@ stiffness are two measures, not one modulus and a thickness.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import VOIGT
+from spacemap_vtk.mechanics.materials import check_sizes
 
 FloatArray = NDArray[np.float64]
 
@@ -23,10 +25,11 @@ SHEAR_CORRECTION = 5 / 6
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Stiffness of a sheet per width, symmetric and positive definite."""
+    """Stiffness of a sheet per width, symmetric and positive definite.
 
-    # Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane: of a fabric
-    # whose normal is z, 1 is x, the weft, and 2 is y, the warp. See `homogeneous` for others.
+    Strains and curvatures are in the order 11, 22, 2·12 along the axes in the plane: of a fabric
+    whose normal is z, 1 is x, the weft, and 2 is y, the warp. See `homogeneous` for other normals.
+    """
 
     #: (3, 3) Force per width from strain [N/m].
     membrane: FloatArray
@@ -39,11 +42,38 @@ class Plate:
 
 
 def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Plate:
-    """Return the plate that is a solid of some thickness."""
-    # Axes 1 and 2 of the plate are the two that follow its normal in a circle: x and y where that
-    # is z (2), y and z where it is x (0), z and x where it is y (1). With h the thickness, S the
-    # compliance and Q the inverse of its block in the plane (plane stress): membrane Q h, bending
-    # Q h³/12, shear 5/6 h times the inverse of S's block of 13 and 23, thickness h/S33.
+    """Return the plate that is a solid of some thickness.
+
+    Parameters
+    ----------
+    elasticity : ndarray of float64, shape (6, 6)
+        Elasticity matrix along x, y, z [Pa], in the order of
+        `spacemap_vtk.mechanics.materials.isotropic`.
+    thickness : float
+        Above 0 [m].
+    normal : int
+        Axis of the thickness. Axes 1 and 2 of the plate are the two that follow it in a circle:
+        x and y where it is z (2), y and z where it is x (0), z and x where it is y (1).
+
+    Returns
+    -------
+    Plate
+        With h the thickness, S the compliance and Q the inverse of its block in the plane (plane
+        stress): membrane Q h, bending Q h³/12, shear 5/6 h times the inverse of S's block of 13
+        and 23, thickness h/S33.
+
+    Raises
+    ------
+    InputError
+        If the thickness is not above 0.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.mechanics.materials import isotropic
+    >>> plate = homogeneous(isotropic(1e6, 0.0), 1e-3)
+    >>> round(float(plate.membrane[0, 0])), round(float(plate.bending[0, 0] * 1e6), 6)
+    (1000, 83.333333)
+    """
     if not (np.isfinite(thickness) and thickness > 0):
         raise InputError(
             "no plate is as thick", key="thickness", value=thickness, allowed="above 0 m"
@@ -58,6 +88,118 @@ def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Pl
         SHEAR_CORRECTION * thickness * across,
         thickness / float(compliance[normal, normal]),
     )
+
+
+def measured(
+    plate: Plate,
+    *,
+    tensile: Sequence[float] | None = None,
+    shear: float | None = None,
+    ratio: float | None = None,
+    bending: Sequence[float] | None = None,
+    twisting: float | None = None,
+) -> Plate:
+    """Return a plate with what was measured of a fabric in place of its own.
+
+    Parameters
+    ----------
+    plate : Plate
+        What holds where nothing was measured.
+    tensile : sequence of 2 float, optional
+        T1 and T2: force per width over strain of a strip along the warp and of one along the weft,
+        whose sides are free [N/m].
+    shear : float, optional
+        G: shear force per width over the angle γ [N/m].
+    ratio : float, optional
+        ν12: contraction along the weft for a stretch along the warp.
+    bending : sequence of 2 float, optional
+        B1 and B2: moment per width over curvature of such strips [N m].
+    twisting : float, optional
+        D66: twisting moment per width over 2 κ12 [N m].
+
+    Returns
+    -------
+    Plate
+        With ν = sqrt(ν12 ν21) and ν12/T1 = ν21/T2, along weft and warp
+
+            membrane  1/(1 - ν²) (T2, T1 on the diagonal, ν sqrt(T1 T2) off it), and G
+            bending   1/(1 - ν²) (B2, B1 on the diagonal, ν sqrt(B1 B2) off it), and D66
+
+        so that an isotropic solid's E h and E h³/12 make its plate. Without a ratio each keeps the
+        ν of its own. New B1 and B2 without D66 make that sqrt(B1 B2) / (2 (1 + ν)), after Huber,
+        which is a homogeneous plate's; new T1 and T2 without G likewise. With a measured tension
+        thickness and transverse shear are those of `stiff_across`.
+
+    Raises
+    ------
+    InputError
+        If what was measured is not above 0, or the plate would not be positive definite; with the
+        key of the parameter of `spacemap_vtk.ModalSolver` that says so.
+    """
+    for key, given, unit in (
+        ("tensile_rigidity", tensile, "N/m"),
+        ("shear_rigidity", shear, "N/m"),
+        ("bending_rigidity", bending, "N.m"),
+        ("twisting_rigidity", twisting, "N.m"),
+    ):
+        if given is not None:
+            check_sizes(key, np.ravel(given).tolist(), unit)
+    mean = None if ratio is None else _mean_ratio(ratio, *(tensile or strips(plate.membrane)))
+    made = replace(
+        plate,
+        membrane=_along_fabric(plate.membrane, tensile, shear, mean),
+        bending=_along_fabric(plate.bending, bending, twisting, mean),
+    )
+    return made if tensile is None else stiff_across(made)
+
+
+def stiff_across(plate: Plate) -> Plate:
+    """Return a plate that keeps its thickness, and its normals upright, as fabrics are taken to."""
+    # By the stiffer of warp and weft: of the membrane's own size, so that no digit is lost to it.
+    # Of a shape sin(x/L) a normal leans by D/(A L²) of the slope: measured fabrics', in folds of
+    # L = 1 cm, by 1 % at most.
+    most = float(np.diag(plate.membrane)[:2].max())
+    return replace(plate, shear=most * np.eye(2), thickness=most)
+
+
+def strips(stiffness: FloatArray) -> tuple[float, float]:
+    """Return what strips along warp and weft resist whose sides are free, of a (3, 3) matrix."""
+    weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
+    return float(warp), float(weft)
+
+
+def _along_fabric(
+    own: FloatArray, along: Sequence[float] | None, sheared: float | None, ratio: float | None
+) -> FloatArray:
+    """Return a (3, 3) matrix with what is given in place of its own."""
+    if along is None and sheared is None and ratio is None:
+        return own
+    warp, weft = strips(own) if along is None else along
+    if ratio is None:
+        ratio = float(own[0, 1] / np.sqrt(own[0, 0] * own[1, 1]))
+    if sheared is None:
+        # what a homogeneous sheet does that resists as much along both
+        sheared = own[2, 2] if along is None else np.sqrt(warp * weft) / (2 * (1 + ratio))
+    mixed = ratio * np.sqrt(warp * weft)
+    result = np.array([[weft, mixed, 0], [mixed, warp, 0], [0, 0, 0]]) / (1 - ratio**2)
+    result[2, 2] = sheared
+    return result
+
+
+def _mean_ratio(ratio: float, warp: float, weft: float) -> float:
+    """Return sqrt(ν12 ν21) from ν12, or refuse what is not positive definite."""
+    bound = float(np.sqrt(warp / weft))
+    if not 1 - (ratio / bound) ** 2 > 1e-9:
+        raise InputError(
+            f"no stable sheet has it with {warp:.6g} N/m along the warp and {weft:.6g} N/m along "
+            "the weft",
+            key="poissons_ratio_in_plane",
+            value=ratio,
+            allowed=f"between -{bound:.4g} and {bound:.4g}, the root of warp over weft",
+            cure="It is the contraction along the weft for a stretch along the warp: was that "
+            "along the warp given?",
+        )
+    return ratio / bound
 
 
 def _inverse(matrix: NDArray[np.floating[Any]], rows: list[int]) -> FloatArray:

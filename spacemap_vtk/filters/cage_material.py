@@ -1,0 +1,300 @@
+"""What a cage is made of: a solid, or a sheet with the measures of a fabric."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
+from spacemap_vtk.mechanics.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
+from spacemap_vtk.parameters import Choice, Real, Series, Vector
+from spacemap_vtk.units import GRAVITY
+
+#: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
+DENSITY = 300.0
+
+#: The materials that the moduli and ratios of each kind are for.
+_ISOTROPIC = {"material": ("isotropic",)}
+_ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
+#: The elements that the measures of a sheet are for.
+_SHEET = {"elements": ("auto", "sheet")}
+
+#: What an orthotropic solid is made of, and all that no other constant can stand for.
+_MODULI = ("youngs_moduli", "shear_moduli", "poissons_ratios")
+_CONSTANTS = (
+    *_MODULI,
+    "density",
+    "thickness",
+    "tensile_rigidity",
+    "shear_rigidity",
+    "poissons_ratio_in_plane",
+    "bending_rigidity",
+    "bending_length",
+    "twisting_rigidity",
+    "areal_mass",
+)
+
+FloatArray = NDArray[np.float64]
+
+
+class WarpAndWeft(Series):
+    """One value for both directions of a fabric, or one for the warp and one for the weft."""
+
+    each = "for the warp and the weft"
+
+    def convert(self, value: Any) -> Any:
+        """Return a checked value, or a tuple of two."""
+        result = super().convert(value)
+        if isinstance(result, tuple) and len(result) != 2:
+            raise InputError(f"{len(result)} values in place of 2")
+        return result
+
+    @staticmethod
+    def pair(value: Any) -> tuple[float, float] | None:
+        """Return the values for warp and weft; None where there is none."""
+        if value is None or isinstance(value, tuple):
+            return value
+        return value, value
+
+
+class CageMaterial(Stage):
+    """A stage that knows what a cage is made of."""
+
+    elements = Choice(
+        "auto",
+        "What the cage is calculated with: its tetrahedra, or the sheet that its vertices make "
+        "where they lie in one layer; by itself a sheet where the cells of such a layer are more "
+        "than four times wider than thick.",
+        ["auto", "sheet", "tetrahedra"],
+    )
+    material = Choice(
+        "isotropic",
+        "Kind of the cage's material: isotropic, orthotropic along the fabric, or a measured "
+        "fabric, whose moduli, ratios and density count where they are not given (see "
+        '"spacemap materials").',
+        ["isotropic", "orthotropic", *FABRICS],
+    )
+    youngs_modulus = Real(
+        1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0, when=_ISOTROPIC
+    )
+    poissons_ratio = Real(
+        0.3,
+        "Poisson's ratio of an isotropic cage. Linear tetrahedra lock as it nears 0.5, where K is "
+        "singular.",
+        above=-1.0,
+        below=0.5,
+        when=_ISOTROPIC,
+    )
+    youngs_moduli = Vector(
+        None,
+        "Young's moduli of an orthotropic cage, or in place of a measured fabric's, along the warp "
+        "(1, y), the weft (2, x) and the normal (3, z).",
+        component=Real(1.0, "", unit="Pa", above=0.0),
+        labels=("E1", "E2", "E3"),
+        automatic="none",
+        when=_ORTHOTROPIC,
+    )
+    shear_moduli = Vector(
+        None,
+        "Shear moduli of an orthotropic cage: G12 in the plane of the fabric, G13 across the "
+        "warp's thickness, G23 across the weft's.",
+        component=Real(1.0, "", unit="Pa", above=0.0),
+        labels=("G12", "G13", "G23"),
+        automatic="none",
+        when=_ORTHOTROPIC,
+    )
+    poissons_ratios = Vector(
+        None,
+        "Poisson's ratios of an orthotropic cage: νij is the contraction along j for a stretch "
+        "along i.",
+        component=Real(0.0, ""),
+        labels=("ν12", "ν13", "ν23"),
+        automatic="none",
+        when=_ORTHOTROPIC,
+    )
+    density = Real(
+        None,
+        "Mass density of the cage.",
+        unit="kg/m3",
+        above=0.0,
+        automatic=f"{DENSITY:g} kg/m3, a measured fabric's, or of a sheet the weave's own",
+    )
+    thickness = Real(
+        None,
+        "What a measured fabric's stiffness per width and mass per area are divided by where the "
+        "elements are tetrahedra; at the cage's own thickness it stretches and weighs as the "
+        "fabric.",
+        unit="m",
+        above=0.0,
+        automatic="the cage's extent along z",
+        when={"material": tuple(FABRICS), "elements": ("auto", "tetrahedra")},
+    )
+    tensile_rigidity = WarpAndWeft(
+        Real(
+            1.0,
+            "What a sheet resists stretching with, as a strip whose sides are free: force per "
+            "width over strain.",
+            unit="N/m",
+            above=0.0,
+        ),
+        automatic="Young's modulus times the cage's thickness, or a measured fabric's",
+        when=_SHEET,
+    )
+    shear_rigidity = Real(
+        None,
+        "What a sheet resists shear in its plane with: force per width over the angle.",
+        unit="N/m",
+        above=0.0,
+        automatic="the shear modulus times the cage's thickness, or a measured fabric's; of an "
+        "isotropic material whose tensile_rigidity is given, what follows from that, which is far "
+        "more than a woven fabric's",
+        when=_SHEET,
+    )
+    poissons_ratio_in_plane = Real(
+        None,
+        "Poisson's ratio of a sheet: its contraction along the weft for a stretch along the warp. "
+        "That the other way is as many times larger as the weft's tensile rigidity is; bending has "
+        "the mean of both, the root of their product.",
+        automatic="the material's, in the mean of both",
+        when=_SHEET,
+    )
+    bending_rigidity = WarpAndWeft(
+        Real(
+            1.0,
+            "What a sheet resists bending with, as a strip whose sides are free: moment per width "
+            "over curvature.",
+            unit="N.m",
+            above=0.0,
+        ),
+        automatic="Young's modulus times the cube of the cage's thickness over 12, or a measured "
+        "fabric's",
+        when=_SHEET,
+    )
+    bending_length = WarpAndWeft(
+        Real(
+            1.0,
+            "Peirce's bending length c, in place of bending_rigidity, which is c³ times the weight "
+            "of a unit area; half the length of a strip that hangs over an edge at 41.5 degrees.",
+            unit="m",
+            above=0.0,
+        ),
+        automatic="from bending_rigidity",
+        when=_SHEET,
+    )
+    twisting_rigidity = Real(
+        None,
+        "What a sheet resists twisting with, D66: moment per width over twice the twist.",
+        unit="N.m",
+        above=0.0,
+        automatic="a homogeneous sheet's, or a measured fabric's; where bending is given, the root "
+        "of the product of both rigidities over 2 (1 + Poisson's ratio)",
+        when=_SHEET,
+    )
+    areal_mass = Real(
+        None,
+        "Mass per area of a sheet.",
+        unit="kg/m2",
+        above=0.0,
+        automatic="density times the cage's thickness where density is given, a measured fabric's, "
+        "the weave's own, or that of 300 kg/m3",
+        when=_SHEET,
+    )
+
+    def check(self) -> None:
+        """Check the material."""
+        self.constants(1.0)
+        if self.elements != "tetrahedra":
+            self.plate(1.0)
+
+    def constants(self, extent: float) -> tuple[FloatArray, float]:
+        """Return elasticity along x, y and z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
+        # A measured fabric's are spread over the extent of the cage along z [m].
+        given = self._given()
+        return self._solid(given, given.get("thickness", extent))
+
+    def plate(
+        self, thickness: float, normal: int = 2, woven: float | None = None
+    ) -> tuple[Plate, float]:
+        """Return what the sheet that a cage is resists, and its mass per area [kg/m²]."""
+        # What nobody measured is that of the homogeneous plate as thick as the cage [m]; `woven` is
+        # the mass per area of the weave in it. For `normal` see `homogeneous`.
+        given = self._given()
+        elasticity, density = self._solid(given, thickness)
+        fabric = FABRICS.get(self.material)
+        mass = given.get("areal_mass", density * thickness)
+        if woven is not None and fabric is None and not {"areal_mass", "density"} & given.keys():
+            mass = woven
+        own = homogeneous(elasticity, thickness, normal if fabric is None else 2)
+        if fabric is not None:
+            own = replace(fabric.sheet, membrane=own.membrane)
+        shear = self.shear_rigidity
+        if shear is None and self.material != "isotropic":
+            shear = float(own.membrane[2, 2])  # a measure of its own
+        bending = WarpAndWeft.pair(self.bending_rigidity)
+        if (lengths := WarpAndWeft.pair(self.bending_length)) is not None:
+            bending = (mass * GRAVITY * lengths[0] ** 3, mass * GRAVITY * lengths[1] ** 3)
+        made = measured(
+            own,
+            tensile=WarpAndWeft.pair(self.tensile_rigidity),
+            shear=shear,
+            ratio=self.poissons_ratio_in_plane,
+            bending=bending,
+            twisting=self.twisting_rigidity,
+        )
+        return made, mass
+
+    def warn_of_elements(self, sheet: bool) -> None:
+        """Warn of what is given for other elements than those that were found to be right."""
+        kind = "sheet" if sheet else "tetrahedra"
+        for name in self._values:
+            if kind not in self.parameter(name).when.get("elements", kind):
+                self.warn(
+                    f"{self.section}.{name} does not count: "
+                    + ("the cage is a sheet" if sheet else "the cage is no sheet")
+                    + f'; elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
+                )
+
+    def _given(self) -> dict[str, Any]:
+        """Return the constants and measures that are given by name, or say which do not count."""
+        given = {key: value for key, value in self._values.items() if key in _CONSTANTS}
+        for key, value in given.items():
+            if why := self.idle(key):
+                raise InputError(
+                    f"it does not count: {why}",
+                    key=key,
+                    value=value,
+                    cure=f"It counts where {self.parameter(key).counts}.",
+                )
+        for key, other in (("bending_length", "bending_rigidity"), ("areal_mass", "density")):
+            if key in given and other in given:
+                raise InputError(
+                    f"{other} is given, too, and says the same of a sheet",
+                    key=key,
+                    value=given[key],
+                    cure=f"Leave out {other} or {key}.",
+                )
+        return given
+
+    def _solid(self, given: dict[str, Any], thickness: float) -> tuple[FloatArray, float]:
+        """Return elasticity and density; a measured fabric's are spread over the thickness."""
+        own = {key: given[key] for key in (*_MODULI, "density") if key in given}
+        if self.material in FABRICS:
+            solid = FABRICS[self.material].solid(thickness)._replace(**own)
+            return along_fabric(orthotropic(*solid[:3])), solid.density
+        density = own.get("density", DENSITY)
+        if self.material == "orthotropic":
+            for key in _MODULI:
+                if key not in own:
+                    raise InputError(
+                        "an orthotropic material needs it",
+                        key=key,
+                        allowed=self.parameter(key).allowed,
+                    )
+            return along_fabric(orthotropic(*(own[key] for key in _MODULI))), density
+        return isotropic(self.youngs_modulus, self.poissons_ratio), density

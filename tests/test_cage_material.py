@@ -1,0 +1,145 @@
+"""What a cage is made of: a fabric's own measures, as parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.measured_fabrics import FABRICS
+from spacemap_vtk.mechanics.plates import homogeneous
+
+H = 3e-4
+
+
+def parts(plate):
+    return plate.membrane, plate.bending, plate.shear, np.array(plate.thickness)
+
+
+def assert_alike(plate, other):
+    for found, expected in zip(parts(plate), parts(other), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * expected.max())
+
+
+def test_without_measures_a_sheet_is_the_homogeneous_plate():
+    made = ModalSolver(youngs_modulus="2 MPa", poissons_ratio=0.2, density=500.0)
+    for normal in range(3):
+        plate, mass = made.plate(H, normal)
+        assert_alike(plate, homogeneous(isotropic(2e6, 0.2), H, normal))
+        assert mass == pytest.approx(500 * H)
+
+
+def test_a_data_sheet_in_the_units_of_the_trade():
+    made = ModalSolver(
+        tensile_rigidity="2 kN/m, 1 kN/m",
+        shear_rigidity="1 gf/cm.deg",
+        poissons_ratio_in_plane=0.4,
+        bending_rigidity=["0.1 gf.cm²/cm", "5 µN·m"],
+        twisting_rigidity="2e-6",
+        areal_mass="6 oz/yd²",
+    )
+    assert made.tensile_rigidity == (2000.0, 1000.0)
+    plate, mass = made.plate(H)
+    strip = 1 / np.diag(np.linalg.inv(plate.membrane))
+    assert strip.tolist() == pytest.approx([1000.0, 2000.0, 0.980665 * 180 / np.pi])
+    bent = 1 / np.diag(np.linalg.inv(plate.bending))
+    assert bent.tolist() == pytest.approx([5e-6, 9.80665e-6, 2e-6])
+    assert mass == pytest.approx(6 * 0.0339057, rel=1e-5)
+
+
+def test_one_value_is_for_warp_and_weft():
+    made = ModalSolver(tensile_rigidity="1500 N/m", bending_rigidity=1e-5)
+    assert made.bending_rigidity == 1e-5
+    plate, _ = made.plate(H)
+    one = np.array([[1, 0.3, 0], [0.3, 1, 0], [0, 0, 0.35]]) / 0.91
+    np.testing.assert_allclose(plate.membrane, 1500 * one, rtol=1e-12)
+    np.testing.assert_allclose(plate.bending, 1e-5 * one, rtol=1e-12)
+    with pytest.raises(InputError, match=r"bending_rigidity.*3 values in place of 2"):
+        ModalSolver(bending_rigidity=[1e-5, 2e-5, 3e-5])
+    with pytest.raises(InputError, match=r"value 2.*out of range"):
+        ModalSolver(bending_rigidity=[1e-5, 0.0])
+
+
+def test_bending_length_is_that_of_peirce():
+    """CSIRO's FAST: rigidity in µN·m = 9.81e-6 times g/m² times the cube of c in mm."""
+    made = ModalSolver(bending_length=["20 mm", "15 mm"], areal_mass="200 g/m2", poissons_ratio=0.0)
+    plate, _ = made.plate(H)
+    fast = [9.81e-6 * 200 * c**3 * 1e-6 for c in (15, 20)]
+    assert np.diag(plate.bending)[:2].tolist() == pytest.approx(fast, rel=4e-4)
+    # the weight is the weave's own where nobody gives another
+    heavier, mass = made.plate(H, woven=0.3)
+    assert mass == 0.2
+    made.areal_mass = None
+    heavier, mass = made.plate(H, woven=0.3)
+    assert mass == 0.3
+    np.testing.assert_allclose(heavier.bending, 1.5 * plate.bending, rtol=1e-12)
+    with pytest.raises(InputError, match=r"bending_length.*bending_rigidity is given, too"):
+        ModalSolver(bending_length="2 cm", bending_rigidity="5 uN.m").check()
+
+
+def test_which_mass_counts():
+    woven = 0.21
+    assert ModalSolver().plate(H, woven=woven)[1] == woven
+    assert ModalSolver().plate(H)[1] == pytest.approx(300 * H)
+    assert ModalSolver(density=400).plate(H, woven=woven)[1] == pytest.approx(400 * H)
+    assert ModalSolver(material="denim").plate(H, woven=woven)[1] == pytest.approx(0.324)
+    assert ModalSolver(material="denim", areal_mass=0.3).plate(H, woven=woven)[1] == 0.3
+    with pytest.raises(InputError, match=r"areal_mass.*density is given, too"):
+        ModalSolver(density=400, areal_mass=0.1).check()
+
+
+@pytest.mark.parametrize("name", FABRICS)
+def test_a_measured_fabric_keeps_its_stretch_and_its_bending(name):
+    """However thick the cage is, and without a warning of it."""
+    for thickness in (1e-5, 1e-2):
+        plate, mass = ModalSolver(material=name).plate(thickness)
+        assert_alike(plate, FABRICS[name].sheet)
+        assert mass == pytest.approx(FABRICS[name].areal_mass)
+    made = ModalSolver(material=name, bending_rigidity="20 uN.m, 10 uN.m")
+    plate, _ = made.plate(H)
+    np.testing.assert_allclose(plate.membrane, FABRICS[name].sheet.membrane, rtol=1e-12)
+    root = 0.5 * np.sqrt(2) * 1e-5
+    np.testing.assert_allclose(plate.bending, np.diag([1e-5, 2e-5, root]), rtol=1e-12)
+    # its shear was measured, an isotropic sheet's was not
+    made = ModalSolver(material=name, tensile_rigidity="1 kN/m")
+    plate, _ = made.plate(H)
+    assert plate.membrane[2, 2] == pytest.approx(FABRICS[name].sheet.membrane[2, 2])
+
+
+def test_measures_of_a_sheet_are_none_of_tetrahedra():
+    for key in (
+        "tensile_rigidity",
+        "shear_rigidity",
+        "poissons_ratio_in_plane",
+        "bending_rigidity",
+        "bending_length",
+        "twisting_rigidity",
+        "areal_mass",
+    ):
+        made = ModalSolver(elements="tetrahedra", **{key: 0.1})
+        with pytest.raises(InputError, match=f'{key}.*does not count: elements is "tetrahedra"'):
+            made.check()
+    made = ModalSolver(elements="sheet", material="denim", thickness="1 mm")
+    with pytest.raises(InputError, match=r'thickness.*does not count: elements is "sheet"'):
+        made.check()
+
+
+def test_what_is_not_positive_definite_is_refused_before_anything_runs():
+    with pytest.raises(InputError, match=r"poissons_ratio_in_plane = .*between -1 and 1"):
+        ModalSolver(tensile_rigidity=1e3, poissons_ratio_in_plane=1.2).check()
+
+
+@pytest.mark.parametrize("method", ["lattice", "carved"])
+def test_a_weaves_own_mass_reaches_its_cage(method):
+    weave, cage = WeaveSource(warp_count="40 tex"), TetraCage(method=method)
+    cage.SetInputConnection(weave.GetOutputPort())
+    mass = vtk_to_numpy(cage.update().output.GetFieldData().GetArray("areal_mass"))
+    # 20 yarns in a centimetre each way, and their crimp
+    crimp = [fabric_figures(weave.cloth)[family]["mean_crimp"] for family in ("warp", "weft")]
+    area = np.pi / 4 * 2.5e-4**2 * weave.packing * weave.fibre_density
+    expected = 2000 * (40e-6 * (1 + crimp[0]) + area * (1 + crimp[1]))
+    assert mass.tolist() == pytest.approx([expected], rel=1e-6)
