@@ -276,6 +276,8 @@ def test_materials_name_their_source_and_what_it_leaves_open(
     for name, row in found["materials"].items():
         assert name in out
         assert row["sample"] in out
+        weight = 9.80665 * row["areal_mass"]
+        assert row["bending_length_warp"] ** 3 * weight == pytest.approx(row["B_warp"])
         assert run("validate", "plain_weave", "-q", "--set", f"modal.material={name}") == 0
     assert any("E3" in text for text in found["assumed"])
 

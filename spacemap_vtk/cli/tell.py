@@ -158,10 +158,11 @@ def scenes(
 def materials(*, json_: Json = False) -> None:
     """List the measured fabrics a cage can be made of.
 
-    modal.material names one. The table has its constants and their source; below it stands what
-    they leave open, and how a scene replaces them.
+    modal.material names one. The table has what was measured of each; below it stand the source,
+    what that leaves open, and how a scene replaces it.
     """
     from spacemap_vtk.mechanics.measured_fabrics import ASSUMED, FABRICS, SOURCE
+    from spacemap_vtk.mechanics.plates import bending_length
 
     rows = {
         name: {
@@ -169,6 +170,9 @@ def materials(*, json_: Json = False) -> None:
             "sample": fabric.sample,
             "areal_mass": fabric.areal_mass,
             **dict(zip(("C11", "C12", "C22", "C33"), fabric.stiffness, strict=True)),
+            **dict(zip(("B_weft", "B_bias", "B_warp"), fabric.bending, strict=True)),
+            "bending_length_weft": bending_length(fabric.bending[0], fabric.areal_mass),
+            "bending_length_warp": bending_length(fabric.bending[2], fabric.areal_mass),
             "plate_thickness": fabric.plate,
         }
         for name, fabric in FABRICS.items()
@@ -181,24 +185,31 @@ def materials(*, json_: Json = False) -> None:
     from rich.table import Table
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    for heading in ("material", "g/m²", "C11", "C12", "C22", "C33", "plate"):
-        table.add_column(
-            heading, justify="left" if heading == "material" else "right", no_wrap=True
-        )
-    table.add_column("sold as")
+    table.add_column("\nmaterial")
+    for heading in ("\ng/m²", "\nC11", "\nC12", "\nC22", "\nC33", "B\nweft", "B\nbias", "B\nwarp"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for heading in ("c\nweft", "c\nwarp", "\nplate"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, fabric in FABRICS.items():
+        lengths = [bending_length(fabric.bending[k], fabric.areal_mass) for k in (0, 2)]
         table.add_row(
-            f"{name}\n  {fabric.sample}",
+            name,
             f"{1e3 * fabric.areal_mass:g}",
-            *(f"{value:.4g}" for value in fabric.stiffness),
-            f"{1e3 * fabric.plate:.2f} mm",
-            fabric.use,
+            *(_short(value) for value in fabric.stiffness),
+            *(_short(1e6 * value) for value in fabric.bending),
+            *(f"{1e3 * length:.0f}" for length in lengths),
+            f"{1e3 * fabric.plate:.2f}",
         )
     Console().print(table)
+    for name, fabric in FABRICS.items():
+        print(f"{name}: {fabric.use} ({fabric.sample})")
     print(
-        textwrap.fill(
-            "C in N/m: C11 along the weft, C22 along the warp, C33 shear. A cage as thick as "
-            '"plate" bends as measured; one of any thickness stretches and weighs as measured.',
+        "\n"
+        + textwrap.fill(
+            "C in N/m: C11 along the weft, C22 along the warp, C33 shear. B, bending, in µN.m; c, "
+            'Peirce\'s bending length, and "plate" in mm. A sheet stretches, bends and weighs as '
+            "measured. A cage of tetrahedra stretches and weighs so; where it is as thick as "
+            '"plate" it bends so, too.',
             78,
         )
     )
@@ -208,11 +219,18 @@ def materials(*, json_: Json = False) -> None:
     print(
         "\n"
         + textwrap.fill(
-            "youngs_moduli, shear_moduli, poissons_ratios and density in [modal] replace the "
-            'measured ones: --set modal.material=denim --set modal.density="400 kg/m3".',
+            "In [modal], tensile_rigidity, shear_rigidity, bending_rigidity, areal_mass and their "
+            "like replace what was measured of a sheet, each on its own; youngs_moduli, "
+            "shear_moduli, poissons_ratios and density that of tetrahedra: "
+            '--set modal.material=denim --set modal.bending_rigidity="50 uN.m".',
             78,
         )
     )
+
+
+def _short(value: float) -> str:
+    """Return three digits, or all before the point."""
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = None, /) -> None:

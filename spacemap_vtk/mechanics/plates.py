@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import VOIGT
 from spacemap_vtk.mechanics.materials import check_sizes
+from spacemap_vtk.units import GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -151,6 +152,26 @@ def measured(
         bending=_along_fabric(plate.bending, bending, twisting, mean),
     )
     return made if tensile is None else stiff_across(made)
+
+
+def bending_length(rigidity: float, areal_mass: float) -> float:
+    """Return Peirce's bending length c of a fabric.
+
+    Parameters
+    ----------
+    rigidity : float
+        What a strip resists bending with: moment per width over curvature [N m].
+    areal_mass : float
+        Mass per area [kg/m²].
+
+    Returns
+    -------
+    float
+        c = (B/w)^(1/3) [m], w the weight of a unit area on Earth: half the length of a strip that
+        hangs over an edge with its chord at 41.5 degrees. F. T. Peirce, "The handle of cloth as a
+        measurable quantity", J. Textile Inst. 21 (1930) T377.
+    """
+    return float(np.cbrt(rigidity / (areal_mass * GRAVITY)))
 
 
 def stiff_across(plate: Plate) -> Plate:
