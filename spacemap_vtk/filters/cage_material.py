@@ -76,8 +76,8 @@ class CageMaterial(Stage):
     material = Choice(
         "isotropic",
         "Kind of the cage's material: isotropic, orthotropic along the fabric, or a measured "
-        "fabric, whose moduli, ratios and density count where they are not given (see "
-        '"spacemap materials").',
+        "fabric, whose moduli, ratios and density count where they are not given, and of a sheet "
+        'its bending, too (see "spacemap materials").',
         ["isotropic", "orthotropic", *FABRICS],
     )
     youngs_modulus = Real(
@@ -137,7 +137,7 @@ class CageMaterial(Stage):
     )
     tensile_rigidity = WarpAndWeft(
         Real(
-            1.0,
+            "1 kN/m",
             "What a sheet resists stretching with, as a strip whose sides are free: force per "
             "width over strain.",
             unit="N/m",
@@ -148,12 +148,12 @@ class CageMaterial(Stage):
     )
     shear_rigidity = Real(
         None,
-        "What a sheet resists shear in its plane with: force per width over the angle.",
+        "What a sheet resists shear in its plane with: force per width over the angle. A woven "
+        "fabric's is far less than what follows from its tensile rigidity.",
         unit="N/m",
         above=0.0,
         automatic="the shear modulus times the cage's thickness, or a measured fabric's; of an "
-        "isotropic material whose tensile_rigidity is given, what follows from that, which is far "
-        "more than a woven fabric's",
+        "isotropic sheet from tensile_rigidity, where that is given",
         when=_SHEET,
     )
     poissons_ratio_in_plane = Real(
@@ -166,7 +166,7 @@ class CageMaterial(Stage):
     )
     bending_rigidity = WarpAndWeft(
         Real(
-            1.0,
+            "10 uN.m",
             "What a sheet resists bending with, as a strip whose sides are free: moment per width "
             "over curvature.",
             unit="N.m",
@@ -178,7 +178,7 @@ class CageMaterial(Stage):
     )
     bending_length = WarpAndWeft(
         Real(
-            1.0,
+            "20 mm",
             "Peirce's bending length c, in place of bending_rigidity, which is c³ times the weight "
             "of a unit area; half the length of a strip that hangs over an edge at 41.5 degrees.",
             unit="m",
@@ -189,11 +189,12 @@ class CageMaterial(Stage):
     )
     twisting_rigidity = Real(
         None,
-        "What a sheet resists twisting with, D66: moment per width over twice the twist.",
+        "What a sheet resists twisting with, D66: moment per width over twice the twist. Of a "
+        "homogeneous sheet it is the root of the product of both bending rigidities over "
+        "2 (1 + Poisson's ratio).",
         unit="N.m",
         above=0.0,
-        automatic="a homogeneous sheet's, or a measured fabric's; where bending is given, the root "
-        "of the product of both rigidities over 2 (1 + Poisson's ratio)",
+        automatic="a measured fabric's, or a homogeneous sheet's, as where bending is given",
         when=_SHEET,
     )
     areal_mass = Real(
@@ -201,8 +202,8 @@ class CageMaterial(Stage):
         "Mass per area of a sheet.",
         unit="kg/m2",
         above=0.0,
-        automatic="density times the cage's thickness where density is given, a measured fabric's, "
-        "the weave's own, or that of 300 kg/m3",
+        automatic="density times the cage's thickness, where density is given, or a measured "
+        f"fabric's, or the weave's own, or {DENSITY:g} kg/m3 times the thickness",
         when=_SHEET,
     )
 
