@@ -21,7 +21,7 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
-from spacemap_vtk.mechanics.pencil import Pencil
+from spacemap_vtk.mechanics.pencil import Pencil, supported
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], object]
@@ -78,7 +78,7 @@ def solve_modes(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lowest vibration modes of K s = λ M s."""
     _check_count(count)
-    return lowest(Pencil(stiffness, mass, free), count, progress)[:2]
+    return lowest(supported(stiffness, mass, free), count, progress)[:2]
 
 
 def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
@@ -112,8 +112,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     with blas_threads.one():
         eigenvalues, modes, rounding = _of_components(pencil, count, report)
         _verify(pencil.stiffness, pencil.mass, eigenvalues, modes)
-    shapes = np.zeros((len(eigenvalues), len(pencil.free)))
-    shapes[:, pencil.where] = (modes * _signs(modes)).T
+    shapes = (pencil.basis @ (modes * _signs(modes))).T
     report(1.0)
     return Modes(eigenvalues, shapes.reshape(len(eigenvalues), -1, 3), rounding)
 
@@ -171,17 +170,17 @@ def _of_components(
     pencil: Pencil, count: int, report: Progress
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return λ of the lowest modes of all components, these, (N, n), and their rounding."""
-    total = len(pencil.where)
+    total = pencil.size
     rows, solved, done = [], [], 0
     for component in pencil.components:
 
-        def part(share: float, done: int = done, size: int = len(component.where)) -> None:
+        def part(share: float, done: int = done, size: int = component.size) -> None:
             report((done + share * size) / total)
 
-        modes = _of_component(component, min(count, len(component.where)), part)
-        rows.append(pencil.rows(component))
+        modes = _of_component(component, min(count, component.size), part)
+        rows.append(component.rows)
         solved.append([found[..., :count] for found in _evaluated(component, modes)])
-        done += len(component.where)
+        done += component.size
     eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
     lowest = np.argsort(eigenvalues, kind="stable")[:count]
     if len(solved) == 1:
@@ -197,7 +196,7 @@ def _of_components(
 
 def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray:
     """Return at least the lowest modes of a component."""
-    size = len(component.where)
+    size = component.size
     if not _is_dense(size, count):
         return _counted(component, count, report)
     # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
@@ -257,9 +256,8 @@ def _energies(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _fields(component: Pencil, modes: FloatArray) -> FloatArray:
     """Return the modes of a component as displacements of all vertices, (n, V, 3)."""
-    fields = np.zeros((modes.shape[1], len(component.free)))
-    fields[:, component.where] = modes.T
-    return fields.reshape(modes.shape[1], -1, 3)
+    fields: FloatArray = (component.basis @ modes).T.reshape(modes.shape[1], -1, 3)
+    return fields
 
 
 def _told_by_strains(
@@ -307,7 +305,7 @@ def _counted(component: Pencil, count: int, report: Progress) -> FloatArray:
                 component.factorised(lambda part: report(0.3 * part)).solve,
                 component.stiffness,
                 component.mass,
-                min(count + SPARE, len(component.where)),
+                min(count + SPARE, component.size),
                 lambda part: report(0.3 + 0.3 * part),
                 seed=seed,
             )

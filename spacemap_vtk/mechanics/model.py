@@ -10,22 +10,28 @@ from __future__ import annotations
 
 import hashlib
 import weakref
+from collections.abc import Callable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, nodal_mass, stiffness
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import check_sizes
-from spacemap_vtk.mechanics.pencil import Pencil
-from spacemap_vtk.mechanics.residual_vectors import movable_mass
+from spacemap_vtk.mechanics.pencil import Nodes, Pencil, selection
+from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by
+from spacemap_vtk.mechanics.shell import held_pairs, mid_surface, of_middle, of_pairs, of_sheet
+from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra, tangent
 from spacemap_vtk.mechanics.tetrahedra import checked_mesh
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+    from scipy.sparse import csc_matrix, csr_matrix
+
+    from spacemap_vtk.mechanics.eigen import Modes
 
 
 FloatArray = NDArray[np.float64]
@@ -61,27 +67,30 @@ class WeakValues(Generic[V]):
 
 
 class Model:
-    """K and M of a mesh of tetrahedra, of which some components are held.
+    """K and M of a mesh of tetrahedra, or of the sheet that its one layer is, held somewhere.
 
     Parameters
     ----------
     points : array_like of float, shape (V, 3)
-        Vertices [m].
+        Vertices, undeformed [m].
     cells : array_like of int, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra.
-    elasticity : array_like of float, shape (6, 6)
-        Elasticity matrix [Pa], see `spacemap_vtk.mechanics.materials`.
+    material : array_like of float, shape (6, 6), or Plate
+        Elasticity matrix [Pa], see `spacemap_vtk.mechanics.materials`; or of a one-layer lattice
+        what it resists with per width, see `spacemap_vtk.mechanics.plates`.
     density : float
         ρ > 0 [kg/m³].
     held : array_like of bool, shape (V, 3)
         Which components cannot move.
     lumped : bool
         Lumped in place of consistent mass.
+    displacement : array_like of float, shape (V, 3), optional
+        Of the equilibrium that K is the tangent at [m]; by default nothing is deformed.
 
     Raises
     ------
     GeometryError
-        If the mesh is none, or a tetrahedron flat.
+        If the mesh is none, or a tetrahedron flat, or a plate is given for no one-layer lattice.
     InputError
         If the material is none, or nothing can move.
 
@@ -99,30 +108,39 @@ class Model:
         self,
         points: ArrayLike,
         cells: ArrayLike,
-        elasticity: ArrayLike,
+        material: ArrayLike | Plate,
         density: float,
         held: ArrayLike,
         lumped: bool = False,
+        displacement: ArrayLike | None = None,
     ) -> None:
         self.points, self.cells = checked_mesh(points, cells)
-        self.elasticity = np.array(elasticity, dtype=np.float64)
         self.density = float(density)
         self.lumped = bool(lumped)
-        #: Multiplies the stiffness of the pencil: the largest elasticity [Pa].
-        self.modulus = float(abs(self.elasticity).max(initial=0.0)) or 1.0
+        self.plate = material if isinstance(material, Plate) else None
+        self.parts = parts = _parts(material)
+        #: Multiplies the stiffness of the pencil: the largest elasticity [Pa], or of a sheet the
+        #: largest resistance to stretching [N/m].
+        self.modulus = float(abs(parts[0]).max(initial=0.0)) or 1.0
         if not (np.isfinite(self.density) and self.density > 0):
             raise InputError(
                 "the material has no mass", key="density", value=density, allowed="above 0 kg/m³"
             )
         check_sizes("density", self.density, "kg/m³")
-        _check_elasticity(self.elasticity)
+        self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
         self.pencil = _pencil(
             self.points,
             self.cells,
-            _rounded(self.elasticity / self.modulus),
+            [_rounded(part / self.modulus) for part in parts],
             np.asarray(held, dtype=bool),
             self.lumped,
+            self.displacement,
         )
+
+    @property
+    def elasticity(self) -> FloatArray:
+        """Elasticity matrix of a solid [Pa]."""
+        return self.parts[0]
 
     @property
     def digest(self) -> str:
@@ -131,35 +149,58 @@ class Model:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which components can move, shape (3V,)."""
+        """Which components of the vertices can move, shape (3V,)."""
         return self.pencil.free
 
     @cached_property
     def stiffness(self) -> csr_matrix:
-        """K [N/m], shape (3V, 3V), of free and held components."""
-        return self.modulus * self.pencil.whole_stiffness
+        """K [N/m] of the vertices, shape (3V, 3V), of free and held components."""
+        return self.modulus * self.pencil.of_vertices(self.pencil.whole_stiffness)
 
     @cached_property
     def mass(self) -> csr_matrix:
-        """M [kg], shape (3V, 3V), of free and held components."""
-        return self.density * self.pencil.whole_mass
+        """M [kg] of the vertices, shape (3V, 3V), of free and held components."""
+        return self.density * self.pencil.of_vertices(self.pencil.whole_mass)
 
     @cached_property
     def nodal_mass(self) -> FloatArray:
         """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
-        return nodal_mass(self.points, self.cells, self.density, self.lumped)
+        if self.pencil.surface is None:
+            return nodal_mass(self.points, self.cells, self.density, self.lumped)
+        lumps = self.pencil.assembly.lumps
+        places = lumps[: len(self.pencil.surface.pairs)] * self.density
+        return self.pencil.surface.vertices(np.concatenate([places, 0.0 * places])) / 2
 
     @cached_property
     def movable_mass(self) -> FloatArray:
         """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
-        return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
+        if self.pencil.surface is None:
+            return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
+        forces = np.einsum("v,ij->vij", self.nodal_mass, np.eye(3)).reshape(-1, 3)
+        loads, mass = self.pencil.gathered(forces), self.density * self.pencil.mass
+        return moved_by(lambda x: mass @ x, mass.diagonal(), loads)
 
     @cached_property
     def rigid(self) -> FloatArray:
         """The motions without strain that the supports leave, mass-normalised, shape (3V, r)."""
-        motions = np.zeros((len(self.pencil.free), self.pencil.rigid.shape[1]))
-        motions[self.pencil.free] = self.pencil.rigid / np.sqrt(self.density)
-        return motions
+        return self.pencil.spread(self.pencil.rigid) / np.sqrt(self.density)
+
+    @cached_property
+    def forces(self) -> FloatArray:
+        """What holds the equilibrium [N], shape (3V,), of free and held components."""
+        forces, surface = self.pencil.nodes.forces, self.pencil.surface
+        if forces is None:
+            return np.zeros(self.points.size)
+        result: FloatArray = surface.vertices(forces) / 2 if surface else forces
+        return self.modulus * result.ravel()
+
+    @cached_property
+    def strain_energy(self) -> float:
+        """What the equilibrium stores [J]."""
+        if self.displacement is None:
+            return 0.0
+        positions = self.pencil.nodes.positions
+        return self.modulus * sum(part.energy(positions) for part in self.pencil.strains)
 
     def solve(self, forces: ArrayLike) -> FloatArray:
         """Return static displacements, K u = f.
@@ -214,17 +255,70 @@ class Model:
         SolverError
             If no digit of the answer holds.
         """
-        given = np.asarray(forces, dtype=np.float64)
-        free = self.pencil.free
-        if given.ndim not in (1, 2) or len(given) != len(free):
-            raise InputError(
-                f"forces of shape {given.shape}", allowed=f"({len(free)},) or ({len(free)}, m)"
-            )
-        table = given.reshape(len(free), -1)
-        result = np.zeros_like(table)
-        found, rounding = self.pencil.solve(table[free])
-        result[free] = found / self.modulus
-        return result.reshape(given.shape), rounding
+        given, size = np.asarray(forces, dtype=np.float64), self.points.size
+        if given.ndim not in (1, 2) or len(given) != size:
+            raise InputError(f"forces of shape {given.shape}", allowed=f"({size},) or ({size}, m)")
+        found, rounding = self.pencil.solve(self.pencil.gathered(given.reshape(size, -1)))
+        return self.pencil.spread(found / self.modulus).reshape(given.shape), rounding
+
+    def modes(self, count: int, progress: Callable[[float], object] | None = None) -> Modes:
+        """Return the lowest modes for unit modulus and density, shapes as the vertices move.
+
+        Parameters
+        ----------
+        count : int
+            Number of modes n; all there are, if more are asked for.
+        progress : callable, optional
+            Is told the share that is done, 0 to 1; may raise to stop.
+
+        Returns
+        -------
+        Modes
+            Eigenvalues, shapes (n, V, 3) and rounding, see `spacemap_vtk.mechanics.eigen.Modes`.
+
+        Raises
+        ------
+        SolverError
+            If there is no solution to some digits.
+        """
+        from spacemap_vtk.mechanics.eigen import lowest
+
+        found = lowest(self.pencil, count, progress)
+        surface = self.pencil.surface
+        if surface is None:
+            return found
+        shapes = surface.vertices(found.shapes.swapaxes(0, 1)).swapaxes(0, 1)
+        return found._replace(shapes=np.ascontiguousarray(shapes))
+
+    def strained(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
+
+        Parameters
+        ----------
+        moved : ndarray of float64, shape (V, 3)
+            Displacement from the equilibrium [m], small: strains are linear in it.
+
+        Returns
+        -------
+        strain : ndarray of float64, shape (T, 6)
+            Mean of each tetrahedron, that of the equilibrium included, as xx, yy, zz, yz, zx, xy,
+            shears in engineering measure. Of a sheet that of its middle.
+        stress : ndarray of float64, shape (T, 6)
+            In Pa; of a sheet the mean over its thickness.
+        """
+        pencil = self.pencil
+        positions = pencil.nodes.positions
+        if pencil.surface is None:
+            (solid,) = pencil.strains
+            strain, gradients = solid.at(positions)
+            strain += np.einsum("eqsnk,enk->eqs", gradients, moved[solid.nodes])
+            mean = strain.mean(axis=1)
+            return mean, mean @ self.elasticity
+        surface = pencil.surface
+        assert self.plate is not None
+        mean, pull = of_middle(pencil.strains, positions, surface.nodal(moved), surface, self.plate)
+        stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
+        return np.repeat(mean, 5, axis=0), np.repeat(stress, 5, axis=0)
 
 
 class MeshPencil(Pencil):
@@ -238,13 +332,22 @@ class MeshPencil(Pencil):
         mesh: str,
         points: FloatArray,
         cells: NDArray[np.int64],
-        elasticity: FloatArray,
+        material: list[FloatArray],
         free: NDArray[np.bool_],
         lumped: bool,
+        displacement: FloatArray | None,
     ) -> None:
-        self.digest, self.free, self.points = digest, free, points
-        self.strain_products = partial(strain_products, points, cells, elasticity)
-        self._mesh, self._cells, self._elasticity, self._lumped = mesh, cells, elasticity, lumped
+        self.digest, self.free, self.material = digest, free, material
+        self.surface = mid_surface(points, cells) if len(material) > 1 else None
+        if len(material) > 1 and self.surface is None:
+            raise GeometryError(
+                "a sheet is what a one-layer lattice is: the cage is none",
+                key="elements",
+                value="sheet",
+                cure='Set [cage] divisions such as [20, 20, 1] and order = 1, or elements = "auto"',
+            )
+        self._mesh, self._points, self._cells, self._lumped = mesh, points, cells, lumped
+        self._displacement = displacement
         # Held from now on, so that a solver's last model hands it to the next.
         if (kept := _assemblies.get(mesh)) is not None:
             self.assembly = kept
@@ -253,18 +356,89 @@ class MeshPencil(Pencil):
     def assembly(self) -> Assembly:
         found = _assemblies.get(self._mesh)
         if found is None:
-            assert self.points is not None
-            found = assemble(self.points, self._cells)
+            if self.surface is None:
+                found = assemble(self._points, self._cells)
+            else:
+                found = of_pairs(self._points, self.surface)
             _assemblies[self._mesh] = found
         return found
 
     @cached_property
+    def strains(self) -> list[Strains]:
+        if self.surface is None:
+            return [of_tetrahedra(self._points, self._cells, self.material[0])]
+        membrane, bending, shear, thickness = self.material
+        plate = Plate(membrane, bending, shear, float(thickness))
+        return of_sheet(self._points, self.surface, plate)
+
+    @cached_property
+    def nodes(self) -> Nodes:  # type: ignore[override]
+        moved = 0.0 if self._displacement is None else self._displacement
+        positions, places = self._points + moved, np.ones(len(self._points), dtype=bool)
+        if self.surface is not None:
+            positions = self.surface.nodal(positions)
+            places[len(self.surface.pairs) :] = False
+        if self._displacement is None:
+            return Nodes(positions, places)
+        forces = np.sum([part.forces(positions) for part in self.strains], axis=0)
+        return Nodes(positions, places, forces)
+
+    @cached_property
+    def basis(self) -> csc_matrix:
+        if self.surface is None:
+            return selection(self.free)
+        return held_pairs(~self.free.reshape(-1, 3), self.surface)
+
+    @cached_property
     def whole_stiffness(self) -> csr_matrix:
-        return stiffness(self.assembly, self._elasticity)
+        if self.surface is None and self._displacement is None:
+            return stiffness(self.assembly, self.material[0])
+        return tangent(self.strains, self.nodes.positions)
 
     @cached_property
     def whole_mass(self) -> csr_matrix:
         return mass(self.assembly, 1.0, self._lumped)
+
+    @cached_property
+    def strain_products(self) -> Callable[[FloatArray], FloatArray]:  # type: ignore[override]
+        if self.surface is None and self._displacement is None:
+            return partial(strain_products, self._points, self._cells, self.material[0])
+        return partial(_products, self.strains, self.nodes.positions)
+
+    def gathered(self, forces: FloatArray) -> FloatArray:
+        """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
+        if self.surface is None:
+            return forces[self.free]
+        gathered: FloatArray = self.basis.T @ (2 * self._nodal(forces))
+        return gathered
+
+    def coordinates(self, moved: FloatArray) -> FloatArray:
+        """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""
+        if self.surface is None:
+            return moved[self.free]
+        found: FloatArray = self.basis.T @ self._nodal(moved)
+        return found
+
+    def spread(self, coordinates: FloatArray) -> FloatArray:
+        """Return the displacements of the vertices (3V, m) that coordinates (N, m) stand for."""
+        if self.surface is None:
+            result = np.zeros((len(self.free), coordinates.shape[1]))
+            result[self.free] = coordinates
+            return result
+        nodal = (self.basis @ coordinates).reshape(-1, 3, coordinates.shape[1])
+        return self.surface.vertices(nodal).reshape(len(self.free), -1)
+
+    def of_vertices(self, matrix: csr_matrix) -> csr_matrix:
+        """Return a matrix of the nodes' vectors as one of the vertices."""
+        if self.surface is None:
+            return matrix
+        turn = self.surface.matrix()
+        return (turn.T @ matrix @ turn).tocsr()
+
+    def _nodal(self, table: FloatArray) -> FloatArray:
+        assert self.surface is not None
+        whole = table.reshape(-1, 3, table.shape[1])
+        return self.surface.nodal(whole).reshape(table.shape)
 
 
 _assemblies: WeakValues[Assembly] = WeakValues()
@@ -297,22 +471,36 @@ def digest_of(*parts: Any) -> str:
 def _pencil(
     points: FloatArray,
     cells: NDArray[np.int64],
-    elasticity: FloatArray,
+    material: list[FloatArray],
     held: NDArray[np.bool_],
     lumped: bool,
+    displacement: FloatArray | None,
 ) -> MeshPencil:
-    if held.shape != points.shape:
-        raise InputError(f"held of shape {held.shape}", allowed=f"{points.shape}")
-    mesh = digest_of(points, cells)
-    whole = digest_of(mesh, elasticity, held, lumped)
+    for what, given in (("held", held), ("displacement", displacement)):
+        if given is not None and given.shape != points.shape:
+            raise InputError(f"{what} of shape {given.shape}", allowed=f"{points.shape}")
+    mesh = digest_of(points, cells, len(material))
+    where = [] if displacement is None else [displacement]
+    whole = digest_of(mesh, *material, held, lumped, *where)
     found = _pencils.get(whole)
     if found is None:
-        found = MeshPencil(whole, mesh, points, cells, elasticity, ~held.ravel(), lumped)
+        free = ~held.ravel()
+        found = MeshPencil(whole, mesh, points, cells, material, free, lumped, displacement)
         _pencils[whole] = found
     return found
 
 
-def _check_elasticity(matrix: FloatArray) -> None:
+def _products(strains: list[Strains], positions: FloatArray, fields: FloatArray) -> FloatArray:
+    total: FloatArray = np.sum([part.products(positions, fields) for part in strains], axis=0)
+    return total
+
+
+def _parts(material: ArrayLike | Plate) -> list[FloatArray]:
+    """Return what a material's stiffness is made of: one matrix of a solid, four of a plate."""
+    if isinstance(material, Plate):
+        parts = material.membrane, material.bending, material.shear, material.thickness
+        return [np.asarray(part, dtype=np.float64) for part in parts]
+    matrix = np.array(material, dtype=np.float64)
     if matrix.shape != (6, 6) or not np.isfinite(matrix).all():
         raise InputError(
             "this is not an elasticity matrix",
@@ -320,6 +508,7 @@ def _check_elasticity(matrix: FloatArray) -> None:
             value=f"array of shape {matrix.shape}",
             allowed="a finite, symmetric matrix of shape (6, 6)",
         )
+    return [matrix]
 
 
 def _rounded(matrix: FloatArray) -> FloatArray:

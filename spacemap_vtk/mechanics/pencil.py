@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,9 @@ FloatArray = NDArray[np.float64]
 #: sheet that turns about its edge moves the edge by its thickness over its length.
 _HELD = 1e-11
 
+#: Weight of the share by which the loads turn with a rigid motion: an equilibrium is one to 1e-6.
+_TURNED = 1e-5
+
 #: A static solution is done when a correction would change it by this share, in energy's norm.
 _CORRECTION = 1e-14
 
@@ -41,44 +44,91 @@ _NO_DIGIT = 0.1
 _ROUNDING = 2.0**-53
 
 
+class Nodes(NamedTuple):
+    """Where the nodes of a mesh are, and what they are."""
+
+    positions: FloatArray
+    """Those that the stiffness is of [m], (V, 3)."""
+    translate: NDArray[np.bool_]
+    """Which are places; of a sheet there are half thicknesses, which only turn, (V,)."""
+    forces: FloatArray | None = None
+    """What strains it there, where anything does, (V, 3)."""
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """The nodes that are places: others belong to one each, in their order."""
+        return np.flatnonzero(self.translate)
+
+    def rigid(self, near: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """Return the six rigid motions of some nodes, (3n, 6), and the loads' turning with them."""
+        places = self.translate[near]
+        middle = self.positions[near][places].mean(axis=0)
+        away = self.positions[near] - np.where(places[:, None], middle, 0.0)
+        away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
+        six = np.zeros((len(near), 3, 6))
+        six[places, :, :3] = np.eye(3)
+        six[:, :, 3:] = np.cross(np.eye(3)[None], away[:, None]).swapaxes(1, 2)
+        turned = np.zeros((len(near), 3, 6))
+        if self.forces is not None and self.forces.any():
+            force = self.forces[near] / abs(self.forces).max()
+            turned[:, :, 3:] = np.cross(np.eye(3)[None], force[:, None]).swapaxes(1, 2)
+        return six.reshape(-1, 6), turned.reshape(-1, 6)
+
+
 class Pencil:
     """K and M on what is free. Of a mesh that hangs together it is its own, and only, component."""
+
+    # Displacements are a basis times the coordinates that are free: of tetrahedra, columns of the
+    # unit matrix. Of what no vertex is held against, of two vertices where only one is, or of those
+    # that move as one, the basis says how they go together; its columns are orthogonal.
 
     def __init__(
         self,
         stiffness: sp.csr_matrix,
         mass: sp.csr_matrix,
-        free: ArrayLike,
-        points: FloatArray | None = None,
+        basis: sp.csc_matrix,
+        nodes: Nodes | None = None,
         strain_products: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
-        self.whole_stiffness, self.whole_mass = stiffness, mass
-        self.free, self.points, self.strain_products = np.asarray(free), points, strain_products
+        self.whole_stiffness, self.whole_mass, self.basis = stiffness, mass, basis
+        self.nodes: Nodes | None = nodes
+        self.strain_products: Callable[[FloatArray], FloatArray] | None = strain_products
 
     _factors: Factors | None = None
 
+    @property
+    def size(self) -> int:
+        """Degrees of freedom."""
+        return int(self.basis.shape[1])
+
     @cached_property
-    def where(self) -> NDArray[np.int64]:
-        """Which components of displacement are free."""
-        return _checked(self.whole_stiffness, self.whole_mass, self.free)
+    def rows(self) -> NDArray[np.int64]:
+        """Which coordinates of the pencil that it is a component of are its own."""
+        return np.arange(self.size)
 
     @cached_property
     def stiffness(self) -> sp.csr_matrix:
-        """K of these."""
-        return self.whole_stiffness[self.where][:, self.where]
+        """K of what is free."""
+        return self._reduced(self.whole_stiffness)
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
-        """M of these."""
-        mass = self.whole_mass[self.where][:, self.where]
+        """M of what is free."""
+        mass = self._reduced(self.whole_mass)
         massless = mass.diagonal() <= 0
         if massless.any():
             raise InputError(
                 f"{massless.sum()} free components have no mass, the first is index "
-                f"{self.where[massless.argmax()]}",
+                f"{self.basis.indices[self.basis.indptr[massless.argmax()]]}",
                 cure="Remove the points that belong to no tetrahedron",
             )
         return mass
+
+    def _reduced(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+        basis = self.basis
+        if basis.nnz == self.size and (basis.data == 1.0).all():
+            return matrix[basis.indices][:, basis.indices]
+        return (basis.T @ matrix @ basis).tocsr()
 
     @cached_property
     def _parts(self) -> list[Pencil]:
@@ -89,20 +139,16 @@ class Pencil:
         count, owner = csgraph.connected_components(graph, directed=False)
         parts = []
         for part in range(count) if count > 1 else ():
-            free = np.zeros(len(self.free), dtype=bool)
-            free[self.where[owner == part]] = True
-            whole = self.whole_stiffness, self.whole_mass
-            parts.append(Pencil(*whole, free, self.points, self.strain_products))
+            rows = np.flatnonzero(owner == part)
+            whole = self.whole_stiffness, self.whole_mass, self.basis[:, rows]
+            parts.append(Pencil(*whole, self.nodes, self.strain_products))
+            parts[-1].rows = rows
         return parts
 
     @property
     def components(self) -> list[Pencil]:
         """The parts that no element joins, in the order of their first rows."""
         return self._parts or [self]
-
-    def rows(self, component: Pencil) -> NDArray[np.int64]:
-        """Return which of its rows are those of a component."""
-        return np.searchsorted(self.where, component.where)
 
     @cached_property
     def shift(self) -> float:
@@ -131,7 +177,9 @@ class Pencil:
         """Symbolic factorisation of the pattern of K and M, made once."""
         from spacemap_vtk.mechanics.multifrontal import Analysis
 
-        return Analysis(abs(self.stiffness) + abs(self.mass), self.where // 3)
+        node = self.basis.indices[self.basis.indptr[:-1]] // 3
+        together = node if self.nodes is None else node % len(self.nodes.groups)
+        return Analysis(abs(self.stiffness) + abs(self.mass), together)
 
     @property
     def factors(self) -> Factors:
@@ -155,8 +203,8 @@ class Pencil:
         blocks = []
         for component in self.components:
             motions = component.motions
-            whole = np.zeros((len(self.where), motions.shape[1]))
-            whole[self.rows(component)] = motions
+            whole = np.zeros((self.size, motions.shape[1]))
+            whole[component.rows] = motions
             blocks.append(whole)
         return np.concatenate(blocks, axis=1)
 
@@ -168,7 +216,7 @@ class Pencil:
         with blas_threads.one():
             rigid = self.rigid
             for component in self.components:
-                rows = self.rows(component)
+                rows = component.rows
                 mine = rigid[rows]
                 mine = mine[:, np.abs(mine).max(axis=0, initial=0.0) > 0.0]
                 result[rows], share = _solved(component, forces[rows], mine)
@@ -182,29 +230,23 @@ class Pencil:
 
         # That is seen from the vertices alone. The energy of such a motion would not tell: that of
         # a thin clamped sheet that turns about its edge is rounding in K.
-        if self.points is None:
+        if self.nodes is None:
             raise InputError("rigid motions need the vertices", key="points")
-        free = self.where
-        points, near = self.points, np.unique(self.whole_stiffness[free].indices // 3)
-        held = np.setdiff1d((3 * near[:, None] + np.arange(3)).ravel(), free)
-        middle = points[near].mean(axis=0)
-        size = max(float(np.abs(points[near] - middle).max()), np.finfo(float).tiny)
-
-        def six(rows: NDArray[np.int64]) -> FloatArray:
-            away, along = (points[rows // 3] - middle) / size, rows % 3
-            result = np.zeros((len(rows), 6))
-            for axis in range(3):
-                result[along == axis, axis] = 1.0
-                turn = np.cross(np.eye(3)[axis], away)
-                result[:, 3 + axis] = turn[np.arange(len(turn)), along]
-            return result
-
-        motions = six(free)
-        if len(held):
+        touched = np.unique(self.basis.indices)
+        near = np.unique(self.whole_stiffness[touched].indices // 3)
+        basis = self.basis[(3 * near[:, None] + np.arange(3)).ravel()]
+        six, turned = self.nodes.rigid(near)
+        share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
+        # What is held against it, and what would turn the loads under which it hangs.
+        held = six - basis @ share
+        held = held[abs(held).max(axis=1) > _HELD]
+        motions = share
+        if len(held) or turned.any():
             # of the triangle, as there may be many rows
-            triangle = la.qr(np.concatenate([six(held), np.zeros((6, 6))]), mode="r")[0][:6]
+            rows = np.concatenate([held, _TURNED * turned, np.zeros((6, 6))])
+            triangle = la.qr(rows, mode="r")[0][:6]
             _, moved, turn = la.svd(triangle)
-            motions = motions @ turn[moved <= _HELD * np.sqrt(len(held))].T
+            motions = motions @ turn[moved <= _HELD * np.sqrt(max(len(held), 1))].T
         if motions.shape[1]:
             motions = la.orth(motions)
         if motions.shape[1] == 0:  # LAPACK as of scipy 1.10 takes no empty matrices
@@ -295,8 +337,8 @@ def _conjugate_gradients(
     return u, False
 
 
-def _checked(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> NDArray[np.int64]:
-    """Return the indices of the free components, or say what is wrong."""
+def supported(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> Pencil:
+    """Return the pencil of matrices of which some components, (3V,), are free."""
     mask = np.asarray(free)
     size = len(mask) if mask.ndim == 1 else -1
     if mask.dtype != bool or size % 3 or not stiffness.shape == mass.shape == (size, size):
@@ -305,9 +347,18 @@ def _checked(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> 
             f"{mask.shape}) do not fit each other",
             allowed="shapes (3V, 3V), (3V, 3V) and, bool, (3V,)",
         )
-    if not mask.any():
+    return Pencil(stiffness, mass, selection(mask))
+
+
+def selection(free: NDArray[np.bool_]) -> sp.csc_matrix:
+    """Return the columns of the unit matrix for what is free, (3V, N)."""
+    import scipy.sparse as sp
+
+    rows = np.flatnonzero(free)
+    if len(rows) == 0:
         raise InputError(
             "every vertex of the cage is fixed, nothing can vibrate",
             cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
         )
-    return np.flatnonzero(mask)
+    columns = np.arange(len(rows) + 1)
+    return sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=(len(free), len(rows)))

@@ -8,6 +8,8 @@ Benchmarks Manual 1.4.14; the method is also known as modal truncation augmentat
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,38 +80,44 @@ def movable_mass(
     rows = np.repeat(np.arange(count), np.diff(assembly.indptr))
     own = rows == assembly.indices
     consistent = np.bincount(rows[own], assembly.products[own], count)
-    diagonal = assembly.lumps if lumped else consistent
+    diagonal = np.asarray(assembly.lumps if lumped else consistent, np.float64)
 
-    def inertia(x: FloatArray) -> FloatArray:
+    def inertia(moves: FloatArray, x: FloatArray) -> FloatArray:
         if lumped:
             return diagonal * x
-        summed = np.bincount(rows, assembly.products * x[assembly.indices], count)
-        return summed.astype(np.float64, copy=False)
+        return np.bincount(rows, assembly.products * x[assembly.indices], count) * moves
 
-    result = np.zeros(3)
+    found = []
     for axis in range(3):
-        moves = free[axis::3]
-        if not moves.any():
-            continue
-        x = moves.astype(np.float64)
-        right = inertia(np.ones(count)) * moves
+        moves = free[axis::3].astype(np.float64)
+        load = inertia(moves, np.ones(count)) * moves
+        found.append(moved_by(partial(inertia, moves), diagonal, load[:, None])[0])
+    return density * np.array(found)
+
+
+def moved_by(
+    inertia: Callable[[FloatArray], FloatArray], diagonal: FloatArray, loads: FloatArray
+) -> FloatArray:
+    """Return bᵀ M⁻¹ b for each column b of (N, m) loads, with M times a vector and its diagonal."""
+    result = np.zeros(loads.shape[1])
+    for column, right in enumerate(loads.T):
         # Conjugate gradients with M's own diagonal: a few dozen steps on any mesh, since the
         # condition of a consistent mass matrix scaled by its diagonal does not grow with its size.
-        r = right - inertia(x) * moves
+        x, r = np.zeros_like(right), right.copy()
         z = r / diagonal
         p, rho = z.copy(), float(r @ z)
-        enough = 1e-28 * float(right @ (right / diagonal))
+        enough = 1e-28 * rho
         for _ in range(200):
             if rho <= enough:
                 break
-            q = inertia(p) * moves
+            q = inertia(p)
             step = rho / float(p @ q)
             x += step * p
             r -= step * q
             z = r / diagonal
             rho, before = float(r @ z), rho
             p = z + (rho / before) * p
-        result[axis] = density * float(right @ x)
+        result[column] = float(right @ x)
     return result
 
 

@@ -15,14 +15,18 @@ Dvorkin, Int. J. Numer. Meth. Eng. 21 (1985) 367.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
+from spacemap_vtk.mechanics.elasticity import VOIGT, Assembly
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.strains import Strains, product
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix, csr_matrix
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -60,6 +64,17 @@ class MidSurface(NamedTuple):
         result = np.empty_like(nodal)
         result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
         return result
+
+    def matrix(self) -> csr_matrix:
+        """Return what `nodal` does as a matrix, (3V, 3V)."""
+        from scipy.sparse import bmat, csr_matrix, eye, kron
+
+        count = len(self.pairs)
+        ends = [
+            csr_matrix((np.ones(count), end, np.arange(count + 1)), shape=(count, 2 * count))
+            for end in self.pairs.T
+        ]
+        return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
 
     def thickness(self, points: FloatArray) -> FloatArray:
         """Return the length of each pair [m], (P,)."""
@@ -161,13 +176,74 @@ def of_sheet(points: FloatArray, surface: MidSurface, plate: Plate) -> list[Stra
     ]
 
 
-def mass_products(points: FloatArray, surface: MidSurface) -> FloatArray:
-    """Return ∫ N_a N_b h of each quadrilateral [m³], (E, 4, 4): the mass of mid-points over ρ."""
-    # That of the half thicknesses is a third of it, as x = p + ζ δ with ζ from -1 to 1.
+def of_pairs(points: FloatArray, surface: MidSurface) -> Assembly:
+    """Return what a sheet contributes to M: the mid-points' ∫ N_a N_b h, and that of the rest."""
+    # The half thicknesses' is a third of it, as x = p + ζ δ with ζ from -1 to 1.
+    count = len(surface.pairs)
     area = _axes(surface.nodal(points)[surface.quads], _GAUSS, surface.normal)[1]
     shapes = np.stack([_shape(at) for at in _GAUSS])
-    thickness = surface.thickness(points)[surface.quads] @ shapes.T
-    return np.einsum("eq,qa,qb->eab", area * thickness, shapes, shapes)
+    volume = area * (surface.thickness(points)[surface.quads] @ shapes.T)
+    products = np.einsum("eq,qa,qb->eab", volume, shapes, shapes)
+    key = surface.quads[:, :, None] * count + surface.quads[:, None, :]
+    pair, slot = np.unique(key, return_inverse=True)
+    middle = np.bincount(slot.ravel(), products.ravel(), len(pair))
+    starts = np.searchsorted(pair, np.arange(count + 1) * count)
+    lumps = np.bincount(surface.quads.ravel(), products.sum(axis=2).ravel(), count)
+    return Assembly(
+        np.concatenate([starts, starts[1:] + len(pair)]),
+        np.concatenate([pair % count, pair % count + count]),
+        np.empty((0, 9)),
+        np.concatenate([middle, middle / 3]),
+        np.concatenate([lumps, lumps / 3]),
+    )
+
+
+def held_pairs(held: NDArray[np.bool_], surface: MidSurface) -> csc_matrix:
+    """Return the basis (3V, N) of what vertices (V, 3) leave p and δ of each pair free."""
+    from scipy.sparse import csc_matrix
+
+    upper, lower = held[surface.pairs.T].reshape(2, -1)
+    count = len(upper)
+    # Where one end alone is held the other one moves: x⁺ = p + δ = 0, or x⁻ = p - δ = 0.
+    one = upper != lower
+    sign = np.where(upper, -1.0, 1.0)
+    free, alone = np.flatnonzero(~upper & ~lower), np.flatnonzero(one)
+    order = np.argsort(np.concatenate([free, alone]), kind="stable")
+    columns = np.empty(len(order), dtype=np.int64)
+    columns[order] = np.arange(len(order))
+    mine, theirs = columns[: len(free)], columns[len(free) :]
+    half = np.arange(len(free)) + len(order)
+    rows = np.concatenate([free, alone, alone + count, free + count])
+    values = np.concatenate([np.ones(len(free)), np.full(len(alone), 0.5**0.5)])
+    values = np.concatenate([values, 0.5**0.5 * sign[alone], np.ones(len(free))])
+    where = np.concatenate([mine, theirs, theirs, half])
+    return csc_matrix((values, (rows, where)), shape=(2 * count, len(order) + len(free)))
+
+
+def of_middle(
+    strains: list[Strains],
+    positions: FloatArray,
+    moved: FloatArray,
+    surface: MidSurface,
+    plate: Plate,
+) -> tuple[FloatArray, FloatArray]:
+    """Return strain and force per width [N/m] of each quadrilateral's middle, (E, 6) both."""
+    # Where p and δ move from positions, linear in that. As xx, yy, zz, yz, zx, xy of the cage.
+    found = []
+    for part in strains:
+        strain, gradients = part.at(positions)
+        found.append(strain + np.einsum("eqsnk,enk->eqs", gradients, moved[part.nodes]))
+    mean, thick = found[0].mean(axis=1), found[1].reshape(-1)[surface.quads].mean(axis=1)
+    normal = surface.normal
+    one, two = (normal + 1) % 3, (normal + 2) % 3
+    plane = [one, two, VOIGT[one, two]]
+    across = [VOIGT[one, normal], VOIGT[two, normal]]
+    strain, force = np.empty((2, len(mean), 6))
+    strain[:, plane], strain[:, across], strain[:, normal] = mean[:, :3], mean[:, 6:], thick
+    force[:, plane] = mean[:, :3] @ plate.membrane
+    force[:, across] = mean[:, 6:] @ plate.shear
+    force[:, normal] = plate.thickness * thick
+    return strain, force
 
 
 def _unstrained(
