@@ -10,9 +10,17 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.plates import Plate
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
+
+FloatArray = NDArray[np.float64]
+
+#: Names of the field arrays of the material: of a solid [Pa], and of a sheet per width: membrane
+#: [N/m], bending [N m], transverse shear and thickness [N/m].
+_SOLID = ("elasticity",)
+_SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickness_stiffness")
 
 _OWNER = "ModalResponse (put a ModalSolver before it)"
 
@@ -25,23 +33,36 @@ def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
     add_array(data, "fixed_components", held)
     add_array(data, "nodal_mass", model.nodal_mass)
     field = grid.GetFieldData()
-    add_array(field, "elasticity", model.elasticity)
+    for name, part in zip(_SHEET if model.plate else _SOLID, model.parts, strict=True):
+        add_array(field, name, np.atleast_1d(part))
     add_array(field, "density", np.array([model.density]))
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
+    if model.displacement is not None:
+        add_array(data, "equilibrium", model.displacement)
 
 
 def model_of(grid: vtkUnstructuredGrid) -> Model:
     """Return the mechanical model that a cage's modes were computed with."""
     # While ModalSolver, or anyone else, holds that model, its matrices and factors are shared;
     # otherwise they are made when they are first asked for.
-    field = grid.GetFieldData()
+    field, data = grid.GetFieldData(), grid.GetPointData()
+    material: FloatArray | Plate
+    if field.GetArray(_SHEET[0]) is None:
+        material = array_of(field, _SOLID[0], _OWNER)
+    else:
+        membrane, bending, shear, thickness = (array_of(field, name, _OWNER) for name in _SHEET)
+        material = Plate(
+            membrane.reshape(3, 3), bending.reshape(3, 3), shear.reshape(2, 2), thickness[0]
+        )
+    hung = data.GetArray("equilibrium") is not None
     return Model(
         points_of(grid).astype(np.float64, copy=False),
         elements_of(grid),
-        array_of(field, "elasticity", _OWNER),
+        material,
         float(array_of(field, "density", _OWNER)[0]),
-        array_of(grid.GetPointData(), "fixed_components", _OWNER) != 0,
+        array_of(data, "fixed_components", _OWNER) != 0,
         bool(array_of(field, "lumped", _OWNER)[0]),
+        array_of(data, "equilibrium", _OWNER) if hung else None,
     )
 
 

@@ -13,6 +13,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
+from spacemap_vtk.mechanics.shell import THIN
 from spacemap_vtk.parameters import Choice, Real, Series, Vector
 from spacemap_vtk.units import GRAVITY
 
@@ -68,9 +69,9 @@ class CageMaterial(Stage):
 
     elements = Choice(
         "auto",
-        "What the cage is calculated with: its tetrahedra, or the sheet that its vertices make "
-        "where they lie in one layer; by itself a sheet where the cells of such a layer are more "
-        "than four times wider than thick.",
+        "What the cage is to mechanics: the solid of its tetrahedra, or the sheet that a lattice of "
+        "one layer is, whole or carved, which stretches, bends and twists as cloth does. auto: the "
+        f"sheet where the cells of such a lattice are over {THIN:g} times wider than thick.",
         ["auto", "sheet", "tetrahedra"],
     )
     material = Choice(

@@ -26,7 +26,6 @@ from spacemap_vtk.mechanics.damping import Damping, rayleigh
 from spacemap_vtk.mechanics.kinematics import (
     LARGE_ROTATION,
     largest_rotation,
-    strains,
     symmetric_tensors,
     von_mises,
 )
@@ -298,7 +297,9 @@ class ModalResponse(Stage):
         displacement, velocity, acceleration = motion.at(time, state)
         for text in motion.warnings:
             self.warn(text)
-        gradients = modes.gradient.of(displacement)
+        rest = modes.model.displacement
+        moved = displacement if rest is None else displacement - rest
+        gradients = modes.gradient.of(moved)
         if largest_rotation(gradients) > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
@@ -312,8 +313,7 @@ class ModalResponse(Stage):
         field = output.GetFieldData()
         add_array(field, "modal_coordinates", state.position[: len(modes.eigenvalues)].copy())
         if self.stress:
-            strain = strains(gradients)
-            stress = strain @ modes.model.elasticity
+            strain, stress = modes.strained(moved, gradients)
             cells = output.GetCellData()
             add_array(cells, "strain", symmetric_tensors(strain, engineering=True))
             add_array(cells, "stress", symmetric_tensors(stress, engineering=False))

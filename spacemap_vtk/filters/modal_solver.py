@@ -23,6 +23,8 @@ from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
+from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.shell import THIN, MidSurface, mid_surface
 from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Integer, Parameter
@@ -156,12 +158,18 @@ class ModalSolver(CageMaterial):
                 self.fixed,
                 lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
             )
-        extent = float(np.ptp(vertices[:, 2]))
-        elasticity, density = self.constants(extent)
+        surface = self._surface(vertices, elements)
+        extent, layers = float(np.ptp(vertices[:, 2])), layers_through_thickness(vertices, elements)
+        material: FloatArray | Plate
+        if surface is None:
+            material, density = self.constants(extent)
+        else:
+            thickness, layers = float(surface.thickness(vertices).mean()), 1.0
+            material, mass = self.plate(thickness, surface.normal, _woven(grid))
+            density = mass / thickness
         linear = elements.shape[1] == 4
-        layers = layers_through_thickness(vertices, elements)
         self._model = model = Model(
-            vertices, elements, elasticity, density, held, self.mass == "lumped"
+            vertices, elements, material, density, held, self.mass == "lumped"
         )
         eigenvalues, shapes, rounding = self._solved(model, layers if linear else 2 * layers)
 
@@ -173,16 +181,36 @@ class ModalSolver(CageMaterial):
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
+        self.warn_of_elements(surface is not None)
+        self._warn_of_rounding(rounding)
+        if surface is not None:
+            return
         if self.material in FABRICS and self.youngs_moduli is None:
             self._warn_of_thickness(FABRICS[self.material].plate, extent)
-        self._warn_of_rounding(rounding)
         self._warn_of_stiffness(model)
         if linear:
-            self._warn_of_volume(elasticity)
+            self._warn_of_volume(model.elasticity)
+
+    def _surface(self, vertices: FloatArray, elements: NDArray[np.int64]) -> MidSurface | None:
+        """Return the sheet that the cage is to mechanics; None of a solid."""
+        if self.elements == "tetrahedra":
+            return None
+        found = mid_surface(vertices, elements)
+        if self.elements == "auto":
+            return found if found is not None and found.aspect(vertices) > THIN else None
+        if found is None:
+            raise InputError(
+                "a sheet is what a lattice of one layer is, and the cage is none",
+                key="elements",
+                value=self.elements,
+                cure="Set [cage] divisions such as [20, 20, 1], and order = 1; or elements = "
+                '"tetrahedra".',
+            )
+        return found
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # With all of scipy that solves: what is kept on disk needs none of it.
-        from spacemap_vtk.mechanics.eigen import estimate_bytes, lowest
+        from spacemap_vtk.mechanics.eigen import estimate_bytes
 
         dof = int(model.free.sum())
         require(
@@ -192,7 +220,7 @@ class ModalSolver(CageMaterial):
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        return lowest(model.pencil, count, self.report)
+        return model.modes(count, self.report)
 
     def _solved(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
@@ -305,6 +333,12 @@ class ModalSolver(CageMaterial):
                 + f" a Poisson's ratio of {ratio:.4g}, and are too stiff; set [cage] order = 2 "
                 "(quadratic tetrahedra), or lower " + ("it to 0.45" if alike else "poissons_ratios")
             )
+
+
+def _woven(grid: vtkUnstructuredGrid) -> float | None:
+    """Return the mass per area [kg/m²] of the weave in a cage; None where there is none."""
+    mass = grid.GetFieldData().GetArray("areal_mass")
+    return None if mass is None else float(mass.GetValue(0))
 
 
 def _read(digest: str, count: int, vertices: int) -> Solution | None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics import loads as forces
-from spacemap_vtk.mechanics.kinematics import MeanGradient
+from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
@@ -101,8 +101,31 @@ class CageModes:
 
     @cached_property
     def gradient(self) -> MeanGradient:
-        """Displacements to their gradient in each tetrahedron."""
-        return MeanGradient(self.model.points, self.model.cells)
+        """Displacements from the equilibrium to their gradient in each tetrahedron of it."""
+        moved = 0.0 if self.model.displacement is None else self.model.displacement
+        return MeanGradient(self.model.points + moved, self.model.cells)
+
+    def strained(self, moved: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return strain and stress of each tetrahedron.
+
+        Parameters
+        ----------
+        moved : ndarray of float64, shape (V, 3)
+            Displacement from the equilibrium [m].
+        gradients : ndarray of float64, shape (3, 3, T)
+            Of that, from `gradient`.
+
+        Returns
+        -------
+        strain : ndarray of float64, shape (T, 6)
+            As xx, yy, zz, yz, zx, xy, shears in engineering measure.
+        stress : ndarray of float64, shape (T, 6)
+            In Pa.
+        """
+        if self.model.plate is None and self.model.displacement is None:
+            strain = strains(gradients)
+            return strain, strain @ self.model.elasticity
+        return self.model.strained(moved)
 
     @cached_property
     def effective_masses(self) -> FloatArray:
@@ -216,14 +239,16 @@ class CageModes:
                 found, rounding = (statics or self.model.statics)(load)
                 self._statics.update(zip(new, found.T, strict=True))
                 self._rounding.update(zip(new, rounding.tolist(), strict=True))
-            values, shapes = residual_modes(
-                self.shapes,
+            pencil = self.model.pencil
+            values, found = residual_modes(
+                pencil.coordinates(self.shapes.T).T,
                 self.eigenvalues,
-                self.model.stiffness,
-                self.model.mass,
-                np.stack([self._elementary(name) * free for name in names], axis=1),
-                np.stack([self._statics[name] for name in names], axis=1),
+                self.model.modulus * pencil.stiffness,
+                self.model.density * pencil.mass,
+                pencil.gathered(np.stack([self._elementary(name) for name in names], axis=1)),
+                pencil.coordinates(np.stack([self._statics[name] for name in names], axis=1)),
             )
+            shapes = pencil.spread(found.T).T
             # One at a time: a basis of a large cage is large.
             self._bases = {
                 names: Basis(

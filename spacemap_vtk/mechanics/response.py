@@ -115,6 +115,9 @@ class Response:
     ) -> None:
         self.modes, self.loads, self.damping = modes, tuple(loads), damping
         self.points, self.cells = modes.model.points, modes.model.cells
+        rest = modes.model.displacement
+        #: The equilibrium that it moves about [m].
+        self._rest = np.zeros_like(self.points) if rest is None else rest
         lost = int((modes.eigenvalue_rounding > LOST).sum())
         if equilibrium and lost:
             raise InputError(
@@ -145,6 +148,8 @@ class Response:
             position=self._start(displacement, "displacement"),
             rate=self._start(velocity, "velocity"),
         )
+        #: What holds the equilibrium, on each mode: against it strain grows as the cage moves.
+        self._pull = self._shapes @ modes.model.forces
         self._kept: tuple[FloatArray, list[State]] | None = None
 
     def _start(self, field: FloatArray | None, what: str) -> FloatArray | None:
@@ -185,7 +190,7 @@ class Response:
             If the time is not a finite number.
         """
         state = self.modal.at(time) if state is None else state
-        return self._fields(state, self._shapes, time)
+        return self._fields(state, self._shapes, self._rest, time)
 
     def energy(self, time: float, state: State | None = None) -> Energy:
         """Return the energies at a time [J], as `Account.at` does.
@@ -201,8 +206,12 @@ class Response:
         -------
         Energy
             In J. Behind many thousand periods the work, and what of it was lost, are not a number.
+            What a hung cage has stored counts as strain, and as work.
         """
-        return self._account.at(time, state)
+        state = self.modal.at(time) if state is None else state
+        found = self._account.at(time, state)
+        hung = self.modes.model.strain_energy + float(self._pull @ state.position)
+        return found._replace(strain=found.strain + hung, work=found.work + hung)
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
         """Return how a point moves over time.
@@ -221,7 +230,10 @@ class Response:
         """
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
-        rows = [self._fields(now, shapes, t)[:, 0] for t, now in zip(times, states, strict=True)]
+        rest = (weights @ self._rest)[None]
+        rows = [
+            self._fields(now, shapes, rest, t)[:, 0] for t, now in zip(times, states, strict=True)
+        ]
         return np.stack(rows, axis=1)
 
     def energies(self, times: FloatArray) -> FloatArray:
@@ -283,8 +295,11 @@ class Response:
         shapes = self._shapes.reshape(len(self.modal.stiffness), -1, 3)
         return np.einsum("nvc,v->nc", shapes, weights)
 
-    def _fields(self, state: State, shapes: FloatArray, time: float) -> FloatArray:
+    def _fields(
+        self, state: State, shapes: FloatArray, rest: FloatArray, time: float
+    ) -> FloatArray:
         fields: FloatArray = (np.stack(state) @ shapes).reshape(3, -1, 3)
+        fields[0] += rest
         for load in self.loads:
             if load.moves_base is not None:
                 function = load.function

@@ -92,18 +92,16 @@ def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
     """Return the mid-surface of a one-layer lattice, whole or carved; None of any other mesh."""
     # It lies across the thinnest axis along which no two hexahedra meet.
     corners = _corners(cells)
-    if corners is None:
+    if corners is None or 2 * len(corners) >= len(points):  # of a sheet, P pairs have E < P
         return None
     best, thin = None, np.inf
     for axis in range(3):
         bit = 1 << axis
         other, last = 1 << (axis + 1) % 3, 1 << (axis + 2) % 3
         lower = np.array([0, other, other | last, last])
-        pairs, quads = np.unique(
-            corners[:, np.stack([lower | bit, lower], axis=1)].reshape(-1, 2),
-            axis=0,
-            return_inverse=True,
-        )
+        upper, lower = corners[:, lower | bit].ravel(), corners[:, lower].ravel()
+        key, quads = np.unique(upper * len(points) + lower, return_inverse=True)
+        pairs = np.stack(np.divmod(key, len(points)), axis=1)
         # Each vertex in one pair, at one end of it: no two hexahedra lie above each other.
         if len(pairs) * 2 == len(points) == len(np.unique(pairs)):
             across = points[pairs[:, 0]] - points[pairs[:, 1]]
