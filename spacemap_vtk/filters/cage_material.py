@@ -69,9 +69,9 @@ class CageMaterial(Stage):
 
     elements = Choice(
         "auto",
-        "What the cage is to mechanics: the solid of its tetrahedra, or the sheet that a lattice of "
-        "one layer is, whole or carved, which stretches, bends and twists as cloth does. auto: the "
-        f"sheet where the cells of such a lattice are over {THIN:g} times wider than thick.",
+        "What the cage is to mechanics: the solid of its tetrahedra, or the sheet that a lattice "
+        "of one layer is, whole or carved, which stretches, bends and twists as cloth does. auto: "
+        f"the sheet where the cells of such a lattice are over {THIN:g} times wider than thick.",
         ["auto", "sheet", "tetrahedra"],
     )
     material = Choice(

@@ -24,7 +24,7 @@ from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.shell import THIN, MidSurface, mid_surface
+from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, Integer, Parameter
@@ -158,15 +158,14 @@ class ModalSolver(CageMaterial):
                 self.fixed,
                 lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
             )
-        surface = self._surface(vertices, elements)
+        sheet = self._sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), layers_through_thickness(vertices, elements)
         material: FloatArray | Plate
-        if surface is None:
+        if sheet is None:
             material, density = self.constants(extent)
         else:
-            thickness, layers = float(surface.thickness(vertices).mean()), 1.0
-            material, mass = self.plate(thickness, surface.normal, _woven(grid))
-            density = mass / thickness
+            material, mass = self.plate(sheet.thickness, sheet.normal, _woven(grid))
+            density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         self._model = model = Model(
             vertices, elements, material, density, held, self.mass == "lumped"
@@ -181,9 +180,9 @@ class ModalSolver(CageMaterial):
         add_array(output.GetFieldData(), "eigenvalues", eigenvalues)
         add_array(output.GetFieldData(), "frequencies", np.sqrt(eigenvalues) / (2 * math.pi))
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
-        self.warn_of_elements(surface is not None)
+        self.warn_of_elements(sheet is not None)
         self._warn_of_rounding(rounding)
-        if surface is not None:
+        if sheet is not None:
             return
         if self.material in FABRICS and self.youngs_moduli is None:
             self._warn_of_thickness(FABRICS[self.material].plate, extent)
@@ -191,13 +190,13 @@ class ModalSolver(CageMaterial):
         if linear:
             self._warn_of_volume(model.elasticity)
 
-    def _surface(self, vertices: FloatArray, elements: NDArray[np.int64]) -> MidSurface | None:
+    def _sheet(self, vertices: FloatArray, elements: NDArray[np.int64]) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""
         if self.elements == "tetrahedra":
             return None
-        found = mid_surface(vertices, elements)
+        found = layer(vertices, elements)
         if self.elements == "auto":
-            return found if found is not None and found.aspect(vertices) > THIN else None
+            return found if found is not None and found.aspect > THIN else None
         if found is None:
             raise InputError(
                 "a sheet is what a lattice of one layer is, and the cage is none",

@@ -82,30 +82,12 @@ def solve_modes(
 
 
 def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
-    """Return the lowest vibration modes of a pencil, as `solve_modes` does.
-
-    Parameters
-    ----------
-    pencil : Pencil
-        K and M on what is free; its factors are used, and kept by it.
-    count : int
-        Number of modes n; all there are, if more are asked for.
-    progress : callable, optional
-        As for `solve_modes`.
-
-    Returns
-    -------
-    Modes
-        Eigenvalues and shapes as for `solve_modes`, and how many of their digits are rounding.
-
-    Notes
-    -----
-    Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
-    leave. A thin sheet bends by so much more easily than it stretches that K holds nothing of its
-    lowest modes but rounding; in the space of the modes that are found, whose higher ones are
-    right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
-    outside of that space have.
-    """
+    """Return the lowest vibration modes of a pencil, and how many of their digits are rounding."""
+    # Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
+    # leave. A thin sheet bends by so much more easily than it stretches that K holds nothing of its
+    # lowest modes but rounding; in the space of the modes that are found, whose higher ones are
+    # right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
+    # outside of that space have.
     _check_count(count)
     report: Progress = progress or _ignore
     report(0.0)

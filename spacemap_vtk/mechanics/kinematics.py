@@ -60,18 +60,7 @@ def largest_rotation(gradients: FloatArray) -> float:
 
 
 def strains(gradients: FloatArray) -> FloatArray:
-    """Return the strain of each tetrahedron.
-
-    Parameters
-    ----------
-    gradients : ndarray of float64, shape (3, 3, T)
-        From `MeanGradient`.
-
-    Returns
-    -------
-    ndarray of float64, shape (T, 6)
-        As xx, yy, zz, yz, zx, xy, shears in engineering measure (γ = 2ε).
-    """
+    """Return the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears as γ = 2ε, (T, 6)."""
     shears = [gradients[i, j] + gradients[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
     return np.stack([*(gradients[i, i] for i in range(3)), *shears], axis=1)
 

@@ -81,11 +81,40 @@ class MidSurface(NamedTuple):
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
 
-    def aspect(self, points: FloatArray) -> float:
-        """Return how many times wider than thick the cells are."""
-        corners = self.nodal(points)[self.quads]
-        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        return float(sides.mean() / self.thickness(points).mean())
+
+class Layer(NamedTuple):
+    """The measures of a lattice of one layer."""
+
+    thickness: float
+    """Mean length of the pairs [m]."""
+    normal: int
+    """The axis nearest to the direction across it: 0, 1 or 2."""
+    aspect: float
+    """How many times wider than thick the cells are."""
+
+
+def layer(points: FloatArray, cells: IntArray) -> Layer | None:
+    """Return the measures of the sheet that a cage can be.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Tetrahedra.
+
+    Returns
+    -------
+    Layer or None
+        None of what is no lattice of one layer, whole or carved, of linear tetrahedra.
+    """
+    surface = mid_surface(points, cells)
+    if surface is None:
+        return None
+    corners = surface.nodal(points)[surface.quads]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    thickness = float(surface.thickness(points).mean())
+    return Layer(thickness, surface.normal, float(sides.mean()) / thickness)
 
 
 def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
