@@ -126,7 +126,8 @@ class SpacemapAccessor:
                     allowed=", ".join(known),
                     cure=suggestion(name, known),
                 )
-            owners[0].configure(**{name: value})
+            # Gravity is what sets it swinging; ModalSolver's is what it hangs under before.
+            owners[-1].configure(**{name: value})
         source = vtkTrivialProducer()
         source.SetOutput(_with_points(self._mesh))
         return connect((source, connect(source, *stages[:-1])), warp).update(time=0.0)

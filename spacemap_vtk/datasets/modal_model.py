@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkDataArray
@@ -22,11 +24,14 @@ FloatArray = NDArray[np.float64]
 _SOLID = ("elasticity",)
 _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickness_stiffness")
 
+#: Of the gravity in an equilibrium [m/s²].
+_GRAVITY = "equilibrium_gravity"
+
 _OWNER = "ModalResponse (put a ModalSolver before it)"
 
 
-def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
-    """Write what a model is made of beside mesh: supports and material."""
+def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:
+    """Write what a model is made of beside mesh: supports, material, and how it hangs."""
     held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
     add_array(data, "fixed", held.max(axis=1))
@@ -39,6 +44,13 @@ def attach(grid: vtkUnstructuredGrid, model: Model) -> None:
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
     if model.displacement is not None:
         add_array(data, "equilibrium", model.displacement)
+        add_array(field, _GRAVITY, np.array(gravity, dtype=np.float64))
+
+
+def gravity_in(grid: vtkUnstructuredGrid) -> FloatArray:
+    """Return the gravity that a cage hangs under [m/s²]."""
+    hung = grid.GetFieldData().GetArray(_GRAVITY)
+    return np.zeros(3) if hung is None else array_of(grid.GetFieldData(), _GRAVITY, _OWNER)
 
 
 def model_of(grid: vtkUnstructuredGrid) -> Model:

@@ -58,9 +58,11 @@ class Arrows(NamedTuple):
 class Loaded(Protocol):
     """What moves a cage by loads that it knows."""
 
-    gravity: tuple[float, ...]
     loads: tuple[Load, ...]
     duration: float
+
+    def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
+        """Return the gravity that acts on a cage."""
 
 
 def load_arrows(response: Loaded, cage: vtkUnstructuredGrid, time: float) -> Arrows:
@@ -82,8 +84,9 @@ def load_arrows(response: Loaded, cage: vtkUnstructuredGrid, time: float) -> Arr
         places.append(np.where(load in _WHOLE, np.nan, ends[seen]))
         kinds.extend([load] * int(seen.sum()))
 
-    if any(response.gravity) and time >= 0.0:
-        way = _unit(response.gravity)
+    gravity = response.gravity_on(cage)
+    if gravity.any() and time >= 0.0:
+        way = _unit(tuple(gravity))
         add("gravity", _leaving(moved, cage, way), way, True, _Factors(1.0, 1.0, 1.0))
     for load in response.loads:
         factors = _factors(load, time, response.duration)

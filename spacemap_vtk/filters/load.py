@@ -9,9 +9,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from spacemap_vtk.errors import InputError
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import vectors_of
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.supports import SIDES
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
 from spacemap_vtk.parameters import (
@@ -328,6 +332,47 @@ class Loads(Parameter[tuple[Load, ...]]):
             for load in value
         ]
         return "[" + ", ".join(tables) + "]"
+
+
+def load_vectors(
+    modes: CageModes, grid: vtkUnstructuredGrid, loads: Iterable[Load], key: str
+) -> list[LoadVector]:
+    """Return the vectors of loads on a cage.
+
+    Parameters
+    ----------
+    modes : CageModes
+        Of the cage.
+    grid : vtkUnstructuredGrid
+        The cage, with the point arrays that loads name.
+    loads : iterable of Load
+        What acts.
+    key : str
+        Name of the parameter that they are from, for messages.
+
+    Returns
+    -------
+    list of LoadVector
+        One for each load.
+
+    Raises
+    ------
+    InputError
+        If a load has no place on the cage; its key names the load.
+    """
+    vectors = []
+    for number, load in enumerate(loads):
+        value, place = getattr(load, load.action), load.on or load.at
+        try:
+            if load.action == "array":
+                place, count = load.array, grid.GetNumberOfPoints()
+                with naming("loads.array"):
+                    value = vectors_of(grid.GetPointData(), place, count, "the loads")
+            vectors.append(modes.vector(load.action, value, load.function, place))
+        except InputError as error:
+            error.key = (error.key or "loads").replace("loads", f"{key}[{number}]", 1)
+            raise
+    return vectors
 
 
 def _from_text(text: str) -> Any:

@@ -15,11 +15,11 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, vectors_of
-from spacemap_vtk.datasets.modal_model import ModesReader
+from spacemap_vtk.datasets.modal_model import ModesReader, gravity_in
 from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.damping import Damping, rayleigh
@@ -177,7 +177,8 @@ class ModalResponse(Stage):
     )
     gravity = Vector(
         (0.0, 0.0, -9.80665),
-        "Acceleration of gravity, there from t = 0 on.",
+        "Acceleration of gravity, there from t = 0 on. A cage that hangs (modal.gravity) moves by "
+        "what this, where it is given, has more than what it hangs under.",
         component=Real(0.0, "", unit="m/s2"),
     )
     loads = Loads((), "What else acts on the cage, each with its time function.")
@@ -280,6 +281,25 @@ class ModalResponse(Stage):
         """The motion as of the last update; None before."""
         return None if self._kept_motion is None else self._kept_motion[1]
 
+    def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
+        """Return the gravity from t = 0 on [m/s²], (3,): as given, or what the cage hangs under.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            The cage.
+
+        Returns
+        -------
+        ndarray of float64, shape (3,)
+            In m/s².
+        """
+        # The default is no one's wish where a cage hangs.
+        hung = grid.GetPointData().GetArray("equilibrium") is not None
+        return (
+            gravity_in(grid) if hung and "gravity" not in self._values else np.array(self.gravity)
+        )
+
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
@@ -330,16 +350,10 @@ class ModalResponse(Stage):
                 add_array(field, name, np.array([value]))
 
     def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
-        vectors = [modes.vector("gravity", self.gravity, step())] if any(self.gravity) else []
-        for number, load in enumerate(self.loads):
-            value, place = getattr(load, load.action), load.on or load.at
-            try:
-                if load.action == "array":
-                    value, place = self._vectors(grid, "loads.array", load.array), load.array
-                vectors.append(modes.vector(load.action, value, load.function, place))
-            except InputError as error:
-                error.key = (error.key or "loads").replace("loads", f"loads[{number}]", 1)
-                raise
+        # A cage that hangs has its gravity, and its dead loads, in its equilibrium.
+        more = self.gravity_on(grid) - gravity_in(grid)
+        vectors = [modes.vector("gravity", more, step())] if more.any() else []
+        vectors += load_vectors(modes, grid, self.loads, "loads")
         displacement, velocity = (
             self._start(grid, *given)
             for given in (

@@ -18,16 +18,19 @@ from spacemap_vtk.datasets.modal_model import MODE_NAME, attach
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
+from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.model import Model, digest_of
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
+from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Parameter
+from spacemap_vtk.parameters import Choice, Integer, Parameter, Real, Vector
 from spacemap_vtk.units import format_quantity
 
 #: A cage is warned of where it bends or twists more often than this too stiffly or softly.
@@ -47,6 +50,9 @@ _QUICK, _PAUSE = 0.05, 1.0
 
 #: Eigenvalues are warned of where rounding is more than this share of them.
 ROUNDING = 1e-4
+
+#: What a cage may hang under beside gravity.
+DEAD = ("pressure", "traction", "force", "array")
 
 #: Names of the arrays that are kept on disk.
 _STORED = ("eigenvalues", "shapes", "rounding")
@@ -111,6 +117,7 @@ class ModalSolver(CageMaterial):
         "fixed": Provided("point"),
         "fixed_components": Provided("point"),
         "nodal_mass": Provided("point", "kg"),
+        "equilibrium": Provided("point", "m"),
         "eigenvalues": Provided("field", "1/s2"),
         "frequencies": Provided("field", "Hz"),
         "eigenvalue_rounding": Provided("field"),
@@ -135,6 +142,18 @@ class ModalSolver(CageMaterial):
         'masks, each in all directions or, after a colon, in those named: "-x:yz".',
     )
 
+    gravity = Vector(
+        (0.0, 0.0, 0.0),
+        "Gravity under which the cage hangs before anything moves, in the large: modes are those "
+        "about that equilibrium.",
+        component=Real(0.0, "", unit="m/s2"),
+    )
+    dead_loads = Loads(
+        (),
+        "Pressures, tractions, forces and arrays under which it hangs, too; they keep their "
+        "directions, and have no time.",
+    )
+
     #: Kept for those that come upon it by content: another support or material reuses parts.
     _model: Model | None = None
     #: Digest, and the last solution for unit modulus and density.
@@ -143,6 +162,9 @@ class ModalSolver(CageMaterial):
     _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
     #: Digest of the last model, and how stiff its tetrahedra are.
     _locking: tuple[str, Locking] | None = None
+    #: The undeformed model of what hangs; digest of the last equilibrium, and its displacement.
+    _rest: Model | None = None
+    _hangs: tuple[str, FloatArray] | None = None
     _stored: float = -math.inf
 
     def run(
@@ -170,10 +192,17 @@ class ModalSolver(CageMaterial):
         self._model = model = Model(
             vertices, elements, material, density, held, self.mass == "lumped"
         )
-        eigenvalues, shapes, rounding = self._solved(model, layers if linear else 2 * layers)
+        layers = layers if linear else 2 * layers
+        if (load := self._dead_load(grid, model)).any():
+            # The first is kept, too: its strains are those of the next equilibrium.
+            self._rest, rest = model, self._hung(model, load, layers)
+            self._model = model = Model(
+                vertices, elements, material, density, held, self.mass == "lumped", rest
+            )
+        eigenvalues, shapes, rounding = self._solved(model, layers)
 
         output.ShallowCopy(grid)
-        attach(output, model)
+        attach(output, model, self.gravity)
         for array in self._mode_arrays(shapes, model.density):
             output.GetPointData().AddArray(array)
         eigenvalues = eigenvalues * (model.modulus / model.density)
@@ -205,6 +234,64 @@ class ModalSolver(CageMaterial):
                 cure="Set [cage] divisions such as [20, 20, 1], and order = 1; or elements = "
                 '"tetrahedra".',
             )
+        return found
+
+    @property
+    def arrays(self) -> dict[str, Provided]:
+        """The arrays that the next run adds, by name."""
+        hangs = any(self.gravity) or bool(self.dead_loads)
+        return {k: v for k, v in super().arrays.items() if hangs or k != "equilibrium"}
+
+    def check(self) -> None:
+        """Check the material, and what it hangs under."""
+        super().check()
+        for number, load in enumerate(self.dead_loads):
+            if load.action not in DEAD or load.time != "step" or load.start is not None:
+                raise InputError(
+                    "a dead load is there for ever, and moves no base",
+                    key=f"dead_loads[{number}]",
+                    value=load.action if load.action not in DEAD else load.time,
+                    allowed=f"one of {', '.join(DEAD)}, and no time",
+                    cure="Put what changes into [[response.loads]], gravity into modal.gravity.",
+                )
+
+    def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> FloatArray:
+        """Return the forces on the vertices under which the cage hangs [N], (3V,)."""
+        self.check()
+        nothing = np.empty((0, model.points.size))
+        cage = CageModes(model, np.empty(0), nothing, np.empty(0))
+        vectors = load_vectors(cage, grid, self.dead_loads, "dead_loads")
+        if any(self.gravity):
+            vectors.append(cage.vector("gravity", self.gravity, step()))
+        total = np.zeros(model.points.size)
+        for vector in vectors:
+            total += cage.force(vector)
+        return total
+
+    def _hung(self, model: Model, load: FloatArray, layers: float) -> FloatArray:
+        """Return the displacement to the equilibrium [m], (V, 3): from disk, or solved."""
+        digest = digest_of(model.digest, load / model.modulus)
+        if self._hangs is not None and self._hangs[0] == digest:
+            return self._hangs[1]
+
+        def solve() -> FloatArray:
+            kept = (cache.load(f"hung-{digest}") or {}).get("displacement")
+            if kept is not None and kept.shape == model.points.shape and np.isfinite(kept).all():
+                return kept
+            require(
+                model.estimate_bytes(layers),
+                f"the equilibrium of {int(model.free.sum())} degrees of freedom",
+                key="gravity",
+                value=self.gravity,
+                cure="Use a coarser cage.",
+            )
+            found = model.hung(load, lambda share: self.report(0.5 * share))
+            cache.store(f"hung-{digest}", displacement=found)
+            return found
+
+        processes = self._processes
+        found = solve() if processes is None else processes.from_first(lambda: [solve()])[0]
+        self._hangs = digest, found
         return found
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:

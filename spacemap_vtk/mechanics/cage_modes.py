@@ -13,7 +13,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics import loads as forces
 from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.residual_vectors import participation, residual_modes
+from spacemap_vtk.mechanics.residual_vectors import participation
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
 
 FloatArray = NDArray[np.float64]
@@ -239,16 +239,12 @@ class CageModes:
                 found, rounding = (statics or self.model.statics)(load)
                 self._statics.update(zip(new, found.T, strict=True))
                 self._rounding.update(zip(new, rounding.tolist(), strict=True))
-            pencil = self.model.pencil
-            values, found = residual_modes(
-                pencil.coordinates(self.shapes.T).T,
+            values, shapes = self.model.residual_modes(
+                self.shapes,
                 self.eigenvalues,
-                self.model.modulus * pencil.stiffness,
-                self.model.density * pencil.mass,
-                pencil.gathered(np.stack([self._elementary(name) for name in names], axis=1)),
-                pencil.coordinates(np.stack([self._statics[name] for name in names], axis=1)),
+                np.stack([self._elementary(name) * free for name in names], axis=1),
+                np.stack([self._statics[name] for name in names], axis=1),
             )
-            shapes = pencil.spread(found.T).T
             # One at a time: a basis of a large cage is large.
             self._bases = {
                 names: Basis(

@@ -203,22 +203,25 @@ def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray
 
 def _refined(component: Pencil, modes: FloatArray) -> FloatArray:
     """Return modes of a dense solver without what rounding has mixed into the lowest."""
-    # That is a share of the highest eigenvalue, which of a sheet is its thickness's: an inverse
-    # iteration takes it out, as the factors are good to each row's own size.
+    # It mixes in a share of the highest eigenvalue, which of a sheet is its thickness's. The
+    # inverse's lowest modes have none of it, as the factors are good to each row's own size.
     stiffness, mass = component.stiffness, component.mass
     force, inertia = stiffness @ modes, mass @ modes
     values = np.einsum("nk,nk->k", modes, force)
     residual = np.linalg.norm(force - inertia * values, axis=0)
     allowed = np.linalg.norm(abs(stiffness) @ abs(modes), axis=0) * NOISE
     allowed = np.maximum(0.01 * RESIDUAL * np.linalg.norm(force, axis=0), allowed)
-    poor = np.flatnonzero(residual > allowed)
-    if len(poor) == 0:
+    if (residual <= allowed).all():
         return modes
-    few = poor[-1] + 1
-    low = component.factors.solve(inertia[:, :few])
-    low /= np.sqrt(np.einsum("nk,nk->k", low, mass @ low))
-    turn = la.eigh(low.T @ (stiffness @ low), low.T @ (mass @ low))[1]
-    return np.concatenate([low @ turn, modes[:, few:]], axis=1)
+    few = modes.shape[1]
+    if few == component.size:
+        few = int((values < math.sqrt(component.shift * values.max())).sum())
+    solve, dense = component.factors.solve, mass.toarray()
+    low = la.eigh(mass @ solve(dense), dense)[1][:, ::-1][:, :few]
+    low = solve(mass @ low)
+    low = low @ la.eigh(low.T @ (stiffness @ low), low.T @ (mass @ low))[1]
+    high = modes[:, few:]
+    return np.concatenate([low, high - low @ (low.T @ (mass @ high))], axis=1)
 
 
 def _evaluated(component: Pencil, modes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -23,7 +23,7 @@ from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import check_sizes
 from spacemap_vtk.mechanics.pencil import Nodes, Pencil, selection
 from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by
+from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by, residual_modes
 from spacemap_vtk.mechanics.shell import held_pairs, mid_surface, of_middle, of_pairs, of_sheet
 from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra, tangent
 from spacemap_vtk.mechanics.tetrahedra import checked_mesh
@@ -289,6 +289,102 @@ class Model:
             return found
         shapes = surface.vertices(found.shapes.swapaxes(0, 1)).swapaxes(0, 1)
         return found._replace(shapes=np.ascontiguousarray(shapes))
+
+    def residual_modes(
+        self, shapes: FloatArray, eigenvalues: FloatArray, loads: FloatArray, statics: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return shapes that make the static response to loads exact.
+
+        Parameters
+        ----------
+        shapes : ndarray of float64, shape (n, 3V)
+            Mass-normalised modes.
+        eigenvalues : ndarray of float64, shape (n,)
+            Of these [1/s²].
+        loads : ndarray of float64, shape (3V, m)
+            Forces on what is free [N].
+        statics : ndarray of float64, shape (3V, m)
+            Displacements under them, from `statics` [m].
+
+        Returns
+        -------
+        eigenvalues : ndarray of float64, shape (k,)
+            Ascending [1/s²].
+        shapes : ndarray of float64, shape (k, 3V)
+            Mass-normalised, and M-orthogonal to the modes.
+        """
+        if self.pencil.surface is None:
+            matrices = self.stiffness, self.mass
+            return residual_modes(shapes, eigenvalues, *matrices, loads, statics)
+        # In its own coordinates, as K of a sheet's vertices has few digits of bending.
+        pencil = self.pencil
+        values, found = residual_modes(
+            pencil.coordinates(shapes.T).T,
+            eigenvalues,
+            self.modulus * pencil.stiffness,
+            self.density * pencil.mass,
+            pencil.gathered(loads),
+            pencil.coordinates(statics),
+        )
+        return values, pencil.spread(found.T).T
+
+    def hung(
+        self, forces: FloatArray, progress: Callable[[float], object] | None = None
+    ) -> FloatArray:
+        """Return where the undeformed body comes to rest under dead loads, however far that is.
+
+        Parameters
+        ----------
+        forces : ndarray of float64, shape (3V,)
+            On the vertices [N]; they keep their directions.
+        progress : callable, optional
+            Is told the share that is done, 0 to 1; may raise to stop.
+
+        Returns
+        -------
+        ndarray of float64, shape (V, 3)
+            Displacement of the vertices to the stable equilibrium [m].
+
+        Raises
+        ------
+        InputError
+            If nothing holds it against the load.
+        SolverError
+            If no stable state was found; it says up to which share of the load there was one.
+        """
+        from spacemap_vtk.mechanics.equilibrium import (  # type: ignore[import-not-found]
+            equilibrium,
+        )
+
+        pencil, surface = self.pencil, self.pencil.surface
+        load = forces.reshape(-1, 3) / self.modulus
+        load = load if surface is None else 2 * surface.nodal(load)
+        start = pencil.nodes.positions
+        found = equilibrium(pencil.strains, pencil.basis, start, load, progress=progress)
+        moved = found.positions - start
+        return moved if surface is None else surface.vertices(moved)
+
+    def estimate_bytes(self, layers: float) -> int:
+        """Return the memory that an equilibrium takes.
+
+        Parameters
+        ----------
+        layers : float
+            Cells through the thickness of a slab, see `eigen.estimate_bytes`.
+
+        Returns
+        -------
+        int
+            Bytes: strains, their gradients and tangents, and the factors.
+        """
+        from spacemap_vtk.mechanics.eigen import estimate_bytes
+
+        # An element's forms, and some of the size of its tangent's rows and columns.
+        nodes, strains = (8, 32) if self.pencil.surface else (self.cells.shape[1], 6)
+        strains *= 4 if self.cells.shape[1] == 10 else 1
+        each = 8 * (strains * (nodes**2 + 6 * nodes) + 5 * (3 * nodes) ** 2)
+        cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
+        return each * cells + estimate_bytes(int(self.free.sum()), 8, layers)
 
     def strained(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
