@@ -18,7 +18,8 @@ from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic
-from spacemap_vtk.mechanics.model import Model, WeakValues
+from spacemap_vtk.mechanics.mesh_pencil import WeakValues
+from spacemap_vtk.mechanics.model import Model
 
 STEEL = isotropic(2e6, 0.3)
 

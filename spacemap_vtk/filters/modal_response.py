@@ -29,7 +29,8 @@ from spacemap_vtk.mechanics.kinematics import (
     symmetric_tensors,
     von_mises,
 )
-from spacemap_vtk.mechanics.model import Model, digest_of
+from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector

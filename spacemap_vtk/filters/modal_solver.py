@@ -23,7 +23,8 @@ from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, lo
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.model import Model, digest_of
+from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
