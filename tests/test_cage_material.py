@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
+from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, connect
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.mechanics.materials import isotropic
@@ -143,3 +143,60 @@ def test_a_weaves_own_mass_reaches_its_cage(method):
     area = np.pi / 4 * 2.5e-4**2 * weave.packing * weave.fibre_density
     expected = 2000 * (40e-6 * (1 + crimp[0]) + area * (1 + crimp[1]))
     assert mass.tolist() == pytest.approx([expected], rel=1e-6)
+
+
+def strip(solver, along="y"):
+    """Return a solver of a strip of cloth of 4 x 60 yarns, and its length in m."""
+    size = {"x": (60, 4), "y": (4, 60)}[along]
+    weave = WeaveSource(ends=size[0], picks=size[1])
+    divisions = (30, 2, 1) if along == "x" else (2, 30, 1)
+    connect(weave, TetraCage(divisions=divisions), solver)
+    bounds = solver.update().output.GetBounds()
+    return bounds[1] - bounds[0] if along == "x" else bounds[3] - bounds[2]
+
+
+@pytest.mark.parametrize(("along", "rigidity"), [("y", 9e-6), ("x", 4e-6)])
+def test_a_strip_swings_as_a_cantilever_of_its_rigidity(along, rigidity):
+    """Euler: f = 1.8751² sqrt(B/m) / (2π L²), along the warp (y) and along the weft (x)."""
+    made = ModalSolver(elements="sheet", bending_rigidity=[9e-6, 4e-6], fixed=f"+{along}", modes=1)
+    length = strip(made, along)
+    field = made.output.GetFieldData()
+    mass = field.GetArray("areal_mass").GetValue(0)  # the weave's own
+    euler = 1.875104**2 / (2 * np.pi * length**2) * np.sqrt(rigidity / mass)
+    assert field.GetArray("frequencies").GetValue(0) == pytest.approx(euler, rel=0.01)
+    assert made.warnings == ()
+
+
+def test_a_strip_of_denim_bends_as_denim_without_a_warning():
+    made = ModalSolver(elements="sheet", material="denim", modes=1)
+    length = strip(made)
+    denim = FABRICS["denim"]
+    euler = 1.875104**2 / (2 * np.pi * length**2) * np.sqrt(denim.bending[2] / denim.areal_mass)
+    found = made.output.GetFieldData().GetArray("frequencies").GetValue(0)
+    assert found == pytest.approx(euler, rel=0.01)
+    assert made.warnings == ()
+
+
+def test_a_sheet_weighs_as_the_weave_in_it():
+    made = ModalSolver(elements="sheet", modes=1)
+    weave = WeaveSource()
+    connect(weave, TetraCage(padding=0.1), made)
+    data = made.update().output
+    x0, x1, y0, y1, *_ = data.GetBounds()
+    mass = vtk_to_numpy(data.GetPointData().GetArray("nodal_mass")).sum() / (x1 - x0) / (y1 - y0)
+    assert mass == pytest.approx(fabric_figures(weave.cloth)["areal_mass"])
+    # tetrahedra weigh what they weighed
+    made.elements = "tetrahedra"
+    data = made.update().output
+    assert data.GetFieldData().GetArray("density").GetValue(0) == 300.0
+
+
+def test_measures_for_other_elements_are_told():
+    made = ModalSolver(bending_rigidity="5 uN.m", modes=1)
+    connect(WeaveSource(), TetraCage(divisions=(3, 3, 3)), made)
+    text = 'modal.bending_rigidity does not count: the cage is no sheet; elements = "sheet"'
+    assert any(text in told for told in made.update().warnings)
+    made = ModalSolver(material="denim", thickness="1 mm", modes=1)
+    connect(WeaveSource(ends=20, picks=20), TetraCage(divisions=(2, 2, 1)), made)
+    text = 'modal.thickness does not count: the cage is a sheet; elements = "tetrahedra"'
+    assert any(text in told for told in made.update().warnings)
