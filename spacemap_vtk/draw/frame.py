@@ -78,9 +78,12 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
 
 def add_shape(cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
     """Move a cage by the shape of one of its modes, by so much [m] where that moves it most."""
-    shape = array_of(cage.GetPointData(), MODE_NAME.format(mode), "a mode's shape")
-    size = float(np.linalg.norm(shape, axis=1).max()) or 1.0
-    add_array(cage.GetPointData(), "displacement", shape * (largest / size))
+    data = cage.GetPointData()
+    shape = array_of(data, MODE_NAME.format(mode), "a mode's shape")
+    moved = shape * (largest / (float(np.linalg.norm(shape, axis=1).max()) or 1.0))
+    if data.HasArray("equilibrium"):  # what hangs swings about where it hangs
+        moved += array_of(data, "equilibrium", "a mode's shape")
+    add_array(data, "displacement", moved)
 
 
 def copied(data: Any) -> Any:
