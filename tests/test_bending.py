@@ -10,6 +10,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from spacemap_vtk import ModalSolver, TetraCage
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.mechanics.bending import _Plate as Plate
 from spacemap_vtk.mechanics.bending import layers_through_thickness, locking
 from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
@@ -69,9 +70,9 @@ def test_linear_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
     said = locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
-    assert 0.97 < said.bending / bending < (1.07 if wide >= 5 else 1.3)
+    assert 0.97 < said.bending / bending < (1.1 if wide >= 5 else 1.3)
     if twist:  # where it is so stiff that it is none of the lowest modes
-        assert 1.1 < said.twist / twist < 2.2
+        assert 1.0 < said.twist / twist < (1.1 if wide >= 2.5 else 1.3)
 
 
 @pytest.mark.parametrize(
@@ -89,9 +90,9 @@ def test_quadratic_tetrahedra_are_as_stiff_as_said(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 2)
     said = locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
-    assert said.bending == 1.0
+    assert 1.0 <= said.bending < 1.03
     assert 1.0 < bending < 1.07  # five and ten cells, however thin
-    assert 0.8 < said.twist / twist < 1.2
+    assert 0.7 < said.twist / twist < 1.25
 
 
 @pytest.mark.parametrize("cells", [10, 16])
@@ -104,13 +105,14 @@ def test_four_thicknesses_a_cell_twist_right(cells):
 @pytest.mark.parametrize("layers", [1, 2, 6])
 @pytest.mark.parametrize("wide", [10, 70])
 def test_the_leading_terms_are_in_closed_form(layers, wide):
-    points, tetrahedra, _ = square(6, layers, wide, 1)
-    said = locking(points, tetrahedra, STUFF, held(points))
+    plate = Plate(*square(6, layers, wide, 1)[:2], 2)
     shear, along = 1 / 2.6, 1 / (1 - 0.3**2)
-    assert said.bending == pytest.approx(1 + 2 * shear / along * wide**2, rel=0.03)
+    bending = 1 + 2 * shear / along * wide**2
+    assert plate.times(STUFF, 0, 0) == pytest.approx(bending, rel=0.03)
+    assert plate.times(STUFF, 1, 1) == pytest.approx(bending, rel=0.03)
     swelling = STUFF[2, 2] / 1e6
     twist = 1 + layers**2 * swelling / (4 * shear) * wide**4
-    assert said.twist == pytest.approx(twist, rel=0.04)
+    assert plate.times(STUFF, 0, 1) == pytest.approx(twist, rel=0.04)
 
 
 def test_a_bar_of_cubes():
@@ -191,7 +193,7 @@ def test_where_diagonals_do_not_cross(wide):
     said = locking(points, tetrahedra, STUFF, held(points))
     bending, twist = measured(points, tetrahedra, thickness)
     assert 0.97 < said.bending / bending < 1.3
-    assert 1.1 < said.twist / twist < 2.2
+    assert 0.9 < said.twist / twist < 1.3
     points, tetrahedra = with_midpoints(points, tetrahedra)
     bending, twist = measured(points, tetrahedra, thickness)
     assert bending < 1.1
