@@ -356,8 +356,9 @@ class ModalSolver(CageMaterial):
             self.warn(
                 f"a cage {format_quantity(float(f'{extent:.3g}'), 'm')} thick that stretches as "
                 f"{self.material} bends {times:.2g} times too {softly}: {self.material} bends as "
-                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}; {lower} youngs_moduli "
-                f"and shear_moduli {times:.2g} times if bending matters more"
+                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}; set [modal] elements = "
+                f'"sheet", which keeps both, or {lower} youngs_moduli and shear_moduli '
+                f"{times:.2g} times if bending matters more"
             )
 
     def _warn_of_rounding(self, rounding: FloatArray) -> None:
@@ -384,30 +385,24 @@ class ModalSolver(CageMaterial):
         if max(bending, twist) <= BENDS_ALIKE:
             return
         sheet = sheet_of(model.points, model.cells)
-        wide = sheet.width / sheet.thickness
-        widest = format_quantity(float(f"{TWISTS_WELL * sheet.thickness:.3g}"), "m")
         linear = model.cells.shape[1] == 4
         off = {"bend": bending} if linear else {}
         if twist > BENDS_ALIKE:
             off["twist"] = twist
-        if not linear:
-            cure = "raise [cage] divisions until they are no wider than"
-            cure += f" {TWISTS_WELL} thicknesses ({widest})"
-        elif wide > TWISTS_WELL and "twist" in off:
-            cure = (
-                "set [cage] order = 2: quadratic tetrahedra bend right however wide they are, and "
-            )
-            cure += f"twist right up to {TWISTS_WELL} thicknesses ({widest})"
+        fine = f"no cell wider than {TWISTS_WELL} thicknesses "
+        fine += f"({format_quantity(float(f'{TWISTS_WELL * sheet.thickness:.3g}'), 'm')})"
+        if len(sheet.long) == 1:  # a bar
+            cure = "set [cage] order = 2 (quadratic tetrahedra)"
         else:
-            cure = "set [cage] order = 2 (quadratic tetrahedra), or raise its divisions until they "
-            cure += "are half as wide as it is thick"
+            cure = 'set [modal] elements = "sheet" with [cage] divisions = [nx, ny, 1]'
+            cure += f", or [cage] order = 2 with {fine}" if linear else f", order = 1, or {fine}"
         self.warn(
-            f"the cage's {'linear' if linear else 'quadratic'} tetrahedra, {wide:.2g} times as "
-            "wide as it is thick, "
-            + " and ".join(f"{what} about {times:.2g} times" for what, times in off.items())
-            + " too stiffly, so that frequencies are about "
-            + " and ".join(f"{math.sqrt(times):.2g}" for times in off.values())
-            + f" times too high; {cure}"
+            f"the cage's {'linear' if linear else 'quadratic'} tetrahedra, "
+            f"{sheet.width / sheet.thickness:.2g} times as wide as it is thick, "
+            + " and ".join(f"{what} about {_rounded(times)} times" for what, times in off.items())
+            + " too stiffly, so that such modes are about "
+            + " and ".join(_rounded(math.sqrt(times)) for times in off.values())
+            + f" times too high in frequency; {cure}"
         )
 
     def _warn_of_volume(self, elasticity: FloatArray) -> None:
@@ -426,6 +421,11 @@ def _woven(grid: vtkUnstructuredGrid) -> float | None:
     """Return the mass per area [kg/m²] of the weave in a cage; None where there is none."""
     mass = grid.GetFieldData().GetArray("areal_mass")
     return None if mass is None else float(mass.GetValue(0))
+
+
+def _rounded(times: float) -> str:
+    """Return a number of two digits, written out while that is short."""
+    return f"{float(f'{times:.2g}'):.7g}"
 
 
 def _read(digest: str, count: int, vertices: int) -> Solution | None:

@@ -151,15 +151,17 @@ def locking(
     (Ritz's method, polynomials of degree 7), with these factors and without: of each of its lowest
     modes, how much less it yields to that mode's inertia.
 
-    How accurate, against plates of 1:1, 1:2, 2:1 and 1:5, clamped by one side or two opposite ones,
-    with cells 2.5 to 70 thicknesses wide and one to six layers, of ν = 0.3 and three measured
-    fabrics. Linear tetrahedra: the first mode that bends, 0.95 to 1.35 times what was found, and
-    the first that twists, 1.0 to 1.4 times; up to twice in bending where the real sheet yields in
-    shear across its thickness. Quadratic ones: the second formula is a fit; nine of ten first modes
-    that twist are said 0.45 to 1.5 times what was found, the worst, held by two sides, a fifth. Of
-    their bending nothing is said: in five cells along a side it is 7 % too stiff, between two
-    clamped sides 27 % (in three, 90 %), however thin. A material of ν above 0.3 is taken for one of
-    0.3 in bending, as vertices move aside: it is then 0.7 to 1.7 times what was found.
+    How accurate, against plates of 1:1, 1:2, 2:1 and 1:5, of ν = 0 to 0.45 and three measured
+    fabrics, with cells 2.5 to 70 thicknesses wide and one to six layers, as said over found in the
+    first mode that bends and the first that twists. Linear tetrahedra, clamped by one side: 1.0 to
+    1.3 in bending; in twist 1.0 to 1.2, of a fabric up to 2.5. By two opposite sides: 0.9 to 1.35
+    in bending, of a fabric in cells below five thicknesses, which yields in shear as well, up to 4;
+    in twist 1.0 to 1.4, but another of the five may be said that is up to ten times worse.
+    Quadratic ones: the second formula is a fit; by one side 0.7 to 2.2, by two 0.4 to 2.1, of a
+    fabric up to 6.7. That their cells are too few to bend is not said: five along a side are 7 %
+    too stiff, between two sides 27 % (three: 90 %), and more for ν above 0.3. In bending, a
+    material of ν above 0.3 is taken for one of 0.3, as vertices move aside. A sheet that is not
+    level with the axes is taken for a block, and judged in nothing.
     """
     sheet = sheet_of(vertices, tetrahedra)
     corners, linear = tetrahedra[:, :4], tetrahedra.shape[1] == 4
