@@ -318,9 +318,7 @@ class Model:
         SolverError
             If no stable state was found; it says up to which share of the load there was one.
         """
-        from spacemap_vtk.mechanics.equilibrium import (  # type: ignore[import-not-found]
-            equilibrium,
-        )
+        from spacemap_vtk.mechanics.equilibrium import equilibrium
 
         pencil, surface = self.pencil, self.pencil.surface
         load = forces.reshape(-1, 3) / self.modulus

@@ -55,11 +55,16 @@ class Strains:
 
     def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
+        squares, gradients = self.squares(positions)
+        return squares - self.reference, gradients
+
+    def squares(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ½ z b z, (E, Q, s), and G: what strains have of second order in a move z."""
         z = positions[self.nodes]
         elements, nodes = self.nodes.shape
         gradients = (self.forms.reshape(elements, -1, nodes) @ z).reshape(*self.forms.shape[:4], 3)
         flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
-        return 0.5 * flat.reshape(self.reference.shape) - self.reference, gradients
+        return 0.5 * flat.reshape(self.reference.shape), gradients
 
     def energy(self, positions: FloatArray) -> float:
         """Return W = ½ Σ εᵀ C ε [J]."""
@@ -83,15 +88,29 @@ class Strains:
         rows = self.nodes.ravel()
         return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
 
-    def tangent(self, positions: FloatArray, definite: bool = False) -> FloatArray:
+    def tangent(self, positions: FloatArray) -> FloatArray:
         """Return ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
-        # Definite: without what may make it indefinite, the geometric stiffness of compression and
-        # of strains whose form is itself indefinite.
         strain, gradients = self.at(positions)
-        stress = self.stresses(strain)
-        if definite:
-            stress = np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
-        return self.tangent_of(stress, gradients)
+        return self.tangent_of(self.stresses(strain), gradients)
+
+    def pulling(self, stress: FloatArray) -> FloatArray:
+        """Return of stresses (E, Q, s) those with which K is positive definite at any shape."""
+        # Not compression, nor stresses of strains whose form is itself indefinite.
+        return np.where(self._stabilises, np.maximum(stress, 0.0), 0.0)
+
+    def changes(self, gradients: FloatArray, move: FloatArray) -> FloatArray:
+        """Return G Δz of a move (V, 3), (E, Q, s)."""
+        elements, nodes = self.nodes.shape
+        flat = gradients.reshape(elements, -1, 3 * nodes) @ move[self.nodes].reshape(
+            elements, -1, 1
+        )
+        return flat.reshape(self.reference.shape)
+
+    def turn(self, move: FloatArray) -> float:
+        """Return how far a move (V, 3) turns or stretches any element, to first order [rad]."""
+        # A line whose end is moved by θ of its length, across it, has a strain of θ²/2.
+        squares = self.squares(move)[0][self._stabilises]
+        return float(np.sqrt(2 * squares.max(initial=0.0)))
 
     def tangent_of(self, stress: FloatArray, gradients: FloatArray) -> FloatArray:
         """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
