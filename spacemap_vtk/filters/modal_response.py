@@ -45,6 +45,9 @@ _STRESS = {"stress": (True,)}
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
 
+#: Where nobody says otherwise [m/s²].
+GRAVITY = (0.0, 0.0, -9.80665)
+
 _FREQUENCY = Real(1.0, "", unit="1/s", above=0.0)
 _RATIO = Real(0.0, "", minimum=0.0)
 
@@ -177,10 +180,11 @@ class ModalResponse(Stage):
         automatic="alpha and beta damp",
     )
     gravity = Vector(
-        (0.0, 0.0, -9.80665),
+        None,
         "Acceleration of gravity, there from t = 0 on. A cage that hangs (modal.gravity) moves by "
-        "what this, where it is given, has more than what it hangs under.",
+        "what this has more than what it hangs under.",
         component=Real(0.0, "", unit="m/s2"),
+        automatic="(0, 0, -9.80665) m/s2, or what the cage hangs under",
     )
     loads = Loads((), "What else acts on the cage, each with its time function.")
     initial = Choice(
@@ -295,10 +299,10 @@ class ModalResponse(Stage):
         ndarray of float64, shape (3,)
             In m/s².
         """
-        # The default is no one's wish where a cage hangs.
-        hung = grid.GetPointData().GetArray("equilibrium") is not None
+        if self.gravity is not None:
+            return np.array(self.gravity)
         return (
-            gravity_in(grid) if hung and "gravity" not in self._values else np.array(self.gravity)
+            gravity_in(grid) if grid.GetPointData().HasArray("equilibrium") else np.array(GRAVITY)
         )
 
     def run(
