@@ -12,8 +12,10 @@ import scipy.sparse as sp
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import eigen, lanczos
-from spacemap_vtk.mechanics.eigen import estimate_bytes, solve_modes
+from spacemap_vtk.mechanics.eigen import estimate_bytes, lowest, solve_modes
 from spacemap_vtk.mechanics.elasticity import isotropic, nodal_mass, stiffness_and_mass
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.plates import homogeneous
 
 CUBE = (0, 1, 0, 1, 0, 1)
 
@@ -368,3 +370,21 @@ def test_memory_is_estimated_from_above_and_in_order():
     assert 1.0e9 < estimate_bytes(89_280, 30) < 4e9
     assert estimate_bytes(98_208, 30, math.inf) == estimate_bytes(98_208, 30)
     assert estimate_bytes(99_630, 300, 4) > estimate_bytes(99_630, 30, 4)
+
+
+@pytest.mark.parametrize("aspect", [1e4, 1e5])
+@pytest.mark.parametrize("clamped", [True, False])
+def test_a_foil_has_its_modes(aspect, clamped):
+    """Leissa, Vibration of Plates (1969), ω a² √(ρh/D): by one side, and free; ν = 0.3."""
+    thickness = 1 / aspect
+    points, cells = lattice((0, 1, 0, 1, 0, thickness), (16, 16, 1))
+    held = np.repeat(points[:, 1:2] == 1.0, 3, axis=1) & clamped
+    model = Model(points, cells, homogeneous(isotropic(1e6, 0.3), thickness), 1.0, held)
+    eigenvalues, _, rounding = lowest(model.pencil, 9)
+    rigid = 0 if clamped else 6
+    assert (eigenvalues == 0.0).sum() == rigid
+    assert rounding.max() < 1e-4
+    known = (3.4917, 8.5246, 21.429) if clamped else (13.489, 19.789, 24.432)
+    rigidity = 1e6 * thickness**2 / (12 * (1 - 0.3**2))
+    found = np.sqrt(eigenvalues[rigid:][:3] * model.modulus / rigidity)
+    np.testing.assert_allclose(found, known, rtol=0.02)

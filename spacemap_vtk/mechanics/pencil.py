@@ -164,8 +164,9 @@ class Pencil:
 
     def lower_shift(self) -> bool:
         """Bring σ nearer to zero, for modes that do not converge."""
-        # A free, very thin sheet bends so far below σ that its modes look alike from there.
-        least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).max())
+        # A free, very thin sheet bends so far below σ that its modes look alike from there. Of the
+        # ratios the least counts: a sheet's largest is of its thickness, (width/thickness)² above.
+        least = _SHIFTS[-1] * float((self.stiffness.diagonal() / self.mass.diagonal()).min())
         lower = max(1e-6 * self.shift, least)
         if lower >= 0.5 * self.shift:
             return False
