@@ -16,8 +16,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, WeaveSource, cache
 from spacemap_vtk.filters import modal_solver
-from spacemap_vtk.mechanics import eigen
-from spacemap_vtk.mechanics import model as models
+from spacemap_vtk.mechanics import eigen, mesh_pencil
+from spacemap_vtk.mechanics.model import Model
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def place(monkeypatch, tmp_path):
 def calls(monkeypatch):
     """Count solutions and assemblies."""
     counted = {"solved": 0, "assembled": 0}
-    lowest, assemble = eigen.lowest, models.assemble
+    lowest, assemble = eigen.lowest, mesh_pencil.assemble
 
     def count(name, function):
         def counting(*arguments):
@@ -40,7 +40,7 @@ def calls(monkeypatch):
         return counting
 
     monkeypatch.setattr(eigen, "lowest", count("solved", lowest))
-    monkeypatch.setattr(models, "assemble", count("assembled", assemble))
+    monkeypatch.setattr(mesh_pencil, "assemble", count("assembled", assemble))
     return counted
 
 
@@ -280,7 +280,7 @@ def test_static_displacements_are_kept(place, monkeypatch):
         first, model.solve(forces), rtol=1e-12, atol=1e-12 * abs(first).max()
     )
     assert 0 < rounding.min() <= rounding.max() < 1e-9
-    monkeypatch.setattr(models.Model, "statics", None)
+    monkeypatch.setattr(Model, "statics", None)
     again, as_before = static_displacements(model, forces)
     np.testing.assert_allclose(again, first, rtol=1e-15)
     np.testing.assert_array_equal(as_before, rounding)
