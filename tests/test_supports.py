@@ -10,7 +10,13 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.supports import held_components, parse
+from spacemap_vtk.mechanics.places import parse
+from spacemap_vtk.mechanics.supports import (
+    free_motions,
+    held_components,
+    held_directions,
+    rigid_bodies,
+)
 
 POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 
@@ -156,3 +162,71 @@ def test_a_mask_comes_from_the_cage():
     solver.fixed = "mask(glue)"
     with pytest.raises(InputError, match=r'mask\(glue\).*"glued"'):
         solver.update()
+
+
+# --- directions and rigid bodies ------------------------------------------------------------------
+
+
+def left_by_constraints(points, held, normals, bodies):
+    """What constraints leave, as a projection: I - C⁺C of the dense constraints C u = 0."""
+    size = points.size
+    rows = [np.eye(size)[held.ravel()]]
+    for vertex in range(len(points)):
+        block = np.zeros((3, size))
+        block[:, 3 * vertex : 3 * vertex + 3] = normals[vertex]
+        rows.append(block)
+    for number in range(1, bodies.max() + 1):
+        mine = (3 * np.flatnonzero(bodies == number)[:, None] + np.arange(3)).ravel()
+        where = points[bodies == number]
+        # Lengths between all vertices stay, and u is what a skew matrix and a shift make.
+        skew = np.zeros((len(mine), 6))
+        skew[:, :3] = np.tile(np.eye(3), (len(where), 1))
+        for axis in range(3):
+            skew[:, 3 + axis] = np.cross(np.eye(3)[axis], where).ravel()
+        block = np.zeros((len(mine), size))
+        block[:, mine] = np.eye(len(mine)) - skew @ np.linalg.pinv(skew)
+        rows.append(block)
+    constraints = np.concatenate(rows)
+    return np.eye(size) - np.linalg.pinv(constraints, rcond=1e-9) @ constraints
+
+
+@pytest.mark.parametrize(
+    ("fixed", "rigid"),
+    [
+        (["+y:x", "-x:(0, 1, 1)"], []),
+        (["-x:(0, 1, 1)", "-y:(1, 2, 0)", "-z:(3, 0, -1)"], []),  # edges and a corner of several
+        (["+y:x"], ["-x"]),
+        (["-x:y", "sphere(0, 0, 0, 0.1)"], ["-x", "+x"]),  # a hinge's body, and a free one
+        (["-z:(1, 1, 0)"], ["box(0, 0, 0, 0, 0, 3)", "sphere(1, 2, 3, 0.1)"]),  # line and point
+        (["-x"], ["-x"]),  # held as a whole: nothing is left of it
+    ],
+)
+def test_what_constraints_leave(fixed, rigid):
+    where = held_components(POINTS, fixed)
+    normals, bodies = held_directions(POINTS, fixed), rigid_bodies(POINTS, rigid)
+    made = free_motions(POINTS, where, normals, bodies).toarray()
+    np.testing.assert_allclose(made.T @ made, np.eye(made.shape[1]), atol=1e-13)
+    dense = left_by_constraints(
+        POINTS,
+        where,
+        np.zeros((27, 3, 3)) if normals is None else normals,
+        np.zeros(27, int) if bodies is None else bodies,
+    )
+    np.testing.assert_allclose(made @ made.T, dense, atol=1e-9)
+
+
+def test_plain_supports_leave_unit_vectors():
+    where = held("+y", "-x:yz")
+    made = free_motions(POINTS, where)
+    np.testing.assert_array_equal(made.indices, np.flatnonzero(~where.ravel()))
+    assert (made.data == 1).all()
+
+
+def test_bodies_stay_apart():
+    assert rigid_bodies(POINTS, []) is None
+    bodies = rigid_bodies(POINTS, ["-x +x"])
+    np.testing.assert_array_equal(bodies, 1 * (POINTS[:, 0] == 0) + 2 * (POINTS[:, 0] == 1))
+    with pytest.raises(InputError, match=r'"-x" and "\+y" share a vertex.*one box or mask'):
+        rigid_bodies(POINTS, ["-x", "+y"])
+    with pytest.raises(InputError, match='"-x:y" names components, and a rigid place has all'):
+        rigid_bodies(POINTS, ["-x:y"])

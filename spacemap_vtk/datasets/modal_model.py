@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.plates import Plate
 
@@ -27,6 +28,16 @@ _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickne
 #: Of the gravity in an equilibrium [m/s²].
 _GRAVITY = "equilibrium_gravity"
 
+#: Names of the arrays of what is fitted to a cage, and whether they are those of its cells.
+_FITTED = {
+    "normals": ("fixed_directions", False),
+    "bodies": ("rigid_body", False),
+    "springs": ("spring_stiffness", False),
+    "masses": ("point_mass", False),
+    "stiffness_factors": ("stiffness_factor", True),
+    "mass_factors": ("density_factor", True),
+}
+
 _OWNER = "ModalResponse (put a ModalSolver before it)"
 
 
@@ -34,7 +45,14 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     """Write what a model is made of beside mesh: supports, material, and how it hangs."""
     held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
-    add_array(data, "fixed", held.max(axis=1))
+    given = model.fittings.given
+    inclined = given["normals"].any(axis=(1, 2)) if "normals" in given else False
+    add_array(data, "fixed", held.max(axis=1) | inclined)
+    for key, (name, of_cells) in _FITTED.items():
+        table = grid.GetCellData() if of_cells else data
+        table.RemoveArray(name)  # of another solver, which the cage has come through
+        if key in given:
+            add_array(table, name, given[key].reshape(len(given[key]), -1))
     add_array(data, "fixed_components", held)
     add_array(data, "nodal_mass", model.nodal_mass)
     field = grid.GetFieldData()
@@ -66,6 +84,14 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
         material = Plate(
             membrane.reshape(3, 3), bending.reshape(3, 3), shear.reshape(2, 2), thickness[0]
         )
+    fitted = {
+        key: array_of(table, name, _OWNER)
+        for key, (name, of_cells) in _FITTED.items()
+        if (table := grid.GetCellData() if of_cells else data).GetArray(name) is not None
+    }
+    for key in ("normals", "springs"):
+        if key in fitted:
+            fitted[key] = fitted[key].reshape(-1, 3, 3)
     hung = data.GetArray("equilibrium") is not None
     return Model(
         points_of(grid).astype(np.float64, copy=False),
@@ -75,6 +101,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
         array_of(data, "fixed_components", _OWNER) != 0,
         bool(array_of(field, "lumped", _OWNER)[0]),
         array_of(data, "equilibrium", _OWNER) if hung else None,
+        Fittings(**fitted),
     )
 
 

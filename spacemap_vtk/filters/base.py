@@ -39,7 +39,7 @@ class Provided(NamedTuple):
     unit: str = ""
     """SI unit of the numbers."""
     when: Mapping[str, Sequence[Any]] = MappingProxyType({})
-    """For which values of parameters it is there, see `Parameter`."""
+    """For which values of parameters it is there; none listed: any that is not empty."""
 
 
 class Stage(Algorithm):
@@ -63,7 +63,10 @@ class Stage(Algorithm):
         return {
             name: array
             for name, array in self.provides.items()
-            if all(getattr(self, key) in values for key, values in array.when.items())
+            if all(
+                getattr(self, key) in values if values else bool(getattr(self, key))
+                for key, values in array.when.items()
+            )
         }
 
     @property

@@ -16,7 +16,7 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
-from spacemap_vtk.mechanics.supports import SIDES
+from spacemap_vtk.mechanics.places import SIDES
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
 from spacemap_vtk.parameters import (
     Choice,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,11 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
+from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.modal_model import MODE_NAME, attach
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
-from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.fitted_cage import FittedCage
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
@@ -28,10 +27,9 @@ from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
-from spacemap_vtk.mechanics.supports import ALLOWED, SIDES, held_components, parse
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Parameter, Real, Vector
+from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
 #: A cage is warned of where it bends or twists more often than this too stiffly or softly.
@@ -64,28 +62,7 @@ FloatArray = NDArray[np.float64]
 Solution = tuple[FloatArray, FloatArray, FloatArray]
 
 
-class Supports(Parameter[tuple[str, ...]]):
-    """Places that are held, as `spacemap_vtk.mechanics.supports` reads them."""
-
-    kind = "supports"
-    annotation = "str or sequence of str"
-    form = ALLOWED
-
-    def convert(self, value: Any) -> tuple[str, ...]:
-        """Return the supports, each once and in canonical form, sides first."""
-        texts = [value] if isinstance(value, str) else value
-        if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
-            raise InputError("neither a string nor a list of strings")
-        found = dict.fromkeys(str(support) for text in texts for support in parse(text))
-        rank = {side: number for number, side in enumerate(SIDES)}
-        return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
-
-    def text(self, value: tuple[str, ...]) -> str:
-        """Return the supports as one string."""
-        return f'"{" ".join(value)}"'
-
-
-class ModalSolver(CageMaterial):
+class ModalSolver(FittedCage):
     """Solve K s = λ M s for the lowest vibration modes of a cage of tetrahedra.
 
     Modes are kept: another modulus or density only scales them, and what was solved once is read
@@ -97,7 +74,10 @@ class ModalSolver(CageMaterial):
     value. The modes are mass-normalised; none is missed, which the inertia of K - μM proves.
 
     Point arrays of the output: ``fixed`` is 1 where a vertex is held in some direction,
-    ``fixed_components`` tells in which; ``nodal_mass`` (kg) are the row sums of M. Its field array
+    ``fixed_components`` tells along which axes, ``fixed_directions`` along which others (Σ n nᵀ);
+    ``rigid_body`` numbers the pieces that move as one, from 1 on; ``spring_stiffness`` (N/m) and
+    ``point_mass`` (kg) are what is fitted there, as are the cell arrays ``stiffness_factor`` and
+    ``density_factor``; ``nodal_mass`` (kg) are the row sums of M. Its field array
     ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding.
 
     Examples
@@ -117,6 +97,11 @@ class ModalSolver(CageMaterial):
     provides: ClassVar = {
         "fixed": Provided("point"),
         "fixed_components": Provided("point"),
+        "rigid_body": Provided("point", "", {"rigid": ()}),
+        "spring_stiffness": Provided("point", "N/m", {"springs": ()}),
+        "point_mass": Provided("point", "kg", {"masses": ()}),
+        "stiffness_factor": Provided("cell", "", {"stiffness_factors": ()}),
+        "density_factor": Provided("cell", "", {"density_factors": ()}),
         "nodal_mass": Provided("point", "kg"),
         "equilibrium": Provided("point", "m"),
         "eigenvalues": Provided("field", "1/s2"),
@@ -137,12 +122,6 @@ class ModalSolver(CageMaterial):
         minimum=1,
         maximum=100_000,
     )
-    fixed = Supports(
-        "+y",
-        "Places of the cage that cannot move: sides of its bounding box, boxes, spheres, point "
-        'masks, each in all directions or, after a colon, in those named: "-x:yz".',
-    )
-
     gravity = Vector(
         (0.0, 0.0, 0.0),
         "Gravity under which the cage hangs before anything moves, in the large: modes are those "
@@ -175,12 +154,7 @@ class ModalSolver(CageMaterial):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-        with naming("fixed"):
-            held = held_components(
-                vertices,
-                self.fixed,
-                lambda name: array_of(grid.GetPointData(), name, f"the support mask({name})"),
-            )
+        held, fittings = self.fittings(grid, vertices, elements)
         sheet = self._sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), layers_through_thickness(vertices, elements)
         material: FloatArray | Plate
@@ -190,16 +164,13 @@ class ModalSolver(CageMaterial):
             material, mass = self.plate(sheet.thickness, sheet.normal, _woven(grid))
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
-        self._model = model = Model(
-            vertices, elements, material, density, held, self.mass == "lumped"
-        )
+        made = vertices, elements, material, density, held, self.mass == "lumped"
+        self._model = model = Model(*made, None, fittings)
         layers = layers if linear else 2 * layers
         if (load := self._dead_load(grid, model)).any():
             # The first is kept, too: its strains are those of the next equilibrium.
             self._rest, rest = model, self._hung(model, load, layers)
-            self._model = model = Model(
-                vertices, elements, material, density, held, self.mass == "lumped", rest
-            )
+            self._model = model = Model(*made, rest, fittings)
         eigenvalues, shapes, rounding = self._solved(model, layers)
 
         output.ShallowCopy(grid)
@@ -281,7 +252,7 @@ class ModalSolver(CageMaterial):
                 return kept
             require(
                 model.estimate_bytes(layers),
-                f"the equilibrium of {int(model.free.sum())} degrees of freedom",
+                f"the equilibrium of {model.pencil.size} degrees of freedom",
                 key="gravity",
                 value=self.gravity,
                 cure="Use a coarser cage.",
@@ -299,7 +270,7 @@ class ModalSolver(CageMaterial):
         # With all of scipy that solves: what is kept on disk needs none of it.
         from spacemap_vtk.mechanics.eigen import estimate_bytes
 
-        dof = int(model.free.sum())
+        dof = model.pencil.size
         require(
             estimate_bytes(dof, count, layers),
             f"solving {count} modes of {dof} degrees of freedom",
@@ -311,7 +282,7 @@ class ModalSolver(CageMaterial):
 
     def _solved(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
-        count, digest = min(self.modes, int(model.free.sum())), model.digest
+        count, digest = min(self.modes, model.pencil.size), model.digest
 
         def solve() -> Solution:
             found = _read(digest, count, len(model.points))

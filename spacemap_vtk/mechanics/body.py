@@ -174,11 +174,8 @@ class Body:
     def free_share(self) -> float:
         """Return the share of the load that no strain resists, however it is deformed."""
         # A part that the load only turns comes to rest; where every form is blind it moves on.
-        blocks = []
-        for kind in self.strains:
-            rows = kind.forms.reshape(len(kind.nodes), -1, kind.nodes.shape[1])
-            blocks.append(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)))
-        matrix = self.matrix(blocks)
+        blocks = [kind.resisted() for kind in self.strains]
+        matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
         load = self.basis.T @ self.load.ravel()
         moved = self.solution(matrix)(load)
         work = float(moved @ load)

@@ -97,7 +97,7 @@ class CageModes:
     @property
     def complete(self) -> bool:
         """Whether these are all modes there are."""
-        return len(self.eigenvalues) >= int(self.model.free.sum())
+        return len(self.eigenvalues) >= self.model.pencil.size
 
     @cached_property
     def gradient(self) -> MeanGradient:
@@ -124,7 +124,7 @@ class CageModes:
         """
         if self.model.plate is None and self.model.displacement is None:
             strain = strains(gradients)
-            return strain, strain @ self.model.elasticity
+            return strain, self.model.stress(strain)
         return self.model.strained(moved)
 
     @cached_property
@@ -164,7 +164,7 @@ class CageModes:
         InputError
             If a base moves and nothing is fixed, or the cage has no face in that side.
         """
-        if action.startswith("base") and self.model.free.all():
+        if action.startswith("base") and not self.model.grounded:
             raise InputError(
                 "nothing is fixed, so there is no base to move",
                 key=f"loads.{action}",
@@ -285,7 +285,7 @@ class CageModes:
         """
         loaded = np.zeros(3, dtype=bool)
         for vector in vectors:
-            force = (self.force(vector) * self.model.free).reshape(-1, 3)
+            force = self.model.pencil.movable(self.force(vector)[:, None]).reshape(-1, 3)
             loaded |= abs(force.sum(axis=0)) > 0.01 * abs(force).sum()
         return loaded
 

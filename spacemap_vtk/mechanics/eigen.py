@@ -179,6 +179,9 @@ def _of_components(
 def _of_component(component: Pencil, count: int, report: Progress) -> FloatArray:
     """Return at least the lowest modes of a component."""
     size = component.size
+    if size <= 6 and component.nodes is not None and component.motions.shape[1] == size:
+        report(1.0)
+        return component.motions  # a rigid piece that nothing holds, whose K is zero
     if not _is_dense(size, count):
         return _counted(component, count, report)
     # LAPACK finds all modes in half the time of many of them: "gvd" divides and conquers.
@@ -211,7 +214,7 @@ def _refined(component: Pencil, modes: FloatArray) -> FloatArray:
     residual = np.linalg.norm(force - inertia * values, axis=0)
     allowed = np.linalg.norm(abs(stiffness) @ abs(modes), axis=0) * NOISE
     allowed = np.maximum(0.01 * RESIDUAL * np.linalg.norm(force, axis=0), allowed)
-    if (residual <= allowed).all():
+    if (residual <= allowed).all() or component.size <= 6:
         return modes
     few = modes.shape[1]
     if few == component.size:

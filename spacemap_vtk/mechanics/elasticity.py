@@ -54,7 +54,8 @@ class Assembly:
     #: The P pairs of vertices that share a tetrahedron, as the rows of a CSR matrix.
     indptr: IntArray
     indices: IntArray
-    #: (P, 9) ∫ N_a,k N_b,l of each pair, column 3 k + l [m].
+    #: (P, 9) ∫ N_a,k N_b,l of each pair, column 3 k + l [m]; as the others times a factor of each
+    #: tetrahedron, where there are any.
     gradients: FloatArray
     #: (P,) ∫ N_a N_b of each pair [m³].
     products: FloatArray
@@ -76,18 +77,29 @@ def barycentric_gradients(
 
 
 def nodal_mass(
-    points: ArrayLike, tetrahedra: ArrayLike, density: float, lumped: bool = False
+    points: ArrayLike,
+    tetrahedra: ArrayLike,
+    density: float,
+    lumped: bool = False,
+    factors: FloatArray | None = None,
 ) -> FloatArray:
     """Return the share of the mass that belongs to each vertex."""
     _check_density(density)
     volume, nodes = volumes(points, tetrahedra), np.asarray(tetrahedra)
+    if factors is not None:
+        volume = volume * factors
     shape = element(nodes.shape[1])
     share = shape.lumps if lumped else shape.products.sum(axis=1)
     return density * _summed(nodes, np.outer(volume, share), len(np.asarray(points)))
 
 
-def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
-    """Sum the geometric part of K and M over the tetrahedra."""
+def assemble(
+    points: ArrayLike,
+    tetrahedra: ArrayLike,
+    stiffness_factors: FloatArray | None = None,
+    mass_factors: FloatArray | None = None,
+) -> Assembly:
+    """Sum the geometric part of K and M over the tetrahedra, each as many times as is said."""
     points, tetrahedra = checked_mesh(points, tetrahedra)
     gradient, volume = barycentric_gradients(points, tetrahedra)
     nodes, count = tetrahedra.shape[1], len(points)
@@ -100,16 +112,20 @@ def assemble(points: ArrayLike, tetrahedra: ArrayLike) -> Assembly:
 
     gradients = np.empty((len(pair), 9))
     slopes = shape.slopes.reshape(16, -1)
+    stiff, heavy = (
+        volume if factors is None else volume * factors
+        for factors in (stiffness_factors, mass_factors)
+    )
     for k in range(3):
         for m in range(3):
             # One component at a time: all nine at once would take nine times the memory.
-            outer = gradient[:, :, None, k] * gradient[:, None, :, m] * volume[:, None, None]
+            outer = gradient[:, :, None, k] * gradient[:, None, :, m] * stiff[:, None, None]
             term = outer.reshape(len(volume), 16)
             gradients[:, 3 * k + m] = np.bincount(
                 slot, (term if nodes == 4 else term @ slopes).ravel()
             )
-    products = _summed(slot, np.outer(volume, shape.products), len(pair))
-    lumps = _summed(tetrahedra, np.outer(volume, shape.lumps), count)
+    products = _summed(slot, np.outer(heavy, shape.products), len(pair))
+    lumps = _summed(tetrahedra, np.outer(heavy, shape.lumps), count)
     return Assembly(indptr, pair % count, gradients, products, lumps)
 
 

@@ -74,13 +74,19 @@ _CHUNK = 4096
 
 
 def strain_products(
-    points: FloatArray, cells: NDArray[np.int64], elasticity: FloatArray, fields: FloatArray
+    points: FloatArray,
+    cells: NDArray[np.int64],
+    elasticity: FloatArray,
+    fields: FloatArray,
+    factors: FloatArray | None = None,
 ) -> FloatArray:
     """Return the work of each field's stresses on each other's strains, ∫ εᵀ C ε."""
     # That is what fields · K · fieldsᵀ gives, but for rounding. There a thin sheet that bends is
     # the small difference of large forces; here, where only displacements within a tetrahedron are
     # subtracted, it is a sum of positive terms, with twice as many digits.
     gradients, volume = barycentric_gradients(points, cells)
+    if factors is not None:
+        volume = volume * factors
     linear = cells.shape[1] == 4
     slopes = np.eye(4)[None] if linear else shape_slopes(SAMPLES)
     total = np.zeros((len(fields), len(fields)))

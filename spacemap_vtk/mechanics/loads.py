@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.supports import SIDES
+from spacemap_vtk.mechanics.places import SIDES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -41,7 +41,7 @@ def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
     cells : ndarray of int64, shape (T, 4) or (T, 10)
         Linear or quadratic tetrahedra with straight edges.
     side : str
-        Out of `spacemap_vtk.mechanics.supports.SIDES`.
+        Out of `spacemap_vtk.mechanics.places.SIDES`.
 
     Returns
     -------

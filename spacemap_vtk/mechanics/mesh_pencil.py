@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import Assembly, assemble, mass, stiffness
+from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.kinematics import strain_products
-from spacemap_vtk.mechanics.pencil import Nodes, Pencil, selection
+from spacemap_vtk.mechanics.pencil import Nodes, Pencil, selection, some
 from spacemap_vtk.mechanics.plates import Plate
-from spacemap_vtk.mechanics.shell import held_pairs, mid_surface, of_pairs, of_sheet
-from spacemap_vtk.mechanics.strains import Strains, of_tetrahedra, tangent
+from spacemap_vtk.mechanics.shell import free_pairs, mid_surface, of_pairs, of_quads, of_sheet
+from spacemap_vtk.mechanics.strains import Strains, of_base, of_tetrahedra, tangent
+from spacemap_vtk.mechanics.supports import free_motions
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
@@ -74,8 +76,10 @@ class MeshPencil(Pencil):
         free: NDArray[np.bool_],
         lumped: bool,
         displacement: FloatArray | None,
+        fittings: Fittings,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
+        self.fittings = fittings
         self.surface = mid_surface(points, cells) if len(material) > 1 else None
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
@@ -94,20 +98,42 @@ class MeshPencil(Pencil):
     def assembly(self) -> Assembly:
         found = _assemblies.get(self._mesh)
         if found is None:
+            stiff, heavy = self._stiff, self.fittings.mass_factors
             if self.surface is None:
-                found = assemble(self._points, self._cells)
+                found = assemble(self._points, self._cells, stiff, heavy)
             else:
-                found = of_pairs(self._points, self.surface)
+                found = of_pairs(self._points, self.surface, of_quads(heavy))
             _assemblies[self._mesh] = found
         return found
 
+    @property
+    def _stiff(self) -> FloatArray | None:
+        """Factors of the tetrahedra's stiffness: none have those that are within a rigid body."""
+        # What they would add to K is rounding, which soft springs would not be told from.
+        factors, bodies = self.fittings.stiffness_factors, self.fittings.bodies
+        if bodies is None:
+            return factors
+        mine = bodies[self._cells]
+        inside = (mine[:, :1] > 0).ravel() & (mine == mine[:, :1]).all(axis=1)
+        return np.where(inside, 0.0, 1.0 if factors is None else factors)
+
     @cached_property
     def strains(self) -> list[Strains]:
+        """Those of the elements, and of what pulls at vertices."""
+        factors = self._stiff
         if self.surface is None:
-            return [of_tetrahedra(self._points, self._cells, self.material[0])]
+            solid = of_tetrahedra(self._points, self._cells, self.material[0], factors)
+            return [solid, *self.springs]
         membrane, bending, shear, thickness = self.material
         plate = Plate(membrane, bending, shear, float(thickness))
-        return of_sheet(self._points, self.surface, plate)
+        sheet = of_sheet(self._points, self.surface, plate, of_quads(factors))
+        return [*sheet, *self.springs]
+
+    @cached_property
+    def springs(self) -> list[Strains]:
+        """Those of the springs, none where there are none."""
+        found = self.fittings.springs
+        return [] if found is None else [self._against_base(found)]
 
     @cached_property
     def nodes(self) -> Nodes:  # type: ignore[override]
@@ -116,55 +142,93 @@ class MeshPencil(Pencil):
         if self.surface is not None:
             positions = self.surface.nodal(positions)
             places[len(self.surface.pairs) :] = False
+        nodes = Nodes(positions, places)
+        if (springs := self.fittings.springs) is not None:
+            sizes = np.linalg.norm(springs, axis=(1, 2))[:, None, None]
+            alike = np.divide(springs, sizes, out=np.zeros_like(springs), where=sizes > 0)
+            nodes = nodes._replace(springs=tangent([self._against_base(alike)], positions))
         if self._displacement is None:
-            return Nodes(positions, places)
+            return nodes
         forces = np.sum([part.forces(positions) for part in self.strains], axis=0)
-        return Nodes(positions, places, forces)
+        return nodes._replace(forces=forces)
+
+    @property
+    def size(self) -> int:
+        """Degrees of freedom."""
+        return int(self.free.sum()) if self.plain else super().size
+
+    @property
+    def plain(self) -> bool:
+        """Whether all that is held is held along axes."""
+        return self.fittings.normals is None and self.fittings.bodies is None
 
     @cached_property
     def basis(self) -> csc_matrix:
-        if self.surface is None:
+        if self.surface is None and self.plain:
             return selection(self.free)
-        return held_pairs(~self.free.reshape(-1, 3), self.surface)
+        held, (normals, bodies) = ~self.free.reshape(-1, 3), self.fittings[:2]
+        if self.surface is None:
+            found = free_motions(self._points, held, normals, bodies)
+        else:
+            found = free_pairs(self._points, self.surface, held, normals, bodies)
+        return some(found)
 
     @cached_property
     def whole_stiffness(self) -> csr_matrix:
-        if self.surface is None and self._displacement is None:
-            return stiffness(self.assembly, self.material[0])
-        return tangent(self.strains, self.nodes.positions)
+        positions = self.nodes.positions
+        if self.surface is not None or self._displacement is not None:
+            return tangent(self.strains, positions)
+        found = stiffness(self.assembly, self.material[0])
+        return found + tangent(self.springs, positions) if self.springs else found
 
     @cached_property
     def whole_mass(self) -> csr_matrix:
-        return mass(self.assembly, 1.0, self._lumped)
+        found = mass(self.assembly, 1.0, self._lumped)
+        if self.fittings.masses is None:
+            return found
+        blocks = self.fittings.masses[:, None, None] * np.eye(3)
+        return found + tangent([self._against_base(blocks)], self.nodes.positions)
 
     @cached_property
     def strain_products(self) -> Callable[[FloatArray], FloatArray]:  # type: ignore[override]
-        if self.surface is None and self._displacement is None:
-            return partial(strain_products, self._points, self._cells, self.material[0])
+        if self.surface is None and self._displacement is None and not self.springs:
+            mesh = self._points, self._cells, self.material[0]
+            return partial(strain_products, *mesh, factors=self._stiff)
         return partial(_products, self.strains, self.nodes.positions)
 
     def gathered(self, forces: FloatArray) -> FloatArray:
         """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
-        if self.surface is None:
+        if self.surface is None and self.plain:
             return forces[self.free]
-        gathered: FloatArray = self.basis.T @ (2 * self._nodal(forces))
+        nodal = forces if self.surface is None else 2 * self._nodal(forces)
+        gathered: FloatArray = self.basis.T @ nodal
         return gathered
 
     def coordinates(self, moved: FloatArray) -> FloatArray:
         """Return displacements of the vertices (3V, m) as coordinates of what is free (N, m)."""
-        if self.surface is None:
+        if self.surface is None and self.plain:
             return moved[self.free]
-        found: FloatArray = self.basis.T @ self._nodal(moved)
+        nodal = moved if self.surface is None else self._nodal(moved)
+        found: FloatArray = self.basis.T @ nodal
         return found
 
     def spread(self, coordinates: FloatArray) -> FloatArray:
         """Return the displacements of the vertices (3V, m) that coordinates (N, m) stand for."""
-        if self.surface is None:
+        if self.surface is None and self.plain:
             result = np.zeros((len(self.free), coordinates.shape[1]))
             result[self.free] = coordinates
             return result
-        nodal = (self.basis @ coordinates).reshape(-1, 3, coordinates.shape[1])
+        nodal: FloatArray = self.basis @ coordinates
+        if self.surface is None:
+            return nodal
+        nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
         return self.surface.vertices(nodal).reshape(len(self.free), -1)
+
+    def movable(self, moved: FloatArray) -> FloatArray:
+        """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
+        if self.plain:
+            return moved * self.free[:, None]
+        return self.spread(self.coordinates(moved))
 
     def of_vertices(self, matrix: csr_matrix) -> csr_matrix:
         """Return a matrix of the nodes' vectors as one of the vertices."""
@@ -173,9 +237,18 @@ class MeshPencil(Pencil):
         turn = self.surface.matrix()
         return (turn.T @ matrix @ turn).tocsr()
 
+    def _against_base(self, blocks: FloatArray) -> Strains:
+        """Return the strains of springs (V, 3, 3) between the vertices and the base."""
+        where = np.flatnonzero(blocks.any(axis=(1, 2)))
+        if self.surface is None:
+            return of_base(self._points, where[:, None], np.ones((len(where), 1)), blocks[where])
+        nodes, signs = self.surface.ends()
+        rest = self.surface.nodal(self._points)
+        return of_base(rest, nodes[where], signs[where], blocks[where])
+
     def _nodal(self, table: FloatArray) -> FloatArray:
         assert self.surface is not None
-        whole = table.reshape(-1, 3, table.shape[1])
+        whole = table.reshape(len(self._points), 3, table.shape[1])
         return self.surface.nodal(whole).reshape(table.shape)
 
 
@@ -214,19 +287,29 @@ def mesh_pencil(
     held: NDArray[np.bool_],
     lumped: bool,
     displacement: FloatArray | None,
+    fittings: Fittings,
 ) -> MeshPencil:
     """Return the pencil of a mesh: the one that there is already, where anyone holds it."""
     material = [_rounded(part / modulus) for part in parts]
     for what, given in (("held", held), ("displacement", displacement)):
         if given is not None and given.shape != points.shape:
             raise InputError(f"{what} of shape {given.shape}", allowed=f"{points.shape}")
-    mesh = digest_of(points, cells, len(material))
+    weights = [
+        part
+        for name, factors in fittings.given.items()
+        if name in ("bodies", "stiffness_factors", "mass_factors")
+        for part in (name, factors)
+    ]
+    mesh = digest_of(points, cells, len(material), *weights)
     where = [] if displacement is None else [displacement]
-    whole = digest_of(mesh, *material, held, lumped, *where)
+    fitted = [part for pair in fittings.given.items() for part in pair]
+    whole = digest_of(mesh, *material, held, lumped, *where, *fitted)
     found = _pencils.get(whole)
     if found is None:
         free = ~held.ravel()
-        found = MeshPencil(whole, mesh, points, cells, material, free, lumped, displacement)
+        found = MeshPencil(
+            whole, mesh, points, cells, material, free, lumped, displacement, fittings
+        )
         _pencils[whole] = found
     return found
 

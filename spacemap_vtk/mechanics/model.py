@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import nodal_mass
+from spacemap_vtk.mechanics.fittings import NONE, Fittings
 from spacemap_vtk.mechanics.materials import check_sizes
 from spacemap_vtk.mechanics.mesh_pencil import mesh_pencil
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by, residual_modes
-from spacemap_vtk.mechanics.shell import of_middle
+from spacemap_vtk.mechanics.shell import of_middle, of_quads
 from spacemap_vtk.mechanics.tetrahedra import checked_mesh
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ class Model:
         Lumped in place of consistent mass.
     displacement : array_like of float, shape (V, 3), optional
         Of the equilibrium that K is the tangent at [m]; by default nothing is deformed.
+    fittings : Fittings, optional
+        What is fitted to it: sliders along any direction, rigid bodies, springs, masses, factors.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class Model:
         held: ArrayLike,
         lumped: bool = False,
         displacement: ArrayLike | None = None,
+        fittings: Fittings = NONE,
     ) -> None:
         self.points, self.cells = checked_mesh(points, cells)
         self.density = float(density)
@@ -93,6 +97,7 @@ class Model:
             )
         check_sizes("density", self.density, "kg/m³")
         self.displacement = None if displacement is None else np.asarray(displacement, np.float64)
+        self.fittings = fittings
         self.pencil = mesh_pencil(
             self.points,
             self.cells,
@@ -101,6 +106,7 @@ class Model:
             np.asarray(held, dtype=bool),
             self.lumped,
             self.displacement,
+            fittings.scaled(self.modulus, self.density),
         )
 
     @property
@@ -115,8 +121,14 @@ class Model:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which components of the vertices can move, shape (3V,)."""
+        """Which components of the vertices no support along an axis holds, shape (3V,)."""
         return self.pencil.free
+
+    @property
+    def grounded(self) -> bool:
+        """Whether anything holds it to its base."""
+        normals, springs = self.fittings.normals, self.fittings.springs
+        return not self.free.all() or normals is not None or springs is not None
 
     @cached_property
     def stiffness(self) -> csr_matrix:
@@ -131,16 +143,19 @@ class Model:
     @cached_property
     def nodal_mass(self) -> FloatArray:
         """Row sums of M [kg], shape (V,): gravity's load is their product with g."""
-        if self.pencil.surface is None:
-            return nodal_mass(self.points, self.cells, self.density, self.lumped)
-        lumps = self.pencil.assembly.lumps
-        places = lumps[: len(self.pencil.surface.pairs)] * self.density
-        return self.pencil.surface.vertices(np.concatenate([places, 0.0 * places])) / 2
+        surface, fitted = self.pencil.surface, self.fittings
+        if surface is None:
+            mesh = self.points, self.cells, self.density, self.lumped
+            found = nodal_mass(*mesh, fitted.mass_factors)
+        else:
+            places = self.pencil.assembly.lumps[: len(surface.pairs)] * self.density
+            found = surface.vertices(np.concatenate([places, 0.0 * places])) / 2
+        return found if fitted.masses is None else found + fitted.masses
 
     @cached_property
     def movable_mass(self) -> FloatArray:
         """What the effective masses of all modes sum to along x, y and z [kg], shape (3,)."""
-        if self.pencil.surface is None:
+        if self.pencil.surface is None and self.pencil.plain and self.fittings.masses is None:
             return movable_mass(self.pencil.assembly, self.density, self.lumped, self.free)
         forces = np.einsum("v,ij->vij", self.nodal_mass, np.eye(3)).reshape(-1, 3)
         loads, mass = self.pencil.gathered(forces), self.density * self.pencil.mass
@@ -279,7 +294,7 @@ class Model:
         shapes : ndarray of float64, shape (k, 3V)
             Mass-normalised, and M-orthogonal to the modes.
         """
-        if self.pencil.surface is None:
+        if self.pencil.surface is None and self.pencil.plain:
             matrices = self.stiffness, self.mass
             return residual_modes(shapes, eigenvalues, *matrices, loads, statics)
         # In its own coordinates, as K of a sheet's vertices has few digits of bending.
@@ -320,6 +335,12 @@ class Model:
         """
         from spacemap_vtk.mechanics.equilibrium import equilibrium
 
+        if self.fittings.bodies is not None:
+            raise InputError(
+                "a rigid place turns by small angles only, and what hangs may turn by any",
+                key="rigid",
+                cure="Fix the place, or leave out modal.gravity and modal.dead_loads.",
+            )
         pencil, surface = self.pencil, self.pencil.surface
         load = forces.reshape(-1, 3) / self.modulus
         load = load if surface is None else 2 * surface.nodal(load)
@@ -348,7 +369,7 @@ class Model:
         strains *= 4 if self.cells.shape[1] == 10 else 1
         each = 8 * (strains * (nodes**2 + 6 * nodes) + 5 * (3 * nodes) ** 2)
         cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
-        return each * cells + estimate_bytes(int(self.free.sum()), 8, layers)
+        return each * cells + estimate_bytes(self.pencil.size, 8, layers)
 
     def strained(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
@@ -369,16 +390,34 @@ class Model:
         pencil = self.pencil
         positions = pencil.nodes.positions
         if pencil.surface is None:
-            (solid,) = pencil.strains
+            solid = pencil.strains[0]
             strain, gradients = solid.at(positions)
             strain += np.einsum("eqsnk,enk->eqs", gradients, moved[solid.nodes])
             mean = strain.mean(axis=1)
-            return mean, mean @ self.elasticity
+            return mean, self.stress(mean)
         surface = pencil.surface
         assert self.plate is not None
         mean, pull = of_middle(pencil.strains, positions, surface.nodal(moved), surface, self.plate)
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
+        if (factors := of_quads(self.fittings.stiffness_factors)) is not None:
+            stress *= factors[:, None]
         return np.repeat(mean, 5, axis=0), np.repeat(stress, 5, axis=0)
+
+    def stress(self, strain: FloatArray) -> FloatArray:
+        """Return the stress of each tetrahedron of a solid.
+
+        Parameters
+        ----------
+        strain : ndarray of float64, shape (T, 6)
+            As `strained` returns it.
+
+        Returns
+        -------
+        ndarray of float64, shape (T, 6)
+            In Pa.
+        """
+        stress, factors = strain @ self.elasticity, self.fittings.stiffness_factors
+        return stress if factors is None else stress * factors[:, None]
 
 
 def _parts(material: ArrayLike | Plate) -> list[FloatArray]:

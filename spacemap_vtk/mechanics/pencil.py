@@ -53,6 +53,8 @@ class Nodes(NamedTuple):
     """Which are places; of a sheet there are half thicknesses, which only turn, (V,)."""
     forces: FloatArray | None = None
     """What strains it there, where anything does, (V, 3)."""
+    springs: sp.csr_matrix | None = None
+    """What springs to the base do to displacements, (3V, 3V), whatever their stiffness."""
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -240,6 +242,9 @@ class Pencil:
         share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
         # What is held against it, and what would turn the loads under which it hangs.
         held = six - basis @ share
+        if self.nodes.springs is not None:
+            rows = (3 * near[:, None] + np.arange(3)).ravel()
+            held = np.concatenate([held, self.nodes.springs[:, rows] @ six])
         held = held[abs(held).max(axis=1) > _HELD]
         motions = share
         if len(held) or turned.any():
@@ -356,10 +361,16 @@ def selection(free: NDArray[np.bool_]) -> sp.csc_matrix:
     import scipy.sparse as sp
 
     rows = np.flatnonzero(free)
-    if len(rows) == 0:
+    columns = np.arange(len(rows) + 1)
+    shape = len(free), len(rows)
+    return some(sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=shape))
+
+
+def some(basis: sp.csc_matrix) -> sp.csc_matrix:
+    """Return a basis, or refuse that of nothing."""
+    if basis.shape[1] == 0:
         raise InputError(
             "every vertex of the cage is fixed, nothing can vibrate",
             cure="Fix fewer sides, or divide the cage so that some vertices lie off them",
         )
-    columns = np.arange(len(rows) + 1)
-    return sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=(len(free), len(rows)))
+    return basis

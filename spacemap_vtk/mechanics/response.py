@@ -134,11 +134,11 @@ class Response:
         ]
         #: What there is to say of its trustworthiness, in sentences.
         self.warnings = _truncation(modes, self.loads, residual) + _rounding(modes, self.loads)
-        free = modes.model.free
         self.warnings += [
             "a load falls on fixed vertices only, and moves nothing"
             for force in map(modes.force, self.loads)
-            if force.any() and not force[free].any()
+            if force.any()
+            and abs(modes.model.pencil.movable(force[:, None])).max() < 1e-12 * abs(force).max()
         ]
         self.modal = ModalMotion(
             eigenvalues,
@@ -154,7 +154,10 @@ class Response:
 
     def _start(self, field: FloatArray | None, what: str) -> FloatArray | None:
         """Return a field in modal coordinates."""
-        if field is None or not (moved := field.ravel() * self.modes.model.free).any():
+        if field is None:
+            return None
+        moved = self.modes.model.pencil.movable(field.reshape(-1, 1))[:, 0]
+        if not moved.any():
             return None
         inertia = self.modes.model.mass @ moved
         start: FloatArray = self._shapes @ inertia

@@ -24,6 +24,7 @@ from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
 from spacemap_vtk.mechanics.elasticity import VOIGT, Assembly
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.strains import Strains, product
+from spacemap_vtk.mechanics.supports import free_motions
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
@@ -60,7 +61,7 @@ class MidSurface(NamedTuple):
 
     def vertices(self, nodal: FloatArray) -> FloatArray:
         """Return what vertices have out of p and δ, both (V, …)."""
-        middle, half = nodal.reshape(2, -1, *nodal.shape[1:])
+        middle, half = nodal.reshape(2, len(self.pairs), *nodal.shape[1:])
         result = np.empty_like(nodal)
         result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
         return result
@@ -75,6 +76,14 @@ class MidSurface(NamedTuple):
             for end in self.pairs.T
         ]
         return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
+
+    def ends(self) -> tuple[IntArray, FloatArray]:
+        """Return the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
+        count = len(self.pairs)
+        nodes, signs = np.empty((2 * count, 2), dtype=np.int64), np.ones((2 * count, 2))
+        nodes[self.pairs] = (np.arange(count)[:, None] + [0, count])[:, None]
+        signs[self.pairs[:, 1], 1] = -1.0
+        return nodes, signs
 
     def thickness(self, points: FloatArray) -> FloatArray:
         """Return the length of each pair [m], (P,)."""
@@ -141,6 +150,13 @@ def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
     return best
 
 
+def of_quads(factors: FloatArray | None) -> FloatArray | None:
+    """Return the mean of what the tetrahedra of each quadrilateral have, (T,) as (E,)."""
+    # The first of the five is a third of the hexahedron, each other one a sixth.
+    shares = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6
+    return None if factors is None else factors.reshape(-1, TETRAHEDRA_PER_CELL) @ shares
+
+
 def _corners(cells: IntArray) -> IntArray | None:
     """Return the corners x + 2y + 4z of each hexahedron, (E, 8); None where there are none."""
     if cells.shape[1] != 4 or len(cells) % TETRAHEDRA_PER_CELL:
@@ -156,7 +172,9 @@ def _corners(cells: IntArray) -> IntArray | None:
     return None if left.any() else result
 
 
-def of_sheet(points: FloatArray, surface: MidSurface, plate: Plate) -> list[Strains]:
+def of_sheet(
+    points: FloatArray, surface: MidSurface, plate: Plate, factors: FloatArray | None = None
+) -> list[Strains]:
     """Return the strains of a sheet: those of its quadrilaterals, and its pairs' thickness."""
     # Over the nodal vectors p and δ of `MidSurface.nodal`: membrane 11, 22, 2·12, bending 11, 22,
     # 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 is, in the sheet's plane, the
@@ -167,6 +185,7 @@ def of_sheet(points: FloatArray, surface: MidSurface, plate: Plate) -> list[Stra
     scale = 2.0 / surface.thickness(points)
     director = scale[surface.quads]
     along, area = _axes(z, _GAUSS, surface.normal)
+    stiff = 1.0 if factors is None else factors[:, None]
     mid_shear = [
         product(_wide(np.broadcast_to(slope, z.shape[:2]), 0), _wide(value * director, 4))
         for value, slope in (
@@ -195,21 +214,26 @@ def of_sheet(points: FloatArray, surface: MidSurface, plate: Plate) -> list[Stra
     stiffness[6:, 6:] = plate.shear
     nodes = np.concatenate([surface.quads, surface.quads + count], axis=1)
     rows = np.arange(count, 2 * count)[:, None]
-    share = np.bincount(surface.quads.ravel(), _axes(z, _CORNERS, surface.normal)[1].ravel(), count)
+    corners = _axes(z, _CORNERS, surface.normal)[1] * stiff
+    share = np.bincount(surface.quads.ravel(), corners.ravel(), count)
     thick = (scale**2).reshape(-1, 1, 1, 1, 1)
     return [
-        _unstrained(nodes, forms, area[..., None, None] * stiffness, nodal),
+        _unstrained(nodes, forms, (area * stiff)[..., None, None] * stiffness, nodal),
         _unstrained(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
     ]
 
 
-def of_pairs(points: FloatArray, surface: MidSurface) -> Assembly:
+def of_pairs(
+    points: FloatArray, surface: MidSurface, factors: FloatArray | None = None
+) -> Assembly:
     """Return what a sheet contributes to M: the mid-points' ∫ N_a N_b h, and that of the rest."""
     # The half thicknesses' is a third of it, as x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
     area = _axes(surface.nodal(points)[surface.quads], _GAUSS, surface.normal)[1]
     shapes = np.stack([_shape(at) for at in _GAUSS])
     volume = area * (surface.thickness(points)[surface.quads] @ shapes.T)
+    if factors is not None:
+        volume = volume * factors[:, None]
     products = np.einsum("eq,qa,qb->eab", volume, shapes, shapes)
     key = surface.quads[:, :, None] * count + surface.quads[:, None, :]
     pair, slot = np.unique(key, return_inverse=True)
@@ -225,26 +249,42 @@ def of_pairs(points: FloatArray, surface: MidSurface) -> Assembly:
     )
 
 
-def held_pairs(held: NDArray[np.bool_], surface: MidSurface) -> csc_matrix:
-    """Return the basis (3V, N) of what vertices (V, 3) leave p and δ of each pair free."""
-    from scipy.sparse import csc_matrix
+def free_pairs(
+    points: FloatArray,
+    surface: MidSurface,
+    held: NDArray[np.bool_],
+    normals: FloatArray | None = None,
+    bodies: IntArray | None = None,
+) -> csc_matrix:
+    """Return the basis (3V, N) of what supports and rigid bodies leave of p and δ of each pair."""
+    from scipy.sparse import hstack
 
-    upper, lower = held[surface.pairs.T].reshape(2, -1)
-    count = len(upper)
-    # Where one end alone is held the other one moves: x⁺ = p + δ = 0, or x⁻ = p - δ = 0.
-    one = upper != lower
-    sign = np.where(upper, -1.0, 1.0)
-    free, alone = np.flatnonzero(~upper & ~lower), np.flatnonzero(one)
-    order = np.argsort(np.concatenate([free, alone]), kind="stable")
-    columns = np.empty(len(order), dtype=np.int64)
-    columns[order] = np.arange(len(order))
-    mine, theirs = columns[: len(free)], columns[len(free) :]
-    half = np.arange(len(free)) + len(order)
-    rows = np.concatenate([free, alone, alone + count, free + count])
-    values = np.concatenate([np.ones(len(free)), np.full(len(alone), 0.5**0.5)])
-    values = np.concatenate([values, 0.5**0.5 * sign[alone], np.ones(len(free))])
-    where = np.concatenate([mine, theirs, theirs, half])
-    return csc_matrix((values, (rows, where)), shape=(2 * count, len(order) + len(free)))
+    # Where both ends are held alike, p and δ are as well: with bases of their own they keep their
+    # digits, however thin the sheet. Elsewhere the ends have bases, p ± δ = 0 where one is held.
+    upper, lower = surface.pairs.T
+    both = np.concatenate([upper, upper])
+    alike = (held[upper] == held[lower]).all(axis=1)
+    if normals is not None:
+        alike &= (normals[upper] == normals[lower]).all(axis=(1, 2))
+    if bodies is not None:
+        alike &= (bodies[upper] == 0) & (bodies[lower] == 0)
+    turned = None if normals is None else normals[both]
+    nodal = free_motions(surface.nodal(points), held[both], turned)
+    nodal = nodal[:, alike[_first(nodal) % len(alike)]]
+    if alike.all():
+        return nodal
+    pair = np.empty(len(points), dtype=np.int64)
+    pair[upper] = pair[lower] = np.arange(len(alike))
+    ends = free_motions(points, held, normals, bodies)
+    ends = ends[:, ~alike[pair[_first(ends)]]]
+    found = hstack([nodal, 2**0.5 * surface.matrix() @ ends], format="csc")
+    found.sort_indices()
+    return found[:, np.argsort(_first(found), kind="stable")]
+
+
+def _first(basis: csc_matrix) -> IntArray:
+    """Return the first node of each column."""
+    return np.asarray(basis.indices[basis.indptr[:-1]] // 3, dtype=np.int64)
 
 
 def of_middle(

@@ -144,6 +144,12 @@ class Strains:
             total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
         return (total + total.T) / 2
 
+    def resisted(self) -> FloatArray:
+        """Return a matrix of each element, (E, 3 n, 3 n), that is zero for what no form sees."""
+        rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
+        seen = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
+        return seen
+
     @cached_property
     def _stabilises(self) -> NDArray[np.bool_]:
         """Strains whose stress, where it pulls, stiffens."""
@@ -151,7 +157,41 @@ class Strains:
         return values[..., 0] > -_DEFINITE * abs(values).max(axis=-1)
 
 
-def of_tetrahedra(points: FloatArray, cells: IntArray, elasticity: FloatArray) -> Strains:
+@dataclass(frozen=True, eq=False)
+class Pulls(Strains):
+    """Displacements of vertices as strains: what springs between them and a base see."""
+
+    # ε = Σ_a w_a (z_a - Z_a) with numbers w_a, and so no forms.
+
+    #: (E, n) w.
+    weights: FloatArray
+
+    def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
+        moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
+        slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
+        return moved[:, None] - self.reference, slopes[:, None]
+
+    def resisted(self) -> FloatArray:
+        """Return a matrix of each spring that is zero for what it lets go, whatever its size."""
+        size = abs(self.stiffness).max(axis=(2, 3), keepdims=True)
+        alike = Pulls(self.nodes, self.forms, self.reference, self.stiffness / size, self.weights)
+        return alike.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
+
+
+def of_base(
+    points: FloatArray, nodes: IntArray, weights: FloatArray, stiffness: FloatArray
+) -> Pulls:
+    """Return the displacements Σ_a w_a z_a, (E, n), that springs (E, 3, 3) keep from growing."""
+    forms = np.zeros((len(nodes), 1, 3, nodes.shape[1], nodes.shape[1]))
+    reference = np.zeros((len(nodes), 1, 3))
+    bare = Pulls(nodes, forms, reference, stiffness[:, None], weights)
+    return Pulls(nodes, forms, bare.at(points)[0], stiffness[:, None], weights)
+
+
+def of_tetrahedra(
+    points: FloatArray, cells: IntArray, elasticity: FloatArray, factors: FloatArray | None = None
+) -> Strains:
     """Return the strains of linear or quadratic tetrahedra: Green's, xx, yy, zz, yz, zx, xy."""
     gradients, volume = barycentric_gradients(points, cells)
     slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
@@ -160,6 +200,7 @@ def of_tetrahedra(points: FloatArray, cells: IntArray, elasticity: FloatArray) -
     forms[:, :, :3] /= 2
     shape = (len(cells), len(slopes))
     reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*shape, 6))
+    volume = volume if factors is None else volume * factors
     weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
     return Strains(cells, forms, reference, weights[..., None, None] * elasticity)
 

@@ -1,116 +1,39 @@
-"""Supports: which components of which vertices are held, in a small language of their own.
-
-A support is a place, and after a colon the components held there; without them all three are:
-
-    +y  -x:yz                     a side of the mesh's bounding box
-    box(0, 1 mm, 0, 1 mm, 0, inf) from and to along x, y and z
-    sphere(0, 0, 0, 0.5 mm):z     centre and radius
-    mask(glued)                   vertices where the point array of that name is not zero
-"""
+"""Supports: what of a cage is held, along its axes or along any direction, or moves as one."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.units import parse_quantity
+from spacemap_vtk.mechanics.places import Masks, caught, directions, parse
 
-#: The sides of a box, and for each its axis and its end.
-SIDES = {"-x": (0, -1), "+x": (0, 1), "-y": (1, -1), "+y": (1, 1), "-z": (2, -1), "+z": (2, 1)}
+if TYPE_CHECKING:
+    from scipy.sparse import csc_matrix
 
-#: What `parse` takes, in words.
-ALLOWED = (
-    'sides of the box out of "' + '", "'.join(SIDES) + '", '
-    '"box(x0, x1, y0, y1, z0, z1)", "sphere(x, y, z, radius)", "mask(name of a point array)", each '
-    'with ":" and the components held where not all are, as in "-x:yz"; as one string or a list; '
-    'or "" for none'
-)
+FloatArray = NDArray[np.float64]
 
-#: How far from its place a vertex may lie, as a share of the mesh's diagonal.
-_TOLERANCE = 1e-6
+#: What a place of `rigid_bodies` is, in words.
+BODY = "rigid place"
 
-_SUPPORT = re.compile(r"([+-][xyz]|(box|sphere|mask)\s*\(([^()]*)\))(?::([xyz]+))?(?=[\s,;]|$)")
-
-Masks = Callable[[str], NDArray[np.generic]]
-
-
-class Support(NamedTuple):
-    """A place, and the components held there."""
-
-    #: A side, ``"box"``, ``"sphere"`` or ``"mask"``.
-    place: str
-    #: Of a box (6) or sphere (4), in m.
-    numbers: tuple[float, ...]
-    #: Of a mask.
-    name: str
-    #: In the order "xyz".
-    components: str
-
-    def __str__(self) -> str:
-        text = self.place
-        if self.numbers:
-            text += "(" + ", ".join(map(_shortest, self.numbers)) + ")"
-        elif self.name:
-            text += f"({self.name})"
-        return text if self.components == "xyz" else f"{text}:{self.components}"
-
-
-def parse(text: str) -> list[Support]:
-    """Read supports.
-
-    Parameters
-    ----------
-    text : str
-        Any number, between spaces, commas or semicolons.
-
-    Returns
-    -------
-    list of Support
-        In the order given.
-
-    Raises
-    ------
-    InputError
-        If something is no support.
-    """
-    found: list[Support] = []
-    at = 0
-    while True:
-        at += len(text[at:]) - len(text[at:].lstrip(" \t\n,;"))
-        if at == len(text):
-            return found
-        match = _SUPPORT.match(text, at)
-        if match is None:
-            raise InputError(f'"{text[at:].strip()}" is no support')
-        place, shape, inner, components = match.groups()
-        held = "".join(c for c in "xyz" if c in (components or "xyz"))
-        if shape is None:
-            found.append(Support(place, (), "", held))
-        elif shape == "mask":
-            if not inner.strip():
-                raise InputError("mask() names no point array")
-            found.append(Support("mask", (), inner.strip(), held))
-        else:
-            found.append(Support(shape, _numbers(shape, inner), "", held))
-        at = match.end()
+#: Of the square of a motion: less than this share of it is held by rounding alone.
+_HELD = 1e-10
 
 
 def held_components(
-    vertices: NDArray[np.float64], supports: Iterable[str], masks: Masks | None = None
+    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
 ) -> NDArray[np.bool_]:
-    """Return which components of which vertices are held.
+    """Return which components of which vertices are held by supports that name no direction.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
         Positions in m.
     supports : iterable of str
-        As `parse` reads them; none hold nothing.
+        As `spacemap_vtk.mechanics.places.parse` reads them; none hold nothing.
     masks : callable, optional
         Returns the point array of a name, of shape (V,) or, for components, (V, 3).
 
@@ -131,91 +54,152 @@ def held_components(
     """
     held = np.zeros(vertices.shape, dtype=np.bool_)
     texts = list(supports)
-    for text in texts:
-        for support in parse(text):
-            caught = _caught(vertices, support, masks)
-            if not caught.any():
-                low, high = vertices.min(axis=0), vertices.max(axis=0)
-                raise InputError(
-                    f'the support "{support}" catches no vertex of the cage',
-                    key="fixed",
-                    value=" ".join(texts),
-                    allowed="a place that holds a vertex; the cage reaches from "
-                    f"{_triple(low)} to {_triple(high)} m",
-                )
-            for axis, name in enumerate("xyz"):
-                if name in support.components:
-                    held[:, axis] |= caught if caught.ndim == 1 else caught[:, axis]
+    for support in (place for text in texts for place in parse(text)):
+        if not support.direction:
+            found = caught(vertices, support, masks).reshape(len(vertices), -1)
+            held |= found & [axis in support.components for axis in "xyz"]
     if held.all():
         raise InputError(
             "every vertex of the cage is held, nothing can move",
-            key="fixed",
             value=" ".join(texts),
             cure="Fix fewer sides, or divide the cage more finely.",
         )
     return held
 
 
-def _caught(
-    vertices: NDArray[np.float64], support: Support, masks: Masks | None
-) -> NDArray[np.bool_]:
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    # A share of the mesh, so that its unit of length does not matter.
-    tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
-    if support.place in SIDES:
-        axis, end = SIDES[support.place]
-        wall = high[axis] if end > 0 else low[axis]
-        side: NDArray[np.bool_] = np.abs(vertices[:, axis] - wall) <= tolerance
-        return side
-    if support.place == "box":
-        bounds = np.reshape(support.numbers, (3, 2))
-        inside = (vertices >= bounds[:, 0] - tolerance) & (vertices <= bounds[:, 1] + tolerance)
-        return np.asarray(inside.all(axis=1))
-    if support.place == "sphere":
-        away = np.linalg.norm(vertices - np.array(support.numbers[:3]), axis=1)
-        return np.asarray(away <= support.numbers[3] + tolerance)
-    if masks is None:
-        raise InputError("masks need a mesh with point arrays", key="fixed", value=str(support))
-    mask = np.asarray(masks(support.name)) != 0
-    if mask.shape not in ((len(vertices),), vertices.shape):
-        raise InputError(
-            f'the point array "{support.name}" has {mask.size // max(len(mask), 1)} components',
-            key="fixed",
-            value=str(support),
-            allowed="one component, or three",
-        )
-    return mask
+def held_directions(
+    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
+) -> FloatArray | None:
+    """Return what supports hold that name a direction.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions in m.
+    supports : iterable of str
+        As for `held_components`.
+    masks : callable, optional
+        As for `held_components`.
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3, 3), or None
+        Σ n nᵀ over the directions n held at each vertex; None where no support names any.
+
+    Raises
+    ------
+    InputError
+        If a support catches no vertex.
+    """
+    inclined = [place for text in supports for place in parse(text) if place.direction]
+    if not inclined:
+        return None
+    return np.sum([directions(vertices, place, masks) for place in inclined], axis=0)
 
 
-def _numbers(shape: str, inner: str) -> tuple[float, ...]:
-    parts = inner.split(",")
-    names = ("x0", "x1", "y0", "y1", "z0", "z1") if shape == "box" else ("x", "y", "z", "radius")
-    if len(parts) != len(names):
-        raise InputError(
-            f"{shape}({inner}) has {len(parts)} lengths",
-            allowed=f"{shape}({', '.join(names)}), each in m or with its unit",
-        )
-    try:
-        numbers = tuple(parse_quantity(part, "m") for part in parts)
-    except InputError as error:
-        raise InputError(f"{shape}({inner}): {error.message}", allowed=error.allowed) from None
-    bad = (
-        any(not a <= b for a, b in zip(numbers[::2], numbers[1::2], strict=True))
-        if shape == "box"
-        else not (numbers[3] >= 0 and np.isfinite(numbers).all())
-    )
-    if bad:
-        raise InputError(
-            f"{shape}({inner}) is empty",
-            allowed="x0 <= x1, y0 <= y1, z0 <= z1" if shape == "box" else "a radius of at least 0",
-        )
-    return numbers
+def rigid_bodies(
+    vertices: FloatArray, places: Iterable[str], masks: Masks | None = None
+) -> NDArray[np.int64] | None:
+    """Return which vertices move as one rigid piece.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions in m.
+    places : iterable of str
+        Each a body, as `spacemap_vtk.mechanics.places.parse` reads them without components.
+    masks : callable, optional
+        As for `held_components`.
+
+    Returns
+    -------
+    ndarray of int64, shape (V,), or None
+        The number of each vertex's body from 1 on, 0 where it belongs to none; None without places.
+
+    Raises
+    ------
+    InputError
+        If a place catches no vertex, or two share one.
+    """
+    parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
+    if not parsed:
+        return None
+    body = np.zeros(len(vertices), dtype=np.int64)
+    for number, place in enumerate(parsed, 1):
+        found = caught(vertices, place, masks, BODY).reshape(len(vertices), -1).any(axis=1)
+        if (shared := body[found].max()) > 0:
+            raise InputError(
+                f'the {BODY}s "{parsed[shared - 1]}" and "{place}" share a vertex',
+                value=str(place),
+                allowed="places apart from each other; one box or mask over both makes one body",
+            )
+        body[found] = number
+    return body
 
 
-def _shortest(number: float) -> str:
-    """Return a text that reads back as the number, but for what "0.1 um" leaves of rounding."""
-    return f"{number:.14g}"
+def free_motions(
+    points: FloatArray,
+    held: NDArray[np.bool_],
+    normals: FloatArray | None = None,
+    bodies: NDArray[np.int64] | None = None,
+) -> csc_matrix:
+    """Return T, (3V, n), of u = T q: what supports and rigid bodies leave of displacements u."""
+    # Its columns are orthonormal, unit vectors where a vertex is held along axes only, and stand in
+    # the order of the vertices, those of a body where its first is.
+    from scipy.sparse import csc_matrix
+
+    count = len(points)
+    body = np.zeros(count, dtype=np.int64) if bodies is None else bodies
+    normal = np.zeros((count, 3, 3)) if normals is None else normals
+    bound = held[:, :, None] * np.eye(3) + normal
+    inclined = normal.any(axis=(1, 2)) & (body == 0)
+    # Blocks of columns, (3 vertices, columns) each, and their vertices.
+    axes = np.flatnonzero((~held & ~inclined[:, None] & (body == 0)[:, None]).ravel())
+    blocks = [_Block(axes, np.arange(len(axes)), np.ones(len(axes)), axes)]
+    alone = np.flatnonzero(inclined)
+    if len(alone):
+        kept, vectors = np.linalg.eigh(bound[alone])
+        vertex, which = np.nonzero(kept <= _HELD)
+        rows = 3 * alone[vertex, None] + np.arange(3)
+        columns = np.repeat(np.arange(len(vertex)), 3)
+        entries = vectors[vertex, :, which].ravel()
+        blocks.append(_Block(rows.ravel(), columns, entries, rows[:, 0]))
+    for number in range(1, int(body.max(initial=0)) + 1):
+        mine = np.flatnonzero(body == number)
+        rows = (3 * mine[:, None] + np.arange(3)).ravel()
+        left, sizes, _ = np.linalg.svd(six_motions(points[mine]), full_matrices=False)
+        basis = left[:, sizes > _HELD * sizes[0]]  # a body of two vertices has five
+        each = basis.reshape(len(mine), 3, -1)
+        kept, turn = np.linalg.eigh(np.einsum("vim,vij,vjn->mn", each, bound[mine], each))
+        basis = basis @ turn[:, kept <= _HELD]
+        size = basis.shape[1]
+        columns = np.tile(np.arange(size), len(rows))
+        blocks.append(_Block(np.repeat(rows, size), columns, basis.ravel(), rows[:1].repeat(size)))
+    order = np.argsort(np.concatenate([block.first for block in blocks]), kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    starts = np.cumsum([0, *(len(block.first) for block in blocks[:-1])])
+    where = [place[block.columns + at] for block, at in zip(blocks, starts, strict=True)]
+    entries, rows = (np.concatenate([b[k] for b in blocks]) for k in (2, 0))
+    shape = 3 * count, len(order)
+    return csc_matrix((entries, (rows, np.concatenate(where))), shape=shape)
 
 
-def _triple(values: NDArray[np.float64]) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"
+class _Block(NamedTuple):
+    """Entries of some columns of a matrix, and the first row of each of them."""
+
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    entries: FloatArray
+    first: NDArray[np.int64]
+
+
+def six_motions(points: FloatArray) -> FloatArray:
+    """Return three shifts and three turns about the middle, (3V, 6), turns scaled to the size."""
+    away = points - points.mean(axis=0)
+    away = away / max(float(np.abs(away).max()), np.finfo(float).tiny)
+    motions = np.zeros((len(points), 3, 6))
+    motions[:, :, :3] = np.eye(3)
+    for axis, unit in enumerate(np.eye(3)):
+        motions[:, :, 3 + axis] = np.cross(unit, away)
+    return motions.reshape(-1, 6)

@@ -79,7 +79,7 @@ def modes(scene: Scene) -> dict[str, Any]:
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
-        "dof": int(cage.model.free.sum()),
+        "dof": cage.model.pencil.size,
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": movable.tolist(),
         "alpha": damping.alpha,

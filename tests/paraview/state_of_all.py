@@ -25,6 +25,7 @@ TIME = 0.013
 #: One of these is no default for each parameter there is; a third has no short decimal.
 VALUES: tuple[Any, ...] = (
     *(False, True, 1 / 3, 2, (1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
+    *("-x", "-x:(0, 1, 3) 0.3 N/m", "-x 0.3 g"),
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
 )

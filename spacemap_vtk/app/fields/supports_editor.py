@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QGridLayout, QPushButton
 from spacemap_vtk.app.fields.editor import LineEditor
 from spacemap_vtk.app.widgets import column
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.supports import SIDES, parse
+from spacemap_vtk.mechanics.places import SIDES, parse
 from spacemap_vtk.parameters import Parameter
 
 #: The sides as one sees them from the front, in the order in which they stand.
@@ -48,16 +48,15 @@ class SupportsEditor(LineEditor):
     def show_value(self, value: Any) -> None:
         """Press the buttons of the sides that are held."""
         self.show_text(" ".join(value or ()))
-        held = {support.place: support for support in parse(self.shown)}
+        held = {support.shape: support for support in parse(self.shown)}
         for side, button in self.sides.items():
             button.setChecked(side in held)
-            components = held[side].components if side in held else "xyz"
-            partly = "" if components == "xyz" else f" ({components})"
-            button.setText(f"{side} {_WORDS[side]}{partly}")
+            partly = str(held[side]).removeprefix(side).removeprefix(":") if side in held else ""
+            button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
 
     def _clicked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())
-        kept = [str(support) for support in parse(self.shown) if support.place != side]
+        kept = [str(support) for support in parse(self.shown) if support.shape != side]
         if self.sides[side].isChecked():
             kept.append(side)
         self.edited.emit(" ".join(kept), 0)

@@ -1,0 +1,98 @@
+"""What holds a cage and what is fitted to it: supports, rigid pieces, springs, masses, factors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
+from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiffness
+from spacemap_vtk.mechanics.supports import held_components, held_directions, rigid_bodies
+from spacemap_vtk.parameters import Text
+
+FloatArray = NDArray[np.float64]
+
+
+class FittedCage(CageMaterial):
+    """The parameters that say what a cage of a material is fixed to."""
+
+    fixed = Supports(
+        "+y",
+        "Places of the cage that cannot move: sides of its bounding box, boxes, spheres, point "
+        'masks, each in all directions or, after a colon, in those named, "-x:yz", or along one in '
+        'parentheses, "-x:(0, 1, 1)", which is a slider in the plane across it.',
+    )
+    rigid = RigidPlaces(
+        "",
+        "Places that each move as one rigid piece, such as a batten along a side: six degrees of "
+        "freedom, less what supports hold of it. It turns by small angles.",
+    )
+    springs = Springs(
+        "",
+        "Springs between places of the cage and its base: N/m is the stiffness of a whole place, "
+        "shared alike by the vertices in it, N/m3 that of a side per area, an elastic foundation. "
+        'After a colon stand the directions that a spring resists: "-z:z 1e5 N/m3".',
+    )
+    masses = Masses(
+        "",
+        'Masses on places of the cage, shared alike by the vertices there: "sphere(0, 0, 0, 1 mm) '
+        '5 g".',
+    )
+    stiffness_factors = Text(
+        "",
+        "Name of a cell array of the cage: how many times stiffer than the material each cell is.",
+    )
+    density_factors = Text(
+        "",
+        "Name of a cell array of the cage: how many times denser than the material each cell is.",
+    )
+
+    def fittings(
+        self, grid: vtkUnstructuredGrid, vertices: FloatArray, elements: NDArray[np.int64]
+    ) -> tuple[NDArray[np.bool_], Fittings]:
+        """Return which components (V, 3) cannot move, and what else is fitted to the cage."""
+
+        def mask(name: str) -> NDArray[np.generic]:
+            return array_of(grid.GetPointData(), name, f"the place mask({name})")
+
+        with naming("fixed"):
+            held = held_components(vertices, self.fixed, mask)
+            normals = held_directions(vertices, self.fixed, mask)
+        with naming("rigid"):
+            bodies = rigid_bodies(vertices, self.rigid, mask)
+        with naming("springs"):
+            springs = spring_stiffness(vertices, elements, self.springs, mask)
+        with naming("masses"):
+            masses = point_masses(vertices, self.masses, mask)
+        factors = (
+            _factors(grid, key, getattr(self, key))
+            for key in ("stiffness_factors", "density_factors")
+        )
+        return held, Fittings(normals, bodies, springs, masses, *factors)
+
+
+def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray | None:
+    if not name:
+        return None
+    with naming(key):
+        values = array_of(grid.GetCellData(), name, "the cage")
+        if values.shape != (grid.GetNumberOfCells(),):
+            raise InputError(
+                f'the cell array "{name}" has {values.shape[-1]} components',
+                value=name,
+                allowed="one number for each cell",
+            )
+        good = np.isfinite(values) & (values > 0)
+        if not good.all():
+            cell = int(good.argmin())
+            raise InputError(
+                f'the cell array "{name}" has {values[cell]:g} in cell {cell}',
+                value=name,
+                allowed="finite numbers above 0",
+            )
+        factors: FloatArray = values.astype(np.float64)
+        return factors

@@ -1,0 +1,152 @@
+"""What is fitted to a cage beside supports along its axes and one material.
+
+Sliders along other directions, rigid bodies, springs between the cage and its base, masses, and
+factors by which tetrahedra are stiffer or heavier than the material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.loads import traction, wall
+from spacemap_vtk.mechanics.places import SIDES, Masks, caught, directions, parse
+
+FloatArray = NDArray[np.float64]
+
+#: The units of what is fitted; the second of a spring is per area.
+SPRINGS, MASSES = ("N/m", "N/m3"), ("kg",)
+
+
+class Fittings(NamedTuple):
+    """Arrays of what is fitted; None where nothing is."""
+
+    normals: FloatArray | None = None
+    """(V, 3, 3), Σ n nᵀ over the directions n that a vertex is held along."""
+    bodies: NDArray[np.int64] | None = None
+    """(V,), the number of the rigid body that a vertex belongs to, from 1 on; 0 of none."""
+    springs: FloatArray | None = None
+    """(V, 3, 3), stiffness against the base [N/m]."""
+    masses: FloatArray | None = None
+    """(V,), in kg."""
+    stiffness_factors: FloatArray | None = None
+    """(T,), by which the elasticity of each tetrahedron is multiplied."""
+    mass_factors: FloatArray | None = None
+    """(T,), by which its density is."""
+
+    def scaled(self, modulus: float, density: float) -> Fittings:
+        """Return them for unit modulus and density.
+
+        Parameters
+        ----------
+        modulus, density : float
+            Of the material.
+
+        Returns
+        -------
+        Fittings
+            With springs and masses divided by these.
+        """
+        springs = None if self.springs is None else self.springs / modulus
+        masses = None if self.masses is None else self.masses / density
+        return self._replace(springs=springs, masses=masses)
+
+    @property
+    def given(self) -> dict[str, NDArray[Any]]:
+        """Those that there are, by name."""
+        return {name: array for name, array in self._asdict().items() if array is not None}
+
+
+#: Nothing is fitted.
+NONE = Fittings()
+
+
+def spring_stiffness(
+    points: FloatArray,
+    cells: NDArray[np.int64],
+    springs: Iterable[str],
+    masks: Masks | None = None,
+) -> FloatArray | None:
+    """Return what springs add to the stiffness of each vertex.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra.
+    springs : iterable of str
+        Places with a stiffness, as `spacemap_vtk.mechanics.places.parse` reads them: in N/m that of
+        the whole place, which its vertices share alike, in N/m³ that of a side's area, which they
+        share as a constant pressure.
+    masks : callable, optional
+        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
+
+    Returns
+    -------
+    ndarray of float64, shape (V, 3, 3), or None
+        Symmetric [N/m]; None without springs.
+
+    Raises
+    ------
+    InputError
+        If a spring catches no vertex, or one per area is not on a side that has faces.
+    """
+    parsed = [place for text in springs for place in parse(text, SPRINGS, what="spring")]
+    if not parsed:
+        return None
+    total = np.zeros((len(points), 3, 3))
+    for place in parsed:
+        along = directions(points, place, masks, "spring")
+        if place.unit == "N/m":
+            share = 1.0 / along.any(axis=(1, 2)).sum()
+        elif place.shape in SIDES:
+            pressed = wall(points, cells, place.shape)
+            share = traction(len(points), pressed, [1.0])[:, 0, None, None]
+        else:
+            raise InputError(
+                f'the spring "{place}" is per area, and only a side has one',
+                value=str(place),
+                allowed=f"one of {', '.join(SIDES)}, or the place's whole stiffness in N/m",
+            )
+        total += place.value * share * along
+    return total
+
+
+def point_masses(
+    points: FloatArray, masses: Iterable[str], masks: Masks | None = None
+) -> FloatArray | None:
+    """Return the masses that are fitted to each vertex.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    masses : iterable of str
+        Places with a mass, as `spacemap_vtk.mechanics.places.parse` reads them, which the vertices
+        of each share alike.
+    masks : callable, optional
+        As for `spring_stiffness`.
+
+    Returns
+    -------
+    ndarray of float64, shape (V,), or None
+        In kg; None without masses.
+
+    Raises
+    ------
+    InputError
+        If a mass catches no vertex.
+    """
+    parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
+    if not parsed:
+        return None
+    total = np.zeros(len(points))
+    for place in parsed:
+        found = caught(points, place, masks, "mass").reshape(len(points), -1).any(axis=1)
+        total[found] += place.value / found.sum()
+    return total

@@ -1,0 +1,262 @@
+"""Places of a cage, in a small language of their own: where it is held, or something is fitted.
+
+A place is a side of the mesh's bounding box, a box, a sphere, or a mask; after a colon stand the
+components that count there, or a direction; without them all three components do:
+
+    +y  -x:yz  -x:(0, 1, 1)       sides; the last along one direction, of any length
+    box(0, 1 mm, 0, 1 mm, 0, inf) from and to along x, y and z
+    sphere(0, 0, 0, 0.5 mm):z     centre and radius
+    mask(glued)                   vertices where the point array of that name is not zero
+    -z:z 1e5 N/m3                 with a quantity: a spring, a mass
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.units import UNITS, parse_quantity
+
+#: The sides of a box, and for each its axis and its end.
+SIDES = {"-x": (0, -1), "+x": (0, 1), "-y": (1, -1), "+y": (1, 1), "-z": (2, -1), "+z": (2, 1)}
+
+#: The places that `parse` takes, in words.
+ALLOWED = (
+    'sides of the box out of "' + '", "'.join(SIDES) + '", '
+    '"box(x0, x1, y0, y1, z0, z1)", "sphere(x, y, z, radius)", "mask(name of a point array)"'
+)
+
+#: How far from its place a vertex may lie, as a share of the mesh's diagonal.
+_TOLERANCE = 1e-6
+
+_PLACE = re.compile(
+    r"([+-][xyz]|(box|sphere|mask)\s*\(([^()]*)\))(?::\s*([xyz]+|\([^()]*\)))?(?=[\s,;]|$)"
+)
+_QUANTITY = re.compile(r"\s+([-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?)\s*([^\W\d][^\s,;]*)?(?=[\s,;]|$)")
+
+Masks = Callable[[str], NDArray[np.generic]]
+
+
+class Region(NamedTuple):
+    """A place, what counts there, and how much of it there is."""
+
+    shape: str
+    """A side, ``"box"``, ``"sphere"`` or ``"mask"``."""
+    numbers: tuple[float, ...] = ()
+    """Of a box (6) or sphere (4), in m."""
+    name: str = ""
+    """Of a mask."""
+    components: str = "xyz"
+    """In the order "xyz"; empty where there is a direction."""
+    direction: tuple[float, ...] = ()
+    """Of any length."""
+    value: float = 0.0
+    """In `unit`."""
+    unit: str = ""
+    """SI; empty where there is no quantity."""
+
+    def __str__(self) -> str:
+        text = self.shape
+        if self.numbers:
+            text += _listed(self.numbers)
+        elif self.name:
+            text += f"({self.name})"
+        if self.direction:
+            text += ":" + _listed(self.direction)
+        elif self.components != "xyz":
+            text += ":" + self.components
+        return f"{text} {_shortest(self.value)} {self.unit}" if self.unit else text
+
+
+def parse(
+    text: str, units: Sequence[str] = (), *, what: str = "support", whole: bool = False
+) -> list[Region]:
+    """Read places.
+
+    Parameters
+    ----------
+    text : str
+        Any number, between spaces, commas or semicolons.
+    units : sequence of str, optional
+        Keys of `spacemap_vtk.units.UNITS`, one of which each place has a quantity in; without any
+        none has one.
+    what : str, optional
+        What each place is, in words.
+    whole : bool, optional
+        Whether none may say which components count.
+
+    Returns
+    -------
+    list of Region
+        In the order given.
+
+    Raises
+    ------
+    InputError
+        If something is no place, or its quantity none.
+    """
+    found: list[Region] = []
+    at = 0
+    while True:
+        at += len(text[at:]) - len(text[at:].lstrip(" \t\n,;"))
+        if at == len(text):
+            return found
+        match = _PLACE.match(text, at)
+        if match is None:
+            raise InputError(f'"{text[at:].strip()}" is no {what}')
+        side, shape, inner, held = match.groups()
+        if held and whole:
+            raise InputError(
+                f'"{match[0]}" names components, and a {what} has all', cure='Leave out ":…"'
+            )
+        name, numbers = "", tuple[float, ...]()
+        if shape == "mask":
+            name = inner.strip()
+            if not name:
+                raise InputError("mask() names no point array")
+        elif shape is not None:
+            numbers = _numbers(shape, inner)
+        place = Region(shape or side, numbers, name, *_held(held or "xyz"))
+        at = match.end()
+        if units:
+            quantity = _QUANTITY.match(text, at)
+            value, unit = _quantity(match[0], quantity, units)
+            place = place._replace(value=value, unit=unit)
+            at = at if quantity is None else quantity.end()
+        found.append(place)
+
+
+def caught(
+    vertices: NDArray[np.float64], place: Region, masks: Masks | None = None, what: str = "support"
+) -> NDArray[np.bool_]:
+    """Return which vertices a place catches, (V,), or of a mask which components, (V, 3)."""
+    found = _inside(vertices, place, masks)
+    if not found.any():
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        raise InputError(
+            f'the {what} "{place}" catches no vertex of the cage',
+            value=str(place),
+            allowed="a place that holds a vertex; the cage reaches from "
+            f"{_triple(low)} to {_triple(high)} m",
+        )
+    return found
+
+
+def directions(
+    vertices: NDArray[np.float64], place: Region, masks: Masks | None = None, what: str = "support"
+) -> NDArray[np.float64]:
+    """Return Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
+    found = caught(vertices, place, masks, what)
+    if place.direction:
+        if found.ndim == 2:
+            raise InputError(
+                f'the point array "{place.name}" tells components apart, and "{place}" names a '
+                "direction",
+                value=str(place),
+                cure="Take a point array of one component",
+            )
+        normal = np.array(place.direction) / np.linalg.norm(place.direction)
+        return np.where(found[:, None, None], np.outer(normal, normal), 0.0)
+    axes = np.array([axis in place.components for axis in "xyz"])
+    return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
+
+
+def _inside(vertices: NDArray[np.float64], place: Region, masks: Masks | None) -> NDArray[np.bool_]:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    # A share of the mesh, so that its unit of length does not matter.
+    tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
+    if place.shape in SIDES:
+        axis, end = SIDES[place.shape]
+        wall = high[axis] if end > 0 else low[axis]
+        side: NDArray[np.bool_] = np.abs(vertices[:, axis] - wall) <= tolerance
+        return side
+    if place.shape == "box":
+        bounds = np.reshape(place.numbers, (3, 2))
+        inside = (vertices >= bounds[:, 0] - tolerance) & (vertices <= bounds[:, 1] + tolerance)
+        return np.asarray(inside.all(axis=1))
+    if place.shape == "sphere":
+        away = np.linalg.norm(vertices - np.array(place.numbers[:3]), axis=1)
+        return np.asarray(away <= place.numbers[3] + tolerance)
+    if masks is None:
+        raise InputError("masks need a mesh with point arrays", value=str(place))
+    mask = np.asarray(masks(place.name)) != 0
+    if mask.shape not in ((len(vertices),), vertices.shape):
+        raise InputError(
+            f'the point array "{place.name}" has {mask.size // max(len(mask), 1)} components',
+            value=str(place),
+            allowed="one component, or three",
+        )
+    return mask
+
+
+def _numbers(shape: str, inner: str) -> tuple[float, ...]:
+    parts = inner.split(",")
+    names = ("x0", "x1", "y0", "y1", "z0", "z1") if shape == "box" else ("x", "y", "z", "radius")
+    if len(parts) != len(names):
+        raise InputError(
+            f"{shape}({inner}) has {len(parts)} lengths",
+            allowed=f"{shape}({', '.join(names)}), each in m or with its unit",
+        )
+    try:
+        numbers = tuple(parse_quantity(part, "m") for part in parts)
+    except InputError as error:
+        raise InputError(f"{shape}({inner}): {error.message}", allowed=error.allowed) from None
+    bad = (
+        any(not a <= b for a, b in zip(numbers[::2], numbers[1::2], strict=True))
+        if shape == "box"
+        else not (numbers[3] >= 0 and np.isfinite(numbers).all())
+    )
+    if bad:
+        raise InputError(
+            f"{shape}({inner}) is empty",
+            allowed="x0 <= x1, y0 <= y1, z0 <= z1" if shape == "box" else "a radius of at least 0",
+        )
+    return numbers
+
+
+def _held(text: str) -> tuple[str, tuple[float, ...]]:
+    """Return components, or a direction along none of the axes."""
+    if not text.startswith("("):
+        return "".join(c for c in "xyz" if c in text), ()
+    try:
+        direction = tuple(float(part) for part in text[1:-1].split(","))
+    except ValueError:
+        direction = ()
+    if len(direction) != 3 or not np.isfinite(direction).all() or not any(direction):
+        raise InputError(f"{text} is no direction", allowed="(x, y, z), not all of them 0")
+    along = [c for c, share in zip("xyz", direction, strict=True) if share]
+    return (along[0], ()) if len(along) == 1 else ("", direction)
+
+
+def _quantity(place: str, match: re.Match[str] | None, units: Sequence[str]) -> tuple[float, str]:
+    """Return a value above 0 and its SI unit, of which the user's tells which it is."""
+    given = "" if match is None else match[0].strip()
+    for unit in units:
+        try:
+            value = parse_quantity(given, unit)
+        except InputError:
+            continue
+        if match is not None and match[2] and 0 < value < float("inf"):
+            return value, unit
+    raise InputError(
+        f'"{place}" has no quantity' if not given else f'"{place}": {given} is no quantity for it',
+        allowed="a number above 0 with a unit of " + ", ".join(n for u in units for n in UNITS[u]),
+    )
+
+
+def _listed(numbers: Sequence[float]) -> str:
+    return "(" + ", ".join(map(_shortest, numbers)) + ")"
+
+
+def _shortest(number: float) -> str:
+    """Return a text that reads back as the number, but for what "0.1 um" leaves of rounding."""
+    return f"{number:.14g}"
+
+
+def _triple(values: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

@@ -1,0 +1,103 @@
+"""The language of places: what it reads, writes and refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.fittings import MASSES, SPRINGS
+from spacemap_vtk.mechanics.places import caught, directions, parse
+
+POINTS = lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "canonical"),
+    [
+        ("-x:(0, 1, 1)", "-x:(0, 1, 1)"),
+        ("-x: ( 0,1e-1 ,-1 )", "-x:(0, 0.1, -1)"),
+        ("+y:(0, -2, 0)", "+y:y"),  # along an axis it is a component
+        ("sphere(0, 0, 0, 1 mm):(1,0,0),-z", "sphere(0, 0, 0, 0.001):x -z"),
+        ("mask(my array):(1, 2, 3)", "mask(my array):(1, 2, 3)"),
+    ],
+)
+def test_directions_stand_beside_components(text, canonical):
+    found = parse(text)
+    assert " ".join(map(str, found)) == canonical
+    assert parse(canonical) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "canonical"),
+    [
+        ("-z 1e5 N/m3", "-z 100000 N/m3"),
+        ("-z:z 0.1 N/mm³; +x 5 kN/m", "-z:z 100000000 N/m3 +x 5000 N/m"),
+        ("sphere(0, 0, 0, 1 mm):(0, 1, 1) 20N/m", "sphere(0, 0, 0, 0.001):(0, 1, 1) 20 N/m"),
+        ("-x .5 N/m,+x 5. N/cm", "-x 0.5 N/m +x 500 N/m"),
+    ],
+)
+def test_springs_have_a_stiffness(text, canonical):
+    found = parse(text, SPRINGS, what="spring")
+    assert " ".join(map(str, found)) == canonical
+    assert parse(canonical, SPRINGS) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("-x:(1, 1)", r"\(1, 1\) is no direction; allowed: \(x, y, z\)"),
+        ("-x:(0, 0, 0)", "no direction"),
+        ("-x:(1, inf, 0)", "no direction"),
+        ("-x:(a, b, c)", "no direction"),
+        ("-x:()", "no direction"),
+        ("-x:(1, 1, 0", '"-x:.1, 1, 0" is no support'),
+        ("-x 5 N/m", '"5 N/m" is no support'),
+    ],
+)
+def test_what_is_no_direction_is_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("-x", '"-x" has no quantity; allowed: a number above 0 with a unit of N/m,.* N/m3'),
+        ("-x 5", '"-x": 5 is no quantity for it'),
+        ("-x 5 kg", "5 kg is no quantity"),
+        ("-x -5 N/m", "-5 N/m is no quantity"),
+        ("-x 0 N/m", "0 N/m is no quantity"),
+        ("-x 1e999 N/m", "is no quantity"),
+        ("-x 1.2.3 N/m", "is no quantity"),
+        ("5 N/m", '"5 N/m" is no spring'),
+    ],
+)
+def test_what_is_no_stiffness_is_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        parse(text, SPRINGS, what="spring")
+
+
+def test_a_mass_has_no_components():
+    assert str(parse("-x 5 g", MASSES, what="mass", whole=True)[0]) == "-x 0.005 kg"
+    with pytest.raises(InputError, match='"-x:y" names components, and a mass has all'):
+        parse("-x:y 5 g", MASSES, what="mass", whole=True)
+
+
+def test_directions_at_the_vertices():
+    (inclined, plain) = parse("-x:(0, 3, 4) +y:xz")
+    left = caught(POINTS, inclined)
+    np.testing.assert_array_equal(left, POINTS[:, 0] == 0)
+    found = directions(POINTS, inclined)
+    assert not found[~left].any()
+    normal = np.array([0, 0.6, 0.8])
+    np.testing.assert_allclose(found[left], np.broadcast_to(np.outer(normal, normal), (9, 3, 3)))
+    top = directions(POINTS, plain)
+    np.testing.assert_array_equal(top[POINTS[:, 1] == 2], [np.diag([1, 0, 1])] * 9)
+    parted = np.zeros((27, 3))
+    parted[4, 1:] = 1
+    mask = parse("mask(glue):xy")[0]
+    assert directions(POINTS, mask, {"glue": parted}.get)[4].tolist() == np.diag([0, 1, 0]).tolist()
+    with pytest.raises(InputError, match=r'"glue" tells components apart.*names a direction'):
+        directions(POINTS, parse("mask(glue):(1, 1, 0)")[0], {"glue": parted}.get)
