@@ -10,6 +10,8 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -65,13 +67,19 @@ else:
     pytest_plugins = ["pytestqt.plugin"]
 
 
-@pytest.fixture(autouse=True)
-def silent_vtk() -> Iterator[vtkStringOutputWindow]:
+@contextmanager
+def silence() -> Iterator[vtkStringOutputWindow]:
     window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     vtkOutputWindow.SetInstance(window)
     yield window
     vtkOutputWindow.SetInstance(usual)
     assert window.GetOutput() == ""
+
+
+@pytest.fixture(autouse=True)
+def silent_vtk() -> Iterator[vtkStringOutputWindow]:
+    with silence() as window:
+        yield window
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -114,8 +122,8 @@ def noted_stages() -> Iterator[None]:
     Stage.__new__ = make
 
 
-@pytest.fixture(autouse=True)
-def no_leaked_stages() -> Iterator[None]:
+@contextmanager
+def freed_stages() -> Iterator[None]:
     before = len(_made)
     yield
     if any(stage() is not None for stage in _made[before:]):
@@ -123,6 +131,13 @@ def no_leaked_stages() -> Iterator[None]:
     leaked = [stage for stage in _made[before:] if stage() is not None]
     del _made[before:]
     assert not leaked
+
+
+@pytest.fixture(autouse=True)
+def no_leaked_stages(request: pytest.FixtureRequest) -> Iterator[None]:
+    # Those of the window that a module shares are freed with it: see `module_window`.
+    with nullcontext() if "open_scene" in request.fixturenames else freed_stages():
+        yield
 
 
 @pytest.fixture
@@ -146,36 +161,23 @@ def small_disk(tmp_path: Path) -> Iterator[Callable[..., Path]]:
         subprocess.run(["umount", "--recursive", str(disk)], check=True)
 
 
-@pytest.fixture
-def open_window(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Any]]:
-    """Open windows as a person does; all are closed and freed.
-
-    A slot that fails fails the test: pytest-qt sees to it.
-    """
-    from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+@contextmanager
+def freed_windows(app: Any) -> Iterator[Callable[[], Any]]:
+    """Make windows as a person opens them; all are closed and freed."""
+    from PySide6.QtCore import QCoreApplication, QEvent
     from shiboken6 import isValid
-    from window import settled, wait_until
 
     import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
     from spacemap_vtk.app.main_window import MainWindow
 
-    app = request.getfixturevalue("qapp")
-    app.setApplicationName("spacemap")
-    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
-    QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, str(tmp_path))
     opened: list[Any] = []
 
-    def open_(scene: str | None = "plain_weave", wait: bool = True) -> Any:
-        window = MainWindow()
-        opened.append(window)
-        window.resize(1200, 800)
-        window.start(scene)
-        window.show()
-        if wait:
-            wait_until(lambda: settled(window))
-        return window
+    def make() -> Any:
+        opened.append(MainWindow())
+        opened[-1].resize(1200, 800)
+        return opened[-1]
 
-    yield open_
+    yield make
     for window in opened:
         # A test that closes its window has freed it.
         if isValid(window):
@@ -184,3 +186,58 @@ def open_window(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Call
     app.processEvents()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
     gc.collect()
+
+
+@pytest.fixture
+def own_settings(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """Let what windows remember be this test's alone."""
+    from PySide6.QtCore import QSettings
+
+    request.getfixturevalue("qapp").setApplicationName("spacemap")
+    QSettings.setDefaultFormat(QSettings.Format.IniFormat)
+    QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, str(tmp_path))
+
+
+def begin(window: Any, scene: str | None, wait: bool) -> Any:
+    from window import settled, wait_until
+
+    window.start(scene)
+    window.show()
+    if wait:
+        wait_until(lambda: settled(window))
+    return window
+
+
+@pytest.fixture
+def open_window(request: pytest.FixtureRequest, own_settings: None) -> Iterator[Callable[..., Any]]:
+    """Open windows of the test's own: for what starts, closes, cancels, or leaves one changed.
+
+    A slot that fails fails the test: pytest-qt sees to it.
+    """
+    with freed_windows(request.getfixturevalue("qapp")) as make:
+        yield lambda scene="plain_weave", wait=True: begin(make(), scene, wait)
+
+
+@pytest.fixture(scope="module")
+def module_window(request: pytest.FixtureRequest) -> Iterator[Callable[[int], Any]]:
+    """Make a module's window when it is first asked for; all that it had made goes with it."""
+    with silence(), freed_stages(), freed_windows(request.getfixturevalue("qapp")) as make:
+        window = cache(lambda _failures: make())
+        yield window
+        window.cache_clear()
+
+
+@pytest.fixture
+def open_scene(
+    request: pytest.FixtureRequest, module_window: Callable[[int], Any], own_settings: None
+) -> Callable[..., Any]:
+    """Open a scene in the window that the module's tests share: a quarter of a new one's time.
+
+    A test that fails may leave anything in it: the next one has another window.
+    """
+    from window import as_new
+
+    failures = request.session.testsfailed
+    return lambda scene="plain_weave", wait=True: begin(
+        as_new(module_window(failures)), scene, wait
+    )

@@ -26,16 +26,16 @@ def row(window: Any, section: str, name: str) -> Any:
     return window.properties.rows[name]
 
 
-def test_the_stages_tell_their_state_time_and_runs(open_window: Any) -> None:
-    window = open_window()
+def test_the_stages_tell_their_state_time_and_runs(open_scene: Any) -> None:
+    window = open_scene()
     for section in ("weave", "cage", "modal", "response", "warp", "surface"):
         assert window.stages.states[section] == "fresh"
         assert window.stages.items[section].text(1).endswith("s")
         assert window.stages.items[section].text(2) == "1"
 
 
-def test_every_declared_parameter_has_its_field(open_window: Any) -> None:
-    window = open_window(wait=False)
+def test_every_declared_parameter_has_its_field(open_scene: Any) -> None:
+    window = open_scene(wait=False)
     for section, part in sections().items():
         window.stages.choose(section)
         rows = window.properties.rows
@@ -45,8 +45,8 @@ def test_every_declared_parameter_has_its_field(open_window: Any) -> None:
             assert (rows[name].automatic is not None) == bool(parameter.automatic), name
 
 
-def test_a_typed_value_takes_its_unit(open_window: Any) -> None:
-    window = open_window()
+def test_a_typed_value_takes_its_unit(open_scene: Any) -> None:
+    window = open_scene()
     before = executions(window)
     type_into(row(window, "weave", "warp_diameter").editor.line, "0.3 mm")
     assert window.document.scene.weave.warp_diameter == 0.0003
@@ -55,8 +55,8 @@ def test_a_typed_value_takes_its_unit(open_window: Any) -> None:
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
 
 
-def test_the_word_for_automatic_can_be_typed(open_window: Any) -> None:
-    window = open_window()
+def test_the_word_for_automatic_can_be_typed(open_scene: Any) -> None:
+    window = open_scene()
     document = window.document
     document.set("modal", "material", "denim")  # of an isotropic one moduli do not count
     for section, name, written in (
@@ -78,8 +78,8 @@ def test_the_word_for_automatic_can_be_typed(open_window: Any) -> None:
         assert editor.line.text() == "", name
 
 
-def test_a_drag_runs_only_what_lies_downstream(open_window: Any) -> None:
-    window = open_window()
+def test_a_drag_runs_only_what_lies_downstream(open_scene: Any) -> None:
+    window = open_scene()
     editor = row(window, "modal", "youngs_modulus").editor
     before, image = executions(window), window.view.image().astype(int)
     value = window.document.scene.modal.youngs_modulus
@@ -98,8 +98,8 @@ def test_a_drag_runs_only_what_lies_downstream(open_window: Any) -> None:
     assert window.document.scene.modal.youngs_modulus == value
 
 
-def test_a_new_time_runs_the_last_three_stages(open_window: Any) -> None:
-    window = open_window()
+def test_a_new_time_runs_the_last_three_stages(open_scene: Any) -> None:
+    window = open_scene()
     before = executions(window)
     type_into(window.times.line, "33 ms")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.033)
@@ -107,8 +107,8 @@ def test_a_new_time_runs_the_last_three_stages(open_window: Any) -> None:
     assert changed == {"response", "warp", "surface"}
 
 
-def test_playing_draws_frame_after_frame_and_loops(open_window: Any) -> None:
-    window = open_window()
+def test_playing_draws_frame_after_frame_and_loops(open_scene: Any) -> None:
+    window = open_scene()
     times: list[float] = []
     window.director.drawn.connect(lambda frame: times.append(frame.time))
     window.times.speed.setCurrentText("0.5 ×")
@@ -120,8 +120,8 @@ def test_playing_draws_frame_after_frame_and_loops(open_window: Any) -> None:
     assert window.view.frame.time == window.times.time
 
 
-def test_a_wrong_value_is_marked_and_changes_nothing(open_window: Any) -> None:
-    window = open_window()
+def test_a_wrong_value_is_marked_and_changes_nothing(open_scene: Any) -> None:
+    window = open_scene()
     for section, name, text in (
         ("weave", "warp_diameter", "wide"),
         ("weave", "warp_diameter", "3 kg"),
@@ -146,8 +146,8 @@ def test_a_wrong_value_is_marked_and_changes_nothing(open_window: Any) -> None:
         assert window.errors.text == ""
 
 
-def test_a_jammed_cloth_keeps_the_last_picture(open_window: Any) -> None:
-    window = open_window()
+def test_a_jammed_cloth_keeps_the_last_picture(open_scene: Any) -> None:
+    window = open_scene()
     frame = window.view.frame
     field = row(window, "weave", "warp_diameter")
     type_into(field.editor.line, "1.9 mm")
@@ -161,8 +161,8 @@ def test_a_jammed_cloth_keeps_the_last_picture(open_window: Any) -> None:
     assert window.stages.states["weave"] == "fresh"
 
 
-def test_the_feasible_interval_of_h1_is_live(open_window: Any) -> None:
-    window = open_window()
+def test_the_feasible_interval_of_h1_is_live(open_scene: Any) -> None:
+    window = open_scene()
     field = row(window, "weave", "warp_crimp_height")
     before = field.note.text()
     assert "feasible" in before

@@ -41,9 +41,9 @@ def change_a_lot(window: Any) -> None:
 
 @pytest.mark.parametrize("start", ["gust", None])
 def test_the_command_line_draws_what_the_scene_draws(
-    open_window: Any, tmp_path: Path, start: str | None
+    open_scene: Any, tmp_path: Path, start: str | None
 ) -> None:
-    window = open_window("gust")
+    window = open_scene("gust")
     if start is None:
         window.document.new()
     change_a_lot(window)
@@ -67,8 +67,8 @@ def test_the_command_line_draws_what_the_scene_draws(
     assert np.abs(one.astype(int) - other).max() == 0
 
 
-def test_the_script_moves_every_point_as_the_window_does(open_window: Any, tmp_path: Path) -> None:
-    window = open_window("gust")
+def test_the_script_moves_every_point_as_the_window_does(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene("gust")
     change_a_lot(window)
     wait_until(lambda: settled(window))
     script = tmp_path / "script.py"
@@ -83,8 +83,8 @@ def test_the_script_moves_every_point_as_the_window_does(open_window: Any, tmp_p
     np.testing.assert_allclose(bounds, window.view.frame.surface.GetBounds(), rtol=1e-12)
 
 
-def test_what_is_automatic_again_is_said(open_window: Any) -> None:
-    window = open_window()
+def test_what_is_automatic_again_is_said(open_scene: Any) -> None:
+    window = open_scene()
     window.document.set("weave", "warp_diameter", None)
     line = copied(window, "Copy as command line")
     assert 'weave.warp_diameter="auto"' in line
@@ -96,9 +96,9 @@ def test_what_is_automatic_again_is_said(open_window: Any) -> None:
     assert again.weave.settings == window.document.scene.weave.settings
 
 
-def test_a_draft_is_named_by_its_file(open_window: Any) -> None:
+def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
     draft = library.folder() / "32-shaft_twill.wif"
-    window = open_window(str(draft), wait=False)
+    window = open_scene(str(draft), wait=False)
     window.document.set("weave", "thick_yarns", "flatten")
     line = copied(window, "Copy as command line")
     assert str(draft.resolve()) in line

@@ -93,13 +93,18 @@ def twill(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def draft_of(open_window: Any) -> Any:
+def draft_of(open_scene: Any) -> Any:
     """Open a scene with its draft in sight."""
 
     def open_(scene: object) -> Any:
-        window = open_window(str(scene), wait=False)
-        window.tabs.setCurrentWidget(window.draft)
+        window = open_scene(str(scene), wait=False)
+        draft = window.draft
+        window.tabs.setCurrentWidget(draft)
         wait_until(lambda: settled(window))
+        draft.grid.color = QColor("#2d6a8e")
+        for tool in (draft.colors, draft.cloth):
+            tool.setChecked(True)
+        draft.fit.click()
         return window
 
     return open_

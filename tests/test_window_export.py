@@ -44,8 +44,8 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
     QTest.mouseClick(save, Qt.MouseButton.LeftButton)
 
 
-def test_a_picture_is_seen_as_in_the_window(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     window.tools.shown["cage"].trigger()
     done = written(window)
     pictures = []
@@ -67,8 +67,8 @@ def test_a_picture_is_seen_as_in_the_window(open_window: Any, tmp_path: Path) ->
     assert coloured[1] < 0.6 * coloured[0]
 
 
-def test_a_film_is_written_whole(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_a_film_is_written_whole(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     window.document.set("animation", "stop", "20 ms")
     done = written(window)
     file = tmp_path / "swing.gif"
@@ -82,9 +82,9 @@ def test_a_film_is_written_whole(open_window: Any, tmp_path: Path) -> None:
 
 
 def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
-    open_window: Any, tmp_path: Path
+    open_scene: Any, tmp_path: Path
 ) -> None:
-    window = open_window()
+    window = open_scene()
     window.document.set("animation", "speed", 0.001)
     file = tmp_path / "long.gif"
     file.write_bytes(b"what was there")
@@ -104,9 +104,9 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
 
 @pytest.mark.parametrize("encoder", [True, False])
 def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoder: bool
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoder: bool
 ) -> None:
-    window = open_window()
+    window = open_scene()
     if encoder:
         pytest.importorskip("imageio_ffmpeg")
     else:
@@ -142,14 +142,14 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
     ],
 )
 def test_data_are_those_of_the_time_shown(
-    open_window: Any,
+    open_scene: Any,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     words: str,
     ending: str,
     cells: int | None,
 ) -> None:
-    window = open_window()
+    window = open_scene()
     done, file = written(window), tmp_path / f"data{ending}"
     answer = str(file), f"{words} (*{ending})"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: answer)
@@ -163,8 +163,8 @@ def test_data_are_those_of_the_time_shown(
         np.testing.assert_allclose(data.bounds, here, atol=1e-6)
 
 
-def test_what_cannot_be_written_is_told(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_what_cannot_be_written_is_told(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     window.exports.start("picture", tmp_path / "no" / "picture.png")
     assert "does not exist" in window.errors.text
     window.exports.start("picture", tmp_path / "picture.bmp")
@@ -182,11 +182,11 @@ def test_what_cannot_be_written_is_told(open_window: Any, tmp_path: Path) -> Non
     ("kind", "name"), [("surface", "x.vtp"), ("picture", "x.png"), ("film", "x.mp4")]
 )
 def test_a_full_disk_is_told_and_what_was_there_stays(
-    open_window: Any, small_disk: Any, kind: str, name: str
+    open_scene: Any, small_disk: Any, kind: str, name: str
 ) -> None:
     disk = small_disk(2**15)
     (disk / name).write_bytes(b"what was there")
-    window = open_window()
+    window = open_scene()
     window.document.set("animation", "speed", 1.0)
     window.exports.start(kind, disk / name, (480, 360))
     wait_until(lambda: not window.exports.busy, 30)
@@ -197,8 +197,8 @@ def test_a_full_disk_is_told_and_what_was_there_stays(
     ]
 
 
-def test_a_folder_that_comes_in_the_way_is_told(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_a_folder_that_comes_in_the_way_is_told(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     window.exports.start("picture", tmp_path / "x.png", (160, 120))
     (tmp_path / "x.png").mkdir()
     wait_until(lambda: not window.exports.busy, 30)
@@ -236,9 +236,9 @@ def test_a_window_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["nothing there", "no program", "ends at once"])
 def test_a_process_that_does_not_start_is_told_and_the_next_one_runs(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    window = open_window()
+    window = open_scene()
     done, folder = written(window), tmp_path / "pictures"
     folder.mkdir()
     program = tmp_path / "python"

@@ -29,12 +29,12 @@ file = "puff.csv"  # measured
 
 
 def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
-    open_window: Any, tmp_path: Path
+    open_scene: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
     scene = tmp_path / "scene.toml"
     scene.write_text(SMALL + PUFF)
-    window = open_window(str(scene))
+    window = open_scene(str(scene))
     window.stages.choose("response")
     editor = window.properties.rows["loads"].editor
     type_into(editor.cards[0].rows["pressure"].editor.line, "2 Pa")
@@ -48,8 +48,8 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
     assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")
 
 
-def test_the_table_of_modes_tells_the_damping_that_there_is(open_window: Any) -> None:
-    window = open_window()
+def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> None:
+    window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": None})
     wait_until(lambda: settled(window) and window.errors.text == "")
     table = window.modes.table
@@ -62,9 +62,9 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_window: Any) ->
 
 @pytest.mark.parametrize("answer", ["Yes", "No"])
 def test_a_name_without_its_ending_writes_over_nothing_unasked(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
-    window = open_window()
+    window = open_scene()
     there = tmp_path / "copy.toml"
     there.write_text("mine")
     asked = []
@@ -94,8 +94,8 @@ def test_a_scene_of_another_ending_opens_as_a_scene(tmp_path: Path) -> None:
     assert Scene.read(file).weave.ends == 4
 
 
-def test_leaving_the_time_untouched_leaves_the_time(open_window: Any) -> None:
-    window = open_window()
+def test_leaving_the_time_untouched_leaves_the_time(open_scene: Any) -> None:
+    window = open_scene()
     window.times.go(1 / 30)
     asked: list[float] = []
     window.times.moved.connect(lambda at, _: asked.append(at))
@@ -107,10 +107,10 @@ def test_leaving_the_time_untouched_leaves_the_time(open_window: Any) -> None:
     assert asked == [0.02]
 
 
-def test_a_stage_that_undo_takes_away_is_off_again(open_window: Any, tmp_path: Path) -> None:
+def test_a_stage_that_undo_takes_away_is_off_again(open_scene: Any, tmp_path: Path) -> None:
     still = tmp_path / "still.toml"
     still.write_text(SMALL)
-    window = open_window(str(still))
+    window = open_scene(str(still))
     assert window.stages.states["modal"] == "off"
     window.document.set("response", "alpha", 1.0)
     wait_until(lambda: settled(window) and window.stages.states["modal"] == "fresh")
@@ -157,8 +157,8 @@ def test_of_a_drag_faster_than_its_frames_the_last_value_counts(qtbot: Any) -> N
     document.changed.disconnect()  # which keeps the document
 
 
-def test_the_wheel_scrolls_past_fields_and_changes_none(open_window: Any) -> None:
-    window = open_window("gust")
+def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None:
+    window = open_scene("gust")
     window.stages.choose("response")
     assert isinstance(window.properties.rows["loads"].editor.cards[0].action, QComboBox)
     for section in ("weave", "response", "view"):
@@ -178,8 +178,8 @@ def test_the_wheel_scrolls_past_fields_and_changes_none(open_window: Any) -> Non
     assert window.document.undo.isClean()
 
 
-def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_window: Any) -> None:
-    window = open_window()
+def test_a_time_that_is_typed_is_shown_with_its_unit_or_marked(open_scene: Any) -> None:
+    window = open_scene()
     line = window.times.line
     type_into(line, "0.05")
     assert (line.text(), window.times.time) == ("50 ms", 0.05)
@@ -209,8 +209,8 @@ def test_a_draft_that_is_none_is_marked_before_a_clear_background(
     assert window.view.image().min() < 100
 
 
-def test_the_table_of_modes_follows_a_change_while_time_runs(open_window: Any) -> None:
-    window = open_window()
+def test_the_table_of_modes_follows_a_change_while_time_runs(open_scene: Any) -> None:
+    window = open_scene()
     window.times.play.click()
     before = window.modes.table.item(0, 1).text()
     window.document.set("modal", "youngs_modulus", "20 kPa")

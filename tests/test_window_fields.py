@@ -30,8 +30,8 @@ def click(widget: Any, at: Any = None) -> None:
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at or widget.rect().center())
 
 
-def test_one_component_of_a_vector_is_dragged(open_window: Any) -> None:
-    window = open_window()
+def test_one_component_of_a_vector_is_dragged(open_scene: Any) -> None:
+    window = open_scene()
     gravity = editor(window, "response", "gravity")
     before = window.document.scene.response.gravity
     drag(gravity.components[1].slider, 8)
@@ -43,8 +43,8 @@ def test_one_component_of_a_vector_is_dragged(open_window: Any) -> None:
     assert [c.line.text() for c in gravity.components] == [f"{v:.6g}" for v in after]
 
 
-def test_a_component_takes_a_unit_and_refuses_a_word(open_window: Any) -> None:
-    window = open_window()
+def test_a_component_takes_a_unit_and_refuses_a_word(open_scene: Any) -> None:
+    window = open_scene()
     gravity = editor(window, "response", "gravity")
     type_into(gravity.components[2].line, "-1 g")
     assert window.document.scene.response.gravity[2] == -9.80665
@@ -54,8 +54,8 @@ def test_a_component_takes_a_unit_and_refuses_a_word(open_window: Any) -> None:
     assert window.document.scene.response.gravity[2] == -9.80665
 
 
-def test_sides_are_held_by_clicking(open_window: Any) -> None:
-    window = open_window()
+def test_sides_are_held_by_clicking(open_scene: Any) -> None:
+    window = open_scene()
     fixed = editor(window, "modal", "fixed")
     assert [s for s, b in fixed.sides.items() if b.isChecked()] == ["+y"]
     click(fixed.sides["-y"])
@@ -73,8 +73,8 @@ def test_sides_are_held_by_clicking(open_window: Any) -> None:
     assert window.properties.rows["fixed"].property("bad")
 
 
-def test_a_pattern_is_drawn_by_the_mouse(open_window: Any) -> None:
-    window = open_window()
+def test_a_pattern_is_drawn_by_the_mouse(open_scene: Any) -> None:
+    window = open_scene()
     pattern = editor(window, "weave", "pattern")
     pattern.box.setCurrentText("")
     pattern.line.setFocus()
@@ -106,9 +106,9 @@ def test_a_pattern_is_drawn_by_the_mouse(open_window: Any) -> None:
 
 
 def test_a_swatch_opens_the_dialog_for_its_colour(
-    open_window: Any, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_window("tartan")
+    window = open_scene("tartan")
     colors = editor(window, "weave", "warp_color")
     asked: list[str] = []
 
@@ -125,8 +125,8 @@ def test_a_swatch_opens_the_dialog_for_its_colour(
     assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
 
 
-def test_a_load_is_added_changed_and_removed(open_window: Any) -> None:
-    window = open_window()
+def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
+    window = open_scene()
     loads = editor(window, "response", "loads")
     for action in loads.add.menu().actions():
         action.trigger()
@@ -154,8 +154,8 @@ def test_a_load_is_added_changed_and_removed(open_window: Any) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_a_changed_load_keeps_the_comments_round_it(open_window: Any) -> None:
-    window = open_window("gust")
+def test_a_changed_load_keeps_the_comments_round_it(open_scene: Any) -> None:
+    window = open_scene("gust")
     before = (library.folder() / "gust.toml").read_text().splitlines()
     loads = editor(window, "response", "loads")
     type_into(loads.cards[0].rows["pressure"].editor.line, "1.2 Pa")
@@ -167,8 +167,8 @@ def test_a_changed_load_keeps_the_comments_round_it(open_window: Any) -> None:
 
 
 @pytest.mark.parametrize("scene", ["plain_weave", "gust"])
-def test_reset_brings_back_every_default(open_window: Any, scene: str) -> None:
-    window = open_window(scene)
+def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
+    window = open_scene(scene)
     for section in sections():
         window.stages.choose(section)
         for name, row in window.properties.rows.items():
@@ -180,8 +180,8 @@ def test_reset_brings_back_every_default(open_window: Any, scene: str) -> None:
             assert getattr(part, name) == parameter.default, section
 
 
-def test_what_does_not_count_is_hidden_or_says_why(open_window: Any) -> None:
-    window = open_window()
+def test_what_does_not_count_is_hidden_or_says_why(open_scene: Any) -> None:
+    window = open_scene()
     window.stages.choose("cage")
     rows = window.properties.rows
 
@@ -206,8 +206,8 @@ def test_what_does_not_count_is_hidden_or_says_why(open_window: Any) -> None:
     assert "margin" in shown()
 
 
-def test_a_page_shows_what_its_stage_asks_for(open_window: Any) -> None:
-    window = open_window()
+def test_a_page_shows_what_its_stage_asks_for(open_scene: Any) -> None:
+    window = open_scene()
     for section in sections():
         window.properties.choose(section)
         part = getattr(window.document.scene, section)
@@ -228,8 +228,8 @@ def take_back(line: Any, text: str) -> None:
 
 
 @pytest.mark.parametrize("again", [type_again, take_back])
-def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_window: Any, again: Any) -> None:
-    window = open_window()
+def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, again: Any) -> None:
+    window = open_scene()
     for scene, section, name, wrong in (
         ("plain_weave", "weave", "pattern", "twil"),
         ("plain_weave", "weave", "warp_crimp_height", "high"),
@@ -252,8 +252,8 @@ def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_window: Any, a
         assert window.document.undo.isClean(), name
 
 
-def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_window: Any) -> None:
-    window = open_window("gust")
+def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_scene: Any) -> None:
+    window = open_scene("gust")
     gravity = editor(window, "response", "gravity")
     row = window.properties.rows["gravity"]
     for component in gravity.components[:2]:
@@ -273,8 +273,8 @@ def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_window: Any
     assert window.errors.text == ""
 
 
-def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_window: Any) -> None:
-    window = open_window()
+def test_what_a_run_refuses_stays_marked_until_it_is_changed(open_scene: Any) -> None:
+    window = open_scene()
     window.document.set("weave", "warp_diameter", "1.9 mm")
     wait_until(lambda: window.errors.text)
     row = window.properties.rows["warp_diameter"]

@@ -61,8 +61,8 @@ def test_a_named_scene_shows_no_gallery(open_window: Any) -> None:
 
 
 @pytest.mark.parametrize("how", ["click", "double click", "keyboard"])
-def test_a_scene_is_opened(open_window: Any, how: str) -> None:
-    window = open_window(None)
+def test_a_scene_is_opened(open_scene: Any, how: str) -> None:
+    window = open_scene(None)
     opened: list[str] = []
     window.document.replaced.connect(lambda: opened.append(window.document.source.stem))
     pictures, left = window.gallery.list, Qt.MouseButton.LeftButton
@@ -88,8 +88,8 @@ def test_a_scene_is_opened(open_window: Any, how: str) -> None:
     assert window.errors.text == ""
 
 
-def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    window = open_window(None)
+def test_unsaved_changes_are_asked_about(open_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    window = open_scene(None)
     window.document.set("weave", "ends", 5)
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Cancel)
     at = place(window, "gust")
@@ -98,8 +98,8 @@ def test_unsaved_changes_are_asked_about(open_window: Any, monkeypatch: pytest.M
     assert window.document.scene.weave.ends == 5
 
 
-def test_what_was_used_lately_is_listed(open_window: Any, tmp_path: Path) -> None:
-    window = open_window(None)
+def test_what_was_used_lately_is_listed(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene(None)
     assert window.gallery.recent.isHidden()
     window.document.save(tmp_path / "mine.toml")
     window.files.load(str(tmp_path / "mine.toml"))
@@ -144,8 +144,8 @@ def test_the_first_picture_goes_when_the_first_run_is_given_up(
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_the_gallerys_scroll_bar_is_drawn_whole(open_window: Any, dark: bool) -> None:
-    window = open_window()
+def test_the_gallerys_scroll_bar_is_drawn_whole(open_scene: Any, dark: bool) -> None:
+    window = open_scene()
     if window.menus.dark.isChecked() != dark:
         window.menus.dark.trigger()
     window.tabs.setCurrentWidget(window.gallery)

@@ -44,12 +44,12 @@ def hand(request: pytest.FixtureRequest) -> Press:
 
 
 @pytest.fixture
-def view_of(open_window: Any) -> Iterator[Callable[[], Any]]:
+def view_of(open_scene: Any) -> Iterator[Callable[[], Any]]:
     """Open a window whose view has the keyboard, with the mouse over the cloth."""
     before = QCursor.pos()
 
     def open_() -> Any:
-        window = open_window()
+        window = open_scene()
         window.activateWindow()
         wait_until(window.isActiveWindow)
         window.view.plotter.setFocus()
@@ -241,8 +241,8 @@ def test_no_other_key_changes_the_view(view_of: Any) -> None:
     assert np.abs(image(window) - before).max() < 8
 
 
-def test_the_help_tells_every_key_of_the_view(open_window: Any) -> None:
-    window = open_window()
+def test_the_help_tells_every_key_of_the_view(open_scene: Any) -> None:
+    window = open_scene()
     lines = {line.split()[0]: line for line in window.menus.keys.splitlines()}
     for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P"):
         assert key in lines

@@ -30,9 +30,9 @@ def play(window: Any) -> None:
 
 
 def test_while_time_plays_messages_stay_until_they_are_put_right(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_window()
+    window = open_scene()
     play(window)
     # A refused value, until the field is right.
     window.stages.choose("weave")
@@ -76,8 +76,8 @@ def test_while_time_plays_messages_stay_until_they_are_put_right(
     assert window.times.playing
 
 
-def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_window: Any) -> None:
-    window = open_window()
+def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_scene: Any) -> None:
+    window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
     wait_until(lambda: "damping_ratio" in window.errors.text)
     # A swing needs no damping: its frames say nothing of it.
@@ -92,8 +92,8 @@ def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_window: Any) -
     assert window.stages.states["response"] == "fresh"
 
 
-def test_a_swing_that_cannot_go_on_ends(open_window: Any) -> None:
-    window = open_window()
+def test_a_swing_that_cannot_go_on_ends(open_scene: Any) -> None:
+    window = open_scene()
     window.modes.table.cellClicked.emit(1, 0)
     frames_drawn(window, 3)
     told: list[Any] = []
@@ -109,8 +109,8 @@ def test_a_swing_that_cannot_go_on_ends(open_window: Any) -> None:
     assert len(told) < 4
 
 
-def test_a_failure_of_before_stops_no_later_wish(open_window: Any) -> None:
-    window = open_window()
+def test_a_failure_of_before_stops_no_later_wish(open_scene: Any) -> None:
+    window = open_scene()
     told: list[Any] = []
     window.director.failed.connect(told.append)
     window.document.set("weave", "warp_diameter", "1.9 mm")
@@ -138,15 +138,17 @@ def wait_without_window(done: Callable[[], bool]) -> None:
 
 
 @pytest.mark.parametrize("alone", [True, False])
-def test_undo_takes_in_what_a_drag_has_left_waiting(open_window: Any, alone: bool) -> None:
-    window = open_window()
+def test_undo_takes_in_what_a_drag_has_left_waiting(
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch, alone: bool
+) -> None:
+    window = open_scene()
     document, undo = window.document, window.menus.actions["Undo"]
     document.set("modal", "youngs_modulus", 1500.0)
     assert (undo.text(), undo.isEnabled()) == ("Undo modal.youngs_modulus", True)
     begin = document.text
     if not alone:
         document.set("response", "alpha", 5.0, burst=1)
-    document.crowded = lambda: True
+    monkeypatch.setattr(document, "crowded", lambda: True)
     for value in (6.0, 7.0):
         document.set("response", "alpha", value, burst=1)
     # Within the twentieth of a second that it may wait.
@@ -168,8 +170,8 @@ def test_undo_takes_in_what_a_drag_has_left_waiting(open_window: Any, alone: boo
     assert document.undo.isClean()
 
 
-def test_a_drag_ends_with_its_slider(open_window: Any) -> None:
-    window = open_window()
+def test_a_drag_ends_with_its_slider(open_scene: Any) -> None:
+    window = open_scene()
     window.stages.choose("modal")
     slider = window.properties.rows["youngs_modulus"].editor.slider
     slider.setSliderDown(True)
@@ -182,9 +184,9 @@ def test_a_drag_ends_with_its_slider(open_window: Any) -> None:
 
 
 def test_a_surface_that_could_not_be_drawn_is_refused_and_the_last_stays(
-    open_window: Any, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_window()
+    window = open_scene()
     told: list[str] = []
     window.director.failed.connect(lambda *words: told.append(" ".join(map(str, words))))
     shown = window.view.frame.surface.GetNumberOfCells()

@@ -25,8 +25,8 @@ def click_row(window: Any, row: int) -> None:
     QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=where)
 
 
-def test_the_table_has_the_figures_of_the_command_line(open_window: Any) -> None:
-    window = open_window()
+def test_the_table_has_the_figures_of_the_command_line(open_scene: Any) -> None:
+    window = open_scene()
     figures = report.modes(Scene.read("plain_weave"))["modes"]
     table = window.modes.table
     assert table.rowCount() == len(figures) == 180
@@ -36,8 +36,8 @@ def test_the_table_has_the_figures_of_the_command_line(open_window: Any) -> None
         assert table.item(row, 3).text() == figures[row]["regime"]
 
 
-def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_window: Any) -> None:
-    window = open_window()
+def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:
+    window = open_scene()
     scene = scene_of(window)
     before = {stage.section: stage.executions for stage in scene.stages}
     sizes: list[float] = []
@@ -60,8 +60,8 @@ def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_window: Any) -> None:
     assert window.modes.mode is None
 
 
-def test_the_table_follows_the_scene(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     window.document.set("modal", "modes", 12)
     wait_until(lambda: settled(window))
     assert window.modes.table.rowCount() == 12
@@ -79,8 +79,8 @@ def test_the_table_follows_the_scene(open_window: Any, tmp_path: Path) -> None:
 
 # Wide, as at first, and as narrow as it gets.
 @pytest.mark.parametrize("width", [510, 360, 1])
-def test_the_table_fills_its_width_with_other_modes_too(open_window: Any, width: int) -> None:
-    window = open_window()
+def test_the_table_fills_its_width_with_other_modes_too(open_scene: Any, width: int) -> None:
+    window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     window.splitter.setSizes([290, 910 - width, width])
     table = window.modes.table
@@ -96,8 +96,8 @@ def test_the_table_fills_its_width_with_other_modes_too(open_window: Any, width:
     assert table.horizontalHeader().length() == table.viewport().width()
 
 
-def test_without_modes_the_tab_says_how_to_get_them(open_window: Any) -> None:
-    window = open_window("handweaving")
+def test_without_modes_the_tab_says_how_to_get_them(open_scene: Any) -> None:
+    window = open_scene("handweaving")
     assert window.modes.table.rowCount() == 0
     assert "modal solver" in window.modes.hint.text()
     window.files.load("plain_weave")
@@ -108,8 +108,8 @@ def test_without_modes_the_tab_says_how_to_get_them(open_window: Any) -> None:
     assert "from a file" in window.modes.hint.text()
 
 
-def test_arrow_keys_go_from_mode_to_mode(open_window: Any) -> None:
-    window = open_window()
+def test_arrow_keys_go_from_mode_to_mode(open_scene: Any) -> None:
+    window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     table = window.modes.table
     at = table.visualItemRect(table.item(1, 1)).center()

@@ -19,9 +19,9 @@ from spacemap_vtk.scenes.chain import sections  # noqa: E402
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 
 
-def active(open_window: Any, qtbot: Any) -> Any:
+def active(open_scene: Any, qtbot: Any) -> Any:
     """Open a window that has the keyboard."""
-    window = open_window()
+    window = open_scene()
     with qtbot.waitActive(window):
         window.activateWindow()
     window.setFocus()
@@ -32,8 +32,8 @@ def press(qtbot: Any, window: Any, key: Any, *keys: Any) -> None:
     qtbot.keyClick(window, key, *keys)
 
 
-def test_keys_play_step_look_and_undo(open_window: Any, qtbot: Any) -> None:
-    window = active(open_window, qtbot)
+def test_keys_play_step_look_and_undo(open_scene: Any, qtbot: Any) -> None:
+    window = active(open_scene, qtbot)
     press(qtbot, window, Qt.Key.Key_Space)
     assert window.times.playing
     press(qtbot, window, Qt.Key.Key_Space)
@@ -61,8 +61,8 @@ def test_keys_play_step_look_and_undo(open_window: Any, qtbot: Any) -> None:
     assert window.document.scene.weave.ends == 5
 
 
-def test_letters_in_a_field_are_letters(open_window: Any, qtbot: Any) -> None:
-    window = active(open_window, qtbot)
+def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
+    window = active(open_scene, qtbot)
     window.stages.choose("weave")
     line = window.properties.rows["pattern"].editor
     line = getattr(line, "line", line)
@@ -73,8 +73,8 @@ def test_letters_in_a_field_are_letters(open_window: Any, qtbot: Any) -> None:
     assert not window.times.playing
 
 
-def test_undo_reaches_the_scene_from_a_field_and_a_count(open_window: Any, qtbot: Any) -> None:
-    window = active(open_window, qtbot)
+def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:
+    window = active(open_scene, qtbot)
     window.stages.choose("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "0.2 mm")
@@ -122,8 +122,8 @@ def test_closing_at_the_wrong_moment(open_window: Any, qtbot: Any, moment: str) 
     assert not window.isVisible()
 
 
-def test_a_failure_elsewhere_leaves_a_drag_alone(open_window: Any, qtbot: Any) -> None:
-    window = open_window()
+def test_a_failure_elsewhere_leaves_a_drag_alone(open_scene: Any, qtbot: Any) -> None:
+    window = open_scene()
     window.stages.choose("response")
     qtbot.wait(50)
     slider = window.properties.rows["alpha"].editor.slider

@@ -29,12 +29,17 @@ def plotted(window: Any) -> bool:
 
 
 @pytest.fixture
-def plots_of(open_window: Any) -> Any:
+def plots_of(open_scene: Any) -> Any:
     """Open a scene with its plots in sight."""
 
     def open_(scene: str = "plain_weave") -> Any:
-        window = open_window(scene)
-        window.tabs.setCurrentWidget(window.plots)
+        window = open_scene(scene)
+        plots = window.plots
+        # Those of the test before have the same key.
+        plots.curves = None
+        plots.quantity.setCurrentIndex(0)
+        plots.component.setCurrentIndex(0)
+        window.tabs.setCurrentWidget(plots)
         wait_until(lambda: plotted(window))
         return window
 
@@ -130,6 +135,7 @@ def test_playing_moves_the_cursor_and_draws_no_plot(
 ) -> None:
     window = plots_of()
     canvas = window.plots.canvas
+    canvas.grab()  # draws, if that is still to be done
     drawn: list[int] = []
     monkeypatch.setattr(canvas, "draw", lambda: drawn.append(1))
     curves = window.plots.curves

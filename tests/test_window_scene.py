@@ -76,8 +76,8 @@ def test_suction_pulls_a_force_ends_at_its_vertex_and_what_is_over_is_gone() -> 
     assert len(gone.starts) == 0
 
 
-def test_loads_are_drawn_and_follow_time(open_window: Any) -> None:
-    window = open_window("gust")
+def test_loads_are_drawn_and_follow_time(open_scene: Any) -> None:
+    window = open_scene("gust")
     window.tools.shown["loads"].trigger()
     without = window.view.image().astype(int)
     window.tools.shown["loads"].trigger()
@@ -88,8 +88,8 @@ def test_loads_are_drawn_and_follow_time(open_window: Any) -> None:
     assert "pressure" not in window.view.frame.arrows.kinds
 
 
-def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
-    window = open_window()
+def test_the_clip_plane_cuts_moves_and_comes_back(open_scene: Any) -> None:
+    window = open_scene()
     window.tools.cameras["front"].trigger()
     whole = window.view.image().astype(int)
     window.tools.clip.trigger()
@@ -142,8 +142,8 @@ def test_the_clip_plane_cuts_moves_and_comes_back(open_window: Any) -> None:
     assert np.abs(window.view.image().astype(int) - whole).mean() < 1.0
 
 
-def test_another_scene_is_whole(open_window: Any) -> None:
-    window = open_window()
+def test_another_scene_is_whole(open_scene: Any) -> None:
+    window = open_scene()
     window.tools.clip.trigger()
     assert window.view.scene_view.cut is not None
     window.document.open("twill_2_2")
@@ -153,8 +153,8 @@ def test_another_scene_is_whole(open_window: Any) -> None:
 
 
 @pytest.mark.parametrize("name", list(BACKGROUNDS))
-def test_the_background_is_chosen_and_undone_as_one(open_window: Any, name: str) -> None:
-    window = open_window()
+def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) -> None:
+    window = open_scene()
     before = window.document.text
     window.tools.backgrounds[name].trigger()
     wait_until(lambda: settled(window))
@@ -167,8 +167,8 @@ def test_the_background_is_chosen_and_undone_as_one(open_window: Any, name: str)
     assert window.document.text == before
 
 
-def test_picked_points_are_kept_offered_and_ride_along(open_window: Any) -> None:
-    window = open_window()
+def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
+    window = open_scene()
     window.tools.cameras["front"].trigger()
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
@@ -196,8 +196,8 @@ def test_picked_points_are_kept_offered_and_ride_along(open_window: Any) -> None
     assert told[-1] == []
 
 
-def test_an_object_is_picked_too(open_window: Any) -> None:
-    window = open_window("animal_in_carved_cage")
+def test_an_object_is_picked_too(open_scene: Any) -> None:
+    window = open_scene("animal_in_carved_cage")
     widget = window.view.plotter
     QTest.mouseClick(
         widget, Qt.MouseButton.LeftButton, pos=QPoint(widget.width() // 2, widget.height() // 2)
@@ -207,8 +207,8 @@ def test_an_object_is_picked_too(open_window: Any) -> None:
     assert "moved by" in window.told.text()
 
 
-def test_the_scale_never_shrinks_while_time_passes(open_window: Any) -> None:
-    window = open_window()
+def test_the_scale_never_shrinks_while_time_passes(open_scene: Any) -> None:
+    window = open_scene()
     # Coloured only where all is still: a frame of 20 ms would widen the scale from the start.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)

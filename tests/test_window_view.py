@@ -32,8 +32,8 @@ def image(window: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["fabric", "cage", "supports", "loads", "ghost"])
-def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
-    window = open_window()
+def test_what_is_shown_can_be_switched(open_scene: Any, name: str) -> None:
+    window = open_scene()
     before = image(window)
     window.tools.shown[name].trigger()
     assert np.abs(image(window) - before).max() > 30
@@ -41,8 +41,8 @@ def test_what_is_shown_can_be_switched(open_window: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() < 8
 
 
-def test_arrows_that_are_shown_are_in_sight(open_window: Any) -> None:
-    window = open_window()
+def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
+    window = open_scene()
     window.document.set("response", "gravity", (0.0, -9.81, 0.0))
     # Wide: its height is what is scarce.
     window.resize(1500, 600)
@@ -134,8 +134,8 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
     assert sum(drawing) <= 10
 
 
-def test_every_colouring_is_another_picture(open_window: Any) -> None:
-    window = open_window()
+def test_every_colouring_is_another_picture(open_scene: Any) -> None:
+    window = open_scene()
     pictures = []
     for name, coloring in COLORINGS.items():
         window.tools.coloring.setCurrentText(coloring.label)
@@ -153,8 +153,8 @@ def test_every_colouring_is_another_picture(open_window: Any) -> None:
     assert window.document.values["view"]["color"] == "clearance"
 
 
-def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> None:
-    window = open_window()
+def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_scene: Any) -> None:
+    window = open_scene()
     look = window.view.scene_view.surface.GetProperty()
     for azimuth in (0, 70, 110):
         window.view.plotter.camera.Azimuth(azimuth)
@@ -171,8 +171,8 @@ def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_window: Any) -> 
 
 
 @pytest.mark.parametrize("color", ["own", "displacement"])
-def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
-    window = open_window()
+def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
+    window = open_scene()
     view, look = window.view, window.view.scene_view.surface.GetProperty()
     window.document.set("view", "color", color)
     window.tools.clip.trigger()
@@ -193,8 +193,8 @@ def test_a_yarn_that_is_cut_is_solid(open_window: Any, color: str) -> None:
         look.BackfaceCullingOn()
 
 
-def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
-    window = open_window()
+def test_the_face_of_a_cut_follows_the_mouse(open_scene: Any) -> None:
+    window = open_scene()
     view = window.view
     window.tools.clip.trigger()
     wait_until(lambda: settled(window) and view.scene_view.cut)
@@ -209,8 +209,8 @@ def test_the_face_of_a_cut_follows_the_mouse(open_window: Any) -> None:
     assert not view.scene_view.face.GetVisibility()
 
 
-def test_every_camera_is_another_picture(open_window: Any) -> None:
-    window = open_window()
+def test_every_camera_is_another_picture(open_scene: Any) -> None:
+    window = open_scene()
     pictures = []
     for name in CAMERAS:
         window.tools.cameras[name].trigger()
@@ -221,8 +221,8 @@ def test_every_camera_is_another_picture(open_window: Any) -> None:
     assert np.abs(image(window) - pictures[-1]).max() > 60
 
 
-def test_a_click_reads_the_yarn_under_it(open_window: Any) -> None:
-    window = open_window()
+def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
+    window = open_scene()
     window.tools.cameras["front"].trigger()
     QTest.qWait(100)
     picks: list[Any] = []
@@ -258,8 +258,8 @@ def seen(window: Any) -> np.ndarray:
     return rows[:, : 3 * drawn.width()].astype(int)
 
 
-def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_window: Any) -> None:
-    window = open_window()
+def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_scene: Any) -> None:
+    window = open_scene()
     widget, at = window.view.plotter, QPoint(300, 300)
     QTest.qWait(300)
     pictures = [seen(window)]
@@ -274,8 +274,8 @@ def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_window: Any) -> 
     wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
 
 
-def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_window: Any) -> None:
-    window = open_window()
+def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -> None:
+    window = open_scene()
     widget, at, drawn = window.view.plotter, QPoint(300, 300), []
     widget.render_window.AddObserver("EndEvent", lambda *_: drawn.append(1))
     QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
@@ -289,8 +289,8 @@ def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_window: Any) 
     assert 1 <= len(drawn) < 20
 
 
-def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
-    window = open_window()
+def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
+    window = open_scene()
     picks: list[Any] = []
     window.view.picked.connect(picks.append)
     before = np.array(window.view.plotter.camera.GetPosition())
@@ -305,8 +305,8 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_window: Any) -> None:
     assert not picks
 
 
-def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_window: Any) -> None:
-    window = open_window()
+def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> None:
+    window = open_scene()
 
     def clear(share: float) -> bool:
         """Whether a column of the picture shows the background alone, which is smooth."""
@@ -331,8 +331,8 @@ def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_window: Any) ->
     assert camera.GetPosition() == before
 
 
-def test_a_narrow_windows_tools_keep_together(open_window: Any) -> None:
-    window = open_window()
+def test_a_narrow_windows_tools_keep_together(open_scene: Any) -> None:
+    window = open_scene()
     window.resize(1024, 700)
     QTest.qWait(200)
     box = window.tools.coloring
@@ -341,15 +341,15 @@ def test_a_narrow_windows_tools_keep_together(open_window: Any) -> None:
     wait_until(lambda: window.times.slider.width() >= 100, 5)
 
 
-def test_a_stages_figures_stand_beside_its_name(open_window: Any) -> None:
-    window = open_window()
+def test_a_stages_figures_stand_beside_its_name(open_scene: Any) -> None:
+    window = open_scene()
     for item in window.stages.items.values():
         for column in (1, 2):
             assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
 
 
-def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_window: Any) -> None:
-    window = open_window()
+def test_in_a_narrow_window_nothing_of_the_bar_is_lost(open_scene: Any) -> None:
+    window = open_scene()
     window.resize(1000, 700)
     QTest.qWait(100)
     arrow = window.tools.findChild(QToolButton, "qt_toolbar_ext_button")

@@ -31,9 +31,9 @@ def press(window: Any, name: str) -> None:
 
 
 def test_a_new_scene_is_drawn_and_saved(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_window()
+    window = open_scene()
     press(window, "New")
     wait_until(lambda: settled(window) and window.document.source is None)
     assert window.view.image().std() > 20
@@ -49,12 +49,12 @@ def test_a_new_scene_is_drawn_and_saved(
 
 
 def test_save_as_keeps_every_comment_and_value(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         QFileDialog, "getSaveFileName", lambda *_: (str(tmp_path / "copy.toml"), "")
     )
-    window = open_window()
+    window = open_scene()
     for name in library.names():
         window.document.open(name)
         window.menus.actions["Save as…"].trigger()
@@ -72,8 +72,8 @@ def test_save_as_keeps_every_comment_and_value(
         assert one.view.settings == other.view.settings
 
 
-def test_recent_files_are_opened_again(open_window: Any, tmp_path: Path) -> None:
-    window = open_window()
+def test_recent_files_are_opened_again(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene()
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text(f'title = "{name}"\n[weave]\nends = 3\npicks = 3\n')
         window.files.load(str(tmp_path / f"{name}.toml"))
@@ -88,9 +88,9 @@ def test_recent_files_are_opened_again(open_window: Any, tmp_path: Path) -> None
 
 
 def test_a_drop_on_the_view_opens_and_asks_first(
-    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_window()
+    window = open_scene()
     window.document.set("weave", "ends", 5)
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(library.folder() / "32-shaft_twill.wif"))])
@@ -115,8 +115,8 @@ def test_a_drop_on_the_view_opens_and_asks_first(
     assert window.document.source.name == "32-shaft_twill.wif"
 
 
-def test_every_kind_of_change_is_undone_and_done_again(open_window: Any) -> None:
-    window = open_window("gust")
+def test_every_kind_of_change_is_undone_and_done_again(open_scene: Any) -> None:
+    window = open_scene("gust")
     document, texts = window.document, [window.document.text]
     window.stages.choose("response")
     loads = window.properties.rows["loads"].editor
@@ -166,16 +166,16 @@ def test_the_next_window_comes_as_this_one_was_left(open_window: Any) -> None:
         again.discard()
 
 
-def test_every_key_in_the_help_is_one_actions_alone(open_window: Any) -> None:
-    window = open_window()
+def test_every_key_in_the_help_is_one_actions_alone(open_scene: Any) -> None:
+    window = open_scene()
     keys = [line.split()[0] for line in window.menus.keys.splitlines()]
     assert len(keys) == len(set(keys))
     for name in ("Export picture…", "Export film…", "Export data…", "Save", "Undo", "New"):
         assert window.menus.actions[name].shortcut().toString() in keys
 
 
-def test_the_window_can_be_narrow(open_window: Any) -> None:
-    window = open_window()
+def test_the_window_can_be_narrow(open_scene: Any) -> None:
+    window = open_scene()
     window.resize(950, 640)
     for tab in (window.gallery, window.modes, window.plots, window.draft):
         window.tabs.setCurrentWidget(tab)

@@ -57,6 +57,29 @@ def settled(window: Any) -> bool:
     )
 
 
+def as_new(window: Any) -> Any:
+    """Take back what tests do to a window that another scene does not; return it."""
+    window.setFocus()  # what is being typed
+    window.resize(1200, 800)
+    window.splitter.setSizes([310, 770, 360])
+    # The first scene chooses the stage whose properties are seen.
+    window.stages.setCurrentItem(None)
+    window.properties.section = ""
+    window.times.loop.setChecked(True)
+    window.modes.amplitude.setValue(15)
+    window.modes.table.scrollToTop()
+    tools = window.tools
+    for action, on in (
+        (tools.shown["fabric"], True),
+        (tools.shown["cage"], True),
+        (tools.keys.wireframe, False),
+        (tools.orthographic, False),
+    ):
+        if action.isChecked() != on:
+            action.trigger()
+    return window
+
+
 def scene_of(window: Any) -> Any:
     """Return the scene that the window's engine runs."""
     return window.engine.pipeline.scene
