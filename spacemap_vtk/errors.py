@@ -114,7 +114,7 @@ def warn_user(text: str) -> None:
         SpacemapWarning,
         frame.f_code.co_filename,
         frame.f_lineno,
-        frame.f_globals.get("__name__"),
+        frame.f_globals.get("__name__") or "<string>",  # None is not told at all
         frame.f_globals.setdefault("__warningregistry__", {}),
     )
 

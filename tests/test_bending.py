@@ -251,6 +251,13 @@ def test_the_readmes_figures():
     bending, twist = measured(*square(5, 1, SIDE / 5 / 3e-4, 2))
     assert 1.0 < np.sqrt(bending) < 1.03
     assert twist == pytest.approx(199, rel=0.01)  # CalculiX and scikit-fem say the same
+    for cells, off in ((5, (1e-3, 0.013, 0.09)), (20, (6e-3, 2e-3, 1e-3))):
+        solver = thin_cage(divisions=(cells, cells, 1))
+        assert solver.warnings == ()
+        found = solver.output.GetFieldData().GetArray("eigenvalues")
+        plate = 1e6 * 3e-4**2 / (12 * (1 - 0.3**2)) / DENSITY / SIDE**4
+        for mode, known in enumerate((BENDING, TWIST, 21.429)):
+            assert abs(np.sqrt(found.GetValue(mode) / plate) / known - 1) < off[mode]
 
 
 def thin_cage(**settings):

@@ -671,6 +671,27 @@ def test_a_warning_that_is_wanted_as_an_error_comes_from_update() -> None:
     assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
 
 
+def test_a_warning_that_is_not_wanted_is_silent() -> None:
+    chain = Chain()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        warnings.simplefilter("ignore", SpacemapWarning)
+        chain.update(time=0.0)
+    assert told == []
+    assert "too stiffly" in chain.modal.warnings[0]
+
+
+def test_a_warning_is_told_once_whatever_the_filter() -> None:
+    chain = Chain()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for frame in range(3):
+            chain.update(time=0.01 * frame)
+            chain.modal.Modified()
+    assert [each.category for each in told] == [SpacemapWarning] * len(told)
+    assert len({str(each.message) for each in told}) == len(told)
+
+
 @pytest.mark.parametrize("how", ["Update", "consumer"])
 def test_warnings_come_through_plain_vtk_too(how: str) -> None:
     chain = Chain()

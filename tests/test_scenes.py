@@ -6,6 +6,7 @@ import math
 import re
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from spacemap_vtk import SpacemapWarning
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.scenes import library, report
@@ -264,6 +266,13 @@ def test_the_readmes_python_runs() -> None:
     exec(code[0], names)
     assert names["cloth"].GetNumberOfCells() == 1176 * 16  # type: ignore[attr-defined]
     assert names["response"].executions == 1  # type: ignore[attr-defined]
+    # What it says of the same lines without their sheet.
+    with pytest.raises(SpacemapWarning, match=r"bend about 4\.2 times"):
+        exec(code[0].replace('elements="sheet"', ""), {})
+    with warnings.catch_warnings(record=True) as told:
+        exec(code[0].replace('elements="sheet"', "").replace('"error"', '"ignore"'), names)
+    assert told == []
+    assert names["modal"].warnings  # type: ignore[attr-defined]
 
 
 def test_the_readme_names_every_command() -> None:

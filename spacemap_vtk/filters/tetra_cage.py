@@ -71,16 +71,17 @@ class TetraCage(Stage):
     )
     divisions = Vector(
         (5, 5, 1),
-        "Number of hexahedra along x, y and z of the box. How stiff a thin cage is depends on how "
-        "wide they are, more than on how many lie through its thickness.",
+        "Number of hexahedra along x, y and z of the box. One layer can be a sheet, see "
+        "modal.elements. How stiff a thin cage of tetrahedra is depends on how wide they are, more "
+        "than on how many lie through its thickness.",
         component=Integer(1, "", minimum=1, maximum=100_000),
         when={"method": ("lattice", "carved")},
     )
     order = Integer(
         1,
-        "1: linear tetrahedra, whose vertices are their corners. 2: quadratic ones, with midpoints "
-        "on their edges: one layer bends right, and twists right where no cell is wider than four "
-        "thicknesses.",
+        "1: linear tetrahedra, whose vertices are their corners; of these a sheet is, too (see "
+        "modal.elements). 2: quadratic ones, with midpoints on their edges: one layer bends right, "
+        "and twists right where no cell is wider than four thicknesses.",
         minimum=1,
         maximum=2,
         when={"method": ("lattice", "carved", "tetwild")},
