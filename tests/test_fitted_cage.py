@@ -78,6 +78,20 @@ def test_a_response_finds_the_model_of_its_solver(elements: str) -> None:
     np.testing.assert_allclose(moved, static, atol=1e-6 * abs(static).max())
 
 
+@pytest.mark.parametrize("elements", ["tetrahedra", "sheet"])
+def test_a_base_takes_along_what_stands_on_springs(elements: str) -> None:
+    solver = solved(wet_cage(), elements=elements, fixed="", springs="-z 5 N/m +y:z 1 N/m")
+    load = {"base_displacement": [0, "1 mm", "2 mm"], "time": "ramp", "rise": "1 s"}
+    response = ModalResponse(alpha=100.0, gravity=(0, 0, 0), loads=[load])
+    response.SetInputConnection(solver.GetOutputPort())
+    response.update(60.0)
+    moved = vtk_to_numpy(response.GetOutputDataObject(0).GetPointData().GetArray("displacement"))
+    np.testing.assert_allclose(moved, [[0, 1e-3, 2e-3]] * len(moved), atol=1e-8)
+    solver.springs = ""
+    with pytest.raises(InputError, match="nothing is fixed, so there is no base"):
+        response.update(1.0)
+
+
 def test_a_stress_is_that_of_a_cells_own_material() -> None:
     solver = solved(wet_cage(), elements="tetrahedra", stiffness_factors="wet")
     response = ModalResponse(initial="equilibrium")

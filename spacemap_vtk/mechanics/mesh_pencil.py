@@ -191,10 +191,13 @@ class MeshPencil(Pencil):
 
     @cached_property
     def strain_products(self) -> Callable[[FloatArray], FloatArray]:  # type: ignore[override]
-        if self.surface is None and self._displacement is None and not self.springs:
-            mesh = self._points, self._cells, self.material[0]
-            return partial(strain_products, *mesh, factors=self._stiff)
-        return partial(_products, self.strains, self.nodes.positions)
+        if self.surface is not None or self._displacement is not None:
+            return partial(_products, self.strains, self.nodes.positions)
+        solid = self._points, self._cells, self.material[0]
+        found = partial(strain_products, *solid, factors=self._stiff)
+        if not self.springs:
+            return found
+        return lambda fields: found(fields) + _products(self.springs, self._points, fields)
 
     def gathered(self, forces: FloatArray) -> FloatArray:
         """Return forces on the vertices (3V, m) as those on what is free (N, m)."""
