@@ -28,6 +28,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar, overload
 
 from spacemap_vtk.errors import InputError, UnknownNameError
+from spacemap_vtk.units import UNITS, format_quantity
 
 T = TypeVar("T")
 
@@ -46,6 +47,8 @@ class Parameter(Generic[T]):
         One sentence for every surface that shows the parameter.
     unit : str, optional
         SI unit, a key of `spacemap_vtk.units.UNITS`.
+    trade : str, optional
+        The unit that the trade writes it in, one of those of `unit`, for figures that are told.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
         write `AUTOMATIC`.
@@ -66,6 +69,7 @@ class Parameter(Generic[T]):
         help: str,
         *,
         unit: str = "",
+        trade: str = "",
         automatic: str = "",
         group: str = "",
         when: Mapping[str, Sequence[Any]] = MappingProxyType({}),
@@ -76,6 +80,7 @@ class Parameter(Generic[T]):
         self.counts = ""
         self.help = help
         self.unit = unit
+        self.trade = trade
         self.automatic = automatic
         self.name = ""
         self._default = default
@@ -231,6 +236,24 @@ class Parameter(Generic[T]):
             With a handy unit.
         """
         return str(value)
+
+    def tell(self, value: Any) -> str:
+        """Return a figure that was found, with a handy unit and in that of the trade.
+
+        Parameters
+        ----------
+        value : float
+            In the parameter's unit.
+
+        Returns
+        -------
+        str
+            To four digits.
+        """
+        text = format_quantity(float(f"{value:.4g}"), self.unit)
+        if not self.trade:
+            return text
+        return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"
 
     def join(self, others: Mapping[str, Parameter[Any]]) -> None:
         """Say in words when this parameter counts, once all of its class are there.

@@ -328,7 +328,14 @@ class Series(Parameter[Any]):
     each = ""
 
     def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
-        super().__init__(None, component.help, unit=component.unit, automatic=automatic, **rest)
+        super().__init__(
+            None,
+            component.help,
+            unit=component.unit,
+            trade=component.trade,
+            automatic=automatic,
+            **rest,
+        )
         self.component = component
         self.annotation = f"{component.annotation}, or a list of such"
 

@@ -8,7 +8,7 @@ import pytest
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import homogeneous, measured
+from spacemap_vtk.mechanics.plates import data_sheet, homogeneous, measured
 
 E, NU, H = 2e6, 0.3, 3e-4
 
@@ -141,3 +141,19 @@ def test_a_fabrics_sheet_resists_what_was_measured(name):
     np.testing.assert_allclose(sheet.membrane, solid.membrane, rtol=1e-12, atol=1e-9)
     # and leans by less than 1 % in folds of a centimetre
     assert max(fabric.bending) / sheet.shear[0, 0] / 1e-2**2 < 0.01
+
+
+def test_a_data_sheet_has_what_was_measured():
+    """It is read off the plate, and not what was given."""
+    given = {"tensile": (4000.0, 1000.0), "shear": 50.0, "ratio": 0.8, "bending": (2e-5, 5e-6)}
+    plate = measured(homogeneous(isotropic(E, NU), H), **given, twisting=3e-6)
+    found = data_sheet(plate, 0.15)
+    assert found.tensile_rigidity == pytest.approx(given["tensile"])
+    assert found.bending_rigidity == pytest.approx(given["bending"])
+    assert found[1:3] == pytest.approx((50.0, 0.8))
+    assert found[5:] == pytest.approx((3e-6, 0.15))
+    # Peirce's cantilever: the flexural rigidity in mg.cm is c³ [cm] times the mass in mg/cm².
+    length = [(rigidity / (9.80665e-6 * 1e-2) / 15.0) ** (1 / 3) for rigidity in (2e-5, 5e-6)]
+    assert found.bending_length == pytest.approx([1e-2 * c for c in length])
+    again = measured(plate, tensile=found.tensile_rigidity, bending=found.bending_rigidity)
+    np.testing.assert_allclose(again.membrane[:2, :2], plate.membrane[:2, :2], rtol=1e-12)

@@ -42,6 +42,7 @@ def modes(
     """
     sheet = None if plot is None else Order("shapes", plot)
     chosen = opened(scene, set_)
+    from spacemap_vtk.cli.sheet_rows import sheet_rows
     from spacemap_vtk.scenes import report
 
     with progress(chosen, "Solving", quiet):
@@ -89,7 +90,12 @@ def modes(
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
     table.caption = "x, y, z: effective mass in % of what can move; Σ: with those above it"
-    Console().print(table)
+    console = Console()
+    console.print(table)
+    cage = Table.grid(padding=(0, 2))
+    for cells in sheet_rows(figures):
+        cage.add_row(*cells)
+    console.print(cage)
     tell_warnings(chosen, quiet)
 
 

@@ -34,7 +34,8 @@ def info(
     """Print the figures of a fabric, or of an object.
 
     Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
-    the least clearance between the yarns of the deformed fabric. Where there is no room for the
+    the least clearance between the yarns of the deformed fabric. Of its cage, whether it is a sheet
+    or tetrahedra, and a sheet's measures. Where there is no room for the
     yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
     arrays and the faults of its surface; of its cage, the pieces and what lies outside.
 
@@ -49,6 +50,7 @@ def info(
 
         tell_object(chosen, json_, quiet)
         return
+    from spacemap_vtk.cli.sheet_rows import sheet_rows
     from spacemap_vtk.scenes import report
 
     with progress(chosen, "Weaving", quiet):
@@ -103,6 +105,7 @@ def info(
         ("patches", _cell(figures["patches"], None)),
         ("control points", _cell(figures["control_points"], None)),
         ("memory", _told("{:.3g} MiB", figures["memory_bytes"], 2**-20)),
+        *sheet_rows(figures),
     ):
         cloth.add_row(label, value)
     console.print(cloth)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, point
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.fittings import Fittings
 from spacemap_vtk.mechanics.model import Model
-from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.plates import DataSheet, Plate
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
@@ -63,6 +64,22 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     if model.displacement is not None:
         add_array(data, "equilibrium", model.displacement)
         add_array(field, _GRAVITY, np.array(gravity, dtype=np.float64))
+
+
+def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:
+    """Write the measures of a sheet into field arrays of their names."""
+    for name, value in sheet._asdict().items():
+        add_array(grid.GetFieldData(), name, np.atleast_1d(np.array(value, dtype=np.float64)))
+
+
+def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
+    """Return the measures of the sheet that a cage is to ModalSolver; None of tetrahedra."""
+    field = grid.GetFieldData()
+    if field.GetArray("bending_length") is None:
+        return None
+    arrays = (array_of(field, name, _OWNER) for name in DataSheet._fields)
+    found: list[Any] = [tuple(a.tolist()) if len(a) > 1 else a.item() for a in arrays]
+    return DataSheet(*found)
 
 
 def gravity_in(grid: vtkUnstructuredGrid) -> FloatArray:

@@ -63,6 +63,11 @@ class WarpAndWeft(Series):
             return value
         return value, value
 
+    def tell(self, value: Any) -> str:
+        """Return the figures of warp and weft, or the one of both."""
+        warp, weft = (super(WarpAndWeft, self).tell(each) for each in self.pair(value) or ())
+        return warp if warp == weft else f"warp {warp}, weft {weft}"
+
 
 class CageMaterial(Stage):
     """A stage that knows what a cage is made of."""
@@ -142,6 +147,7 @@ class CageMaterial(Stage):
             "What a sheet resists stretching with, as a strip whose sides are free: force per "
             "width over strain.",
             unit="N/m",
+            trade="gf/cm",
             above=0.0,
         ),
         automatic="Young's modulus times the cage's thickness, or a measured fabric's",
@@ -152,6 +158,7 @@ class CageMaterial(Stage):
         "What a sheet resists shear in its plane with: force per width over the angle. A woven "
         "fabric's is far less than what follows from its tensile rigidity.",
         unit="N/m",
+        trade="gf/cm.deg",
         above=0.0,
         automatic="the shear modulus times the cage's thickness, or a measured fabric's; of an "
         "isotropic sheet from tensile_rigidity, where that is given",
@@ -171,6 +178,7 @@ class CageMaterial(Stage):
             "What a sheet resists bending with, as a strip whose sides are free: moment per width "
             "over curvature.",
             unit="N.m",
+            trade="gf.cm2/cm",
             above=0.0,
         ),
         automatic="Young's modulus times the cube of the cage's thickness over 12, or a measured "
@@ -183,6 +191,7 @@ class CageMaterial(Stage):
             "Peirce's bending length c, in place of bending_rigidity, which is c³ times the weight "
             "of a unit area; half the length of a strip that hangs over an edge at 41.5 degrees.",
             unit="m",
+            trade="cm",
             above=0.0,
         ),
         automatic="from bending_rigidity",
@@ -194,6 +203,7 @@ class CageMaterial(Stage):
         "homogeneous sheet it is the root of the product of both bending rigidities over "
         "2 (1 + Poisson's ratio).",
         unit="N.m",
+        trade="gf.cm2/cm",
         above=0.0,
         automatic="a measured fabric's, or a homogeneous sheet's, as where bending is given",
         when=_SHEET,
@@ -202,6 +212,7 @@ class CageMaterial(Stage):
         None,
         "Mass per area of a sheet.",
         unit="kg/m2",
+        trade="oz/yd2",
         above=0.0,
         automatic="density times the cage's thickness, where density is given, or a measured "
         f"fabric's, or the weave's own, or {DENSITY:g} kg/m3 times the thickness",
@@ -253,14 +264,20 @@ class CageMaterial(Stage):
 
     def warn_of_elements(self, sheet: bool) -> None:
         """Warn of what is given for other elements than those that were found to be right."""
-        kind = "sheet" if sheet else "tetrahedra"
         for name in self._values:
-            if kind not in self.parameter(name).when.get("elements", kind):
+            if why := self.idle_as(name, sheet):
                 self.warn(
-                    f"{self.section}.{name} does not count: "
-                    + ("the cage is a sheet" if sheet else "the cage is no sheet")
-                    + f'; elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
+                    f"{self.section}.{name} does not count: {why}; "
+                    f'elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'
                 )
+
+    @classmethod
+    def idle_as(cls, name: str, sheet: bool) -> str:
+        """Return why a parameter counts for nothing, of a cage that is a sheet, or is none."""
+        kind = "sheet" if sheet else "tetrahedra"
+        if kind in cls.parameter(name).when.get("elements", kind):
+            return ""
+        return "the cage is a sheet" if sheet else "the cage is no sheet"
 
     def _given(self) -> dict[str, Any]:
         """Return the constants and measures that are given by name, or say which do not count."""

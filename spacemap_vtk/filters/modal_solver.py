@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
-from spacemap_vtk.datasets.modal_model import MODE_NAME, attach
+from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.fitted_cage import FittedCage
@@ -25,7 +25,7 @@ from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import LOST
-from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
@@ -78,7 +78,9 @@ class ModalSolver(FittedCage):
     ``rigid_body`` numbers the pieces that move as one, from 1 on; ``spring_stiffness`` (N/m) and
     ``point_mass`` (kg) are what is fitted there, as are the cell arrays ``stiffness_factor`` and
     ``density_factor``; ``nodal_mass`` (kg) are the row sums of M. Its field array
-    ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding.
+    ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding. Of a sheet the
+    measures in force are field arrays, too, named as the parameters: ``bending_length`` and so on,
+    in SI, of two values that of the warp first.
 
     Examples
     --------
@@ -175,6 +177,8 @@ class ModalSolver(FittedCage):
 
         output.ShallowCopy(grid)
         attach(output, model, self.gravity)
+        if model.plate is not None:
+            add_sheet(output, data_sheet(model.plate, mass))
         for array in self._mode_arrays(shapes, model.density):
             output.GetPointData().AddArray(array)
         eigenvalues = eigenvalues * (model.modulus / model.density)
@@ -190,6 +194,24 @@ class ModalSolver(FittedCage):
         self._warn_of_stiffness(model)
         if linear:
             self._warn_of_volume(model.elasticity)
+
+    def measures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
+        """Return the measures of the sheet that a cage is to mechanics, without solving anything.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            The cage.
+
+        Returns
+        -------
+        DataSheet or None
+            None of a cage of tetrahedra.
+        """
+        sheet = self._sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
+        if sheet is None:
+            return None
+        return data_sheet(*self.plate(sheet.thickness, sheet.normal, _woven(grid)))
 
     def _sheet(self, vertices: FloatArray, elements: NDArray[np.int64]) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,25 @@ class Plate:
     shear: FloatArray
     #: Force per width from a strain of the thickness [N/m].
     thickness: float
+
+
+class DataSheet(NamedTuple):
+    """The measures of a sheet, named as the parameters of `spacemap_vtk.ModalSolver`."""
+
+    tensile_rigidity: tuple[float, float]
+    """Of the warp and of the weft [N/m]."""
+    shear_rigidity: float
+    """In N/m."""
+    poissons_ratio_in_plane: float
+    """Contraction along the weft for a stretch along the warp."""
+    bending_rigidity: tuple[float, float]
+    """Of the warp and of the weft [N m]."""
+    bending_length: tuple[float, float]
+    """Peirce's, of the warp and of the weft [m]."""
+    twisting_rigidity: float
+    """D66 [N m]."""
+    areal_mass: float
+    """In kg/m²."""
 
 
 def homogeneous(elasticity: FloatArray, thickness: float, normal: int = 2) -> Plate:
@@ -172,6 +191,40 @@ def bending_length(rigidity: float, areal_mass: float) -> float:
         measurable quantity", J. Textile Inst. 21 (1930) T377.
     """
     return float(np.cbrt(rigidity / (areal_mass * GRAVITY)))
+
+
+def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
+    """Return the measures of a sheet as its data sheet has them.
+
+    Parameters
+    ----------
+    plate : Plate
+        What it resists.
+    areal_mass : float
+        Mass per area [kg/m²].
+
+    Returns
+    -------
+    DataSheet
+        `measured` makes the same plate of it, but for what resists across.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.mechanics.materials import isotropic
+    >>> found = data_sheet(homogeneous(isotropic(1e6, 0.3), 1e-3), 0.3)
+    >>> round(found.shear_rigidity, 3), round(found.poissons_ratio_in_plane, 3)
+    (384.615, 0.3)
+    """
+    warp, weft = bending = strips(plate.bending)
+    return DataSheet(
+        tensile_rigidity=strips(plate.membrane),
+        shear_rigidity=float(plate.membrane[2, 2]),
+        poissons_ratio_in_plane=float(plate.membrane[0, 1] / plate.membrane[0, 0]),
+        bending_rigidity=bending,
+        bending_length=(bending_length(warp, areal_mass), bending_length(weft, areal_mass)),
+        twisting_rigidity=float(plate.bending[2, 2]),
+        areal_mass=areal_mass,
+    )
 
 
 def stiff_across(plate: Plate) -> Plate:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.modal_model import ModesReader
-from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
+from spacemap_vtk.errors import GeometryError, InputError, naming_section
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -17,8 +17,10 @@ from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.plates import DataSheet
 from spacemap_vtk.scenes.scene import Scene
 
 #: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
@@ -80,12 +82,21 @@ def modes(scene: Scene) -> dict[str, Any]:
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
         "dof": cage.model.pencil.size,
+        **sheet_figures(sheet_in(grid)),
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": movable.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
+    }
+
+
+def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
+    """Return what a cage is to mechanics: a sheet with its measures, or tetrahedra."""
+    return {
+        "elements": "tetrahedra" if sheet is None else "sheet",
+        "sheet": None if sheet is None else sheet._asdict(),
     }
 
 
@@ -128,6 +139,11 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         "threading": [list(shafts) for shafts in loom.threading],
         "feasible": {name: list(ends) for name, ends in weave.feasible.items()},
     }
+    solver, made = scene.stage("solver"), scene.stage("cage")
+    if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
+        scene.update_stage(made)
+        with naming_section(solver.section):
+            figures |= sheet_figures(solver.measures(made.output))
     if over.size > MOST_CROSSINGS:
         scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
     elif room:

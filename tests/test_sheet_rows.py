@@ -1,0 +1,75 @@
+"""`spacemap modes` and `info` tell what a cage is to mechanics, and a sheet's measures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from spacemap_vtk.cli.main import main
+
+SHEET = """
+[weave]
+ends = 10
+picks = 10
+[cage]
+divisions = [4, 4, 1]
+[modal]
+elements = "sheet"
+modes = 2
+tensile_rigidity = "10 gf/cm"
+shear_rigidity = "0.5 gf/cm.deg"
+bending_rigidity = ["0.2 gf.cm2/cm", "0.1 gf.cm2/cm"]
+areal_mass = "4 oz/yd2"
+"""
+
+
+def told(command: str, scene: Path | str, capsys: pytest.CaptureFixture[str], *more: str) -> str:
+    with pytest.raises(SystemExit) as end:
+        main([command, str(scene), *more])
+    assert end.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["modes", "info"])
+def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "sheet.toml"
+    scene.write_text(SHEET)
+    figures: dict[str, Any] = json.loads(told(command, scene, capsys, "--json"))
+    assert figures["elements"] == "sheet"
+    sheet = figures["sheet"]
+    # A gf weighs 9.80665 mN; an ounce is 28.35 g, a yard 0.9144 m.
+    assert sheet["tensile_rigidity"] == pytest.approx([9.80665, 9.80665])
+    assert sheet["bending_rigidity"] == pytest.approx([1.96133e-5, 9.80665e-6])
+    assert sheet["areal_mass"] == pytest.approx(0.1356, rel=1e-3)
+    # Peirce in centimetres: c³ = B/w, 0.2 gf cm over 13.56 mg/cm².
+    assert sheet["bending_length"] == pytest.approx(
+        [(b / 13.5623e-3) ** (1 / 3) / 100 for b in (0.2, 0.1)], rel=1e-5
+    )
+    text = " ".join(told(command, scene, capsys).split())
+    for line in (
+        "elements of the cage sheet tensile rigidity 9.807 N/m (10 gf/cm) shear",
+        "(0.5 gf/cm.deg)",
+        "bending rigidity, warp 19.61 µN.m (0.2 gf.cm2/cm) bending rigidity, weft 9.807 µN.m",
+        "bending length, warp 24.52 mm (2.452 cm)",
+        "areal mass 135.6 g/m2 (4 oz/yd2)",
+    ):
+        assert line in text
+
+
+@pytest.mark.parametrize("command", ["modes", "info"])
+def test_tetrahedra_have_no_such_measures(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = json.loads(told(command, "plain_weave", capsys, "--json"))
+    assert (figures["elements"], figures["sheet"]) == ("tetrahedra", None)
+    assert "elements of the cage tetrahedra" in " ".join(
+        told(command, "plain_weave", capsys).split()
+    )
+
+
+def test_a_still_fabric_has_no_cage(capsys: pytest.CaptureFixture[str]) -> None:
+    figures = json.loads(told("info", "handweaving", capsys, "--json"))
+    assert "elements" not in figures
