@@ -174,5 +174,5 @@ def test_a_scene_takes_them(tmp_path: Any) -> None:
     scene.set('modal.masses="-y 7 mg sphere(0, 0, 0, 1 mm) 1 g"')
     solver = scene.stage("solver")
     assert solver.springs == ("+x:(1, 1, 0) 0.003 N/m", "-z:z 1000000 N/m3")
-    assert solver.masses == ("-y 7e-06 kg", "sphere(0, 0, 0, 0.001) 0.001 kg")
+    assert solver.masses == ("-y 7 mg", "sphere(0, 0, 0, 0.001) 1 g")
     scene.update(0.01)

@@ -80,7 +80,10 @@ def test_what_is_no_stiffness_is_refused(text, message):
 
 
 def test_a_mass_has_no_components():
-    assert str(parse("-x 5 g", MASSES, what="mass", whole=True)[0]) == "-x 0.005 kg"
+    for text in ("5 g", "1.5 kg", "0.3 mg", "120 mg"):
+        (found,) = parse(f"-x {text}", MASSES, what="mass", whole=True)
+        assert str(found) == f"-x {text}"
+        assert parse(str(found), MASSES, what="mass", whole=True) == [found]
     with pytest.raises(InputError, match='"-x:y" names components, and a mass has all'):
         parse("-x:y 5 g", MASSES, what="mass", whole=True)
 

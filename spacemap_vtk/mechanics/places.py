@@ -31,6 +31,9 @@ ALLOWED = (
     '"box(x0, x1, y0, y1, z0, z1)", "sphere(x, y, z, radius)", "mask(name of a point array)"'
 )
 
+#: Units that a quantity is written in, the smallest first, beside that of SI.
+_HANDY = {"kg": ("mg", "g", "kg")}
+
 #: How far from its place a vertex may lie, as a share of the mesh's diagonal.
 _TOLERANCE = 1e-6
 
@@ -70,7 +73,12 @@ class Region(NamedTuple):
             text += ":" + _listed(self.direction)
         elif self.components != "xyz":
             text += ":" + self.components
-        return f"{text} {_shortest(self.value)} {self.unit}" if self.unit else text
+        if not self.unit:
+            return text
+        units = _HANDY.get(self.unit, (self.unit,))
+        fitting = [n for n in units if self.value >= UNITS[self.unit][n]]
+        unit = fitting[-1] if fitting else units[0]
+        return f"{text} {_shortest(self.value / UNITS[self.unit][unit])} {unit}"
 
 
 def parse(

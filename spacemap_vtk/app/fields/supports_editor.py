@@ -51,7 +51,7 @@ class SupportsEditor(LineEditor):
         held = {support.shape: support for support in parse(self.shown)}
         for side, button in self.sides.items():
             button.setChecked(side in held)
-            partly = str(held[side]).removeprefix(side).removeprefix(":") if side in held else ""
+            partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
             button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
 
     def _clicked(self) -> None:
