@@ -38,6 +38,9 @@ def opened(open_scene: Any, name: str) -> Any:
     after = window.view.image()
     assert after.std() > 15
     assert np.abs(after - before).max() > 60
+    view = window.view
+    drawn = view.scene_view.surface.GetBounds()
+    np.testing.assert_allclose(drawn, view.frame.surface.GetBounds(), rtol=1e-6)
     return window
 
 
