@@ -61,21 +61,30 @@ class LoadsEditor(Editor):
 
     def show_value(self, value: Any) -> None:
         tables = [load._values for load in value]
-        shapes = [_keys(load) for load in value]
-        if shapes != [card.keys for card in self.cards]:
-            for card in self.cards:
-                self._layout.removeWidget(card)
-                card.hide()
-                card.deleteLater()
-            self.cards = [_Card(number, load) for number, load in enumerate(value)]
-            for number, card in enumerate(self.cards):
-                card.edited.connect(self._card_edited)
-                card.held.connect(self.held)
-                card.restored.connect(self.restored)
-                self._layout.insertWidget(number, card)
+        # Only cards of other rows are made anew: a card costs as much as a frame.
+        for number, load in enumerate(value):
+            here = self.cards[number : number + 1]
+            if not here or here[0].keys != _keys(load):
+                self._take(here)
+                self._insert(_Card(number, load))
+        self._take(self.cards[len(value) :])
         for card, load in zip(self.cards, value, strict=True):
             card.show_load(load)
         self._tables = [{k: _plain(v) for k, v in table.items()} for table in tables]
+
+    def _insert(self, card: _Card) -> None:
+        card.edited.connect(self._card_edited)
+        card.held.connect(self.held)
+        card.restored.connect(self.restored)
+        self._layout.insertWidget(card.number, card)
+        self.cards.insert(card.number, card)
+
+    def _take(self, cards: list[_Card]) -> None:
+        for card in cards:
+            self.cards.remove(card)
+            self._layout.removeWidget(card)
+            card.hide()
+            card.deleteLater()
 
     def add_load(self, action: Any) -> None:
         self.edited.emit([*self._tables, dict(_BEGINNINGS[action.data()])], 0)
