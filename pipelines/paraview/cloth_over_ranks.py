@@ -21,7 +21,7 @@ weave = simple.WeaveSource(Ends=yarns, Picks=yarns)
 weave.UpdatePipeline()
 west, east, foot, head, back, front = weave.GetDataInformation().GetBounds()  # of all processes
 height = 1.02 * (head - foot)
-# No mesh of a thousand times its thickness bends: the cage of a large cloth is thicker than that.
+# Quadratic tetrahedra of a thousand thicknesses hardly bend: the cage of a large cloth is thicker.
 room = simple.Box(
     XLength=1.02 * (east - west), YLength=height, ZLength=max(1.02 * (front - back), height / 40)
 )
