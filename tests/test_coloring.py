@@ -230,3 +230,31 @@ def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None
     # A touch of gloss is all there is besides.
     assert offs["displacement"] < 0.05
     assert offs["own"] > 0.1
+
+
+def test_what_hangs_shows_how_far_and_how_strongly_it_is_pulled() -> None:
+    modal = {"elements": "sheet", "gravity": [0, -9.80665, 0], "modes": 3, "areal_mass": 0.2}
+    scene = Scene({**SMALL, "cage": {"divisions": [2, 12, 1]}, "modal": modal, "response": {}})
+    found = {}
+    for color in ("displacement", "equilibrium", "stress", "strain"):
+        scene.set(f"view.color={color}")
+        scene.update(0.0)
+        values = measure(scene.polygons, color)
+        assert values is not None
+        found[color] = values
+    # At rest it is where it hangs, and the scale of the displacement begins there.
+    np.testing.assert_allclose(found["displacement"], found["equilibrium"], rtol=1e-5, atol=1e-15)
+    hung = vtk_to_numpy(scene.modal.output.GetPointData().GetArray("equilibrium"))
+    assert found["displacement"].max() == pytest.approx(abs(hung).max(), rel=0.05)
+    # The top bears the weight of all below it; that of a cell is the mean over its height.
+    _, _, low, high, bottom, top = scene.modal.output.GetBounds()
+    weight = 0.2 * 9.80665 * (high - low) / (top - bottom)
+    assert found["stress"].max() == pytest.approx(weight, rel=0.15)
+    # Free at its sides it is stretched by that over Young's modulus.
+    assert found["strain"].max() == pytest.approx(weight / 1e6, rel=0.15)
+    assert "equilibrium" in scene.colorings
+    scene.set("view.color=own")
+    scene.set("modal.hang=false")
+    scene.update(0.0)
+    assert "equilibrium" not in scene.colorings
+    assert not vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("displacement")).any()

@@ -27,8 +27,8 @@ class Director(QObject):
     #: A frame has been drawn.
     drawn = Signal(object)
     failed = Signal(object)
-    #: A run that takes long: section and share done; empty when it has ended.
-    progress = Signal(str, float)
+    #: A run that takes long: section, share done, and its step; empty when it has ended.
+    progress = Signal(str, float, str)
     #: The user has ended a run: what the picture therefore is not.
     given_up = Signal(str)
 
@@ -46,7 +46,7 @@ class Director(QObject):
         self.generation = 0
         self._asked: Job | None = None
         self.swing: Swing | None = None
-        self._running = ""
+        self._running = self._step = ""
         self._share = 0.0
         #: Whether a drag goes on.
         self.held = self._giving_up = False
@@ -168,26 +168,26 @@ class Director(QObject):
         self.drawn.emit(frame)
 
     def _stage_started(self, section: str) -> None:
-        self._running, self._share = section, 0.0
+        self._running, self._share, self._step = section, 0.0, ""
 
     def _stage_ran(self, section: str, seconds: float, executions: int) -> None:
         self._stages.show_run(section, seconds, executions)
         self._stages.set_state(section, "fresh")
 
-    def _progressed(self, section: str, share: float) -> None:
-        self._running, self._share = section, share
+    def _progressed(self, section: str, share: float, step: str) -> None:
+        self._running, self._share, self._step = section, share, step
 
     def _show_running(self) -> None:
         if self._engine.busy and self._running:
             self._stages.set_state(self._running, "running")
-            self.progress.emit(self._running, self._share)
+            self.progress.emit(self._running, self._share, self._step)
             self._notice.start()
         else:
             self._end_notice()
 
     def _end_notice(self) -> None:
         self._running = ""
-        self.progress.emit("", 0.0)
+        self.progress.emit("", 0.0, "")
         if self._engine.busy:
             # The next run has begun. In a drag each takes its own time, not that of all together.
             self._notice.start()

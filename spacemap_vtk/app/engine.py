@@ -31,7 +31,8 @@ class Engine(QThread):
     stage_started = Signal(str)
     #: Section, seconds, executions.
     stage_ran = Signal(str, float, int)
-    progressed = Signal(str, float)
+    #: Section, share done, and the step of it that is being done, if it has some.
+    progressed = Signal(str, float, str)
     #: The exception, whose `section` names the stage, and the job.
     failed = Signal(object, object)
     cancelled = Signal()
@@ -54,7 +55,7 @@ class Engine(QThread):
         self.pipeline = Pipeline(
             lambda section: me.stage_started.emit(section),
             lambda section, seconds, runs: me.stage_ran.emit(section, seconds, runs),
-            lambda section, share: me.progressed.emit(section, share),
+            lambda section, share, step: me.progressed.emit(section, share, step),
         )
 
     def ask(self, job: Job) -> None:

@@ -186,7 +186,7 @@ class MainWindow(QMainWindow):
         status.addWidget(self.told, 1)
         for widget in (self.running, self.bar, self.cancel):
             status.addPermanentWidget(widget)
-        self._show_progress("", 0.0)
+        self._show_progress("", 0.0, "")
 
     def _connect(self) -> None:
         self.stages.chosen.connect(self.properties.choose)
@@ -328,11 +328,12 @@ class MainWindow(QMainWindow):
     def _picked(self, pick: Pick) -> None:
         self.told.setText(pick.text)
 
-    def _show_progress(self, section: str, share: float) -> None:
+    def _show_progress(self, section: str, share: float, step: str) -> None:
         for widget in (self.bar, self.cancel, self.running):
             widget.setVisible(bool(section))
         if section:
-            self.running.setText(words_of(sections()[section].__name__))
+            stage = words_of(sections()[section].__name__)
+            self.running.setText(f"{stage}: {step}" if step else stage)
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
             self.bar.setValue(round(share * 100))

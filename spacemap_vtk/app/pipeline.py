@@ -35,7 +35,7 @@ class Pipeline:
         self,
         started: Callable[[str], None],
         ran: Callable[[str, float, int], None],
-        progressed: Callable[[str, float], None],
+        progressed: Callable[[str, float, str], None],
     ) -> None:
         self._started, self._ran, self._progressed = started, ran, progressed
         self._generation = -1
@@ -129,7 +129,7 @@ class Pipeline:
         progressed = self._progressed
 
         def tell(caller: Stage, event: str) -> None:
-            progressed(section, caller.GetProgress())
+            progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
         self._started(section)
         stage.SetAbortExecute(0)

@@ -52,8 +52,10 @@ def progress(scene: Scene, what: str, quiet: bool) -> Iterator[Callable[[int, in
     task = bar.add_task(what, total=1, stage="")
 
     def tell(stage: Stage, event: str) -> None:
-        share = f" {stage.GetProgress():.0%}" if event == "ProgressEvent" else ""
-        bar.update(task, stage="" if event == "EndEvent" else type(stage).__name__ + share)
+        words = [type(stage).__name__]
+        if event == "ProgressEvent":
+            words += [stage.GetProgressText() or "", f"{stage.GetProgress():.0%}"]
+        bar.update(task, stage="" if event == "EndEvent" else " ".join(filter(None, words)))
 
     observers = [
         (stage, stage.AddObserver(event, tell))

@@ -171,19 +171,22 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             {step for info in inputs if info.Has(_TIME_STEPS) for step in info.Get(_TIME_STEPS)}
         )
 
-    def report(self, fraction: float) -> None:
+    def report(self, fraction: float, step: str = "") -> None:
         """Tell observers how far the run is, and stop it if they ask for that.
 
         Parameters
         ----------
         fraction : float
-            From 0 to 1.
+            From 0 to 1; of the step, where it is one of several.
+        step : str, optional
+            What is being done, in a word or two: VTK's progress text.
 
         Raises
         ------
         Cancelled
             If AbortExecute was set.
         """
+        self.SetProgressText(step)
         self.UpdateProgress(fraction)
         if self.GetAbortExecute():
             raise Cancelled(f"{type(self).__name__} was stopped")

@@ -29,7 +29,7 @@ from spacemap_vtk.mechanics.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.shell import THIN, Layer, layer
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Integer, Real, Vector
+from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
 #: A cage is warned of where it bends or twists more often than this too stiffly or softly.
@@ -135,6 +135,11 @@ class ModalSolver(FittedCage):
         "Pressures, tractions, forces and arrays under which it hangs, too; they keep their "
         "directions, and have no time.",
     )
+    hang = Flag(
+        True,
+        "Whether it hangs under gravity and dead_loads, where these are given; off, they stay, and "
+        "it begins undeformed.",
+    )
 
     #: Kept for those that come upon it by content: another support or material reuses parts.
     _model: Model | None = None
@@ -169,7 +174,7 @@ class ModalSolver(FittedCage):
         made = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*made, None, fittings)
         layers = layers if linear else 2 * layers
-        if (load := self._dead_load(grid, model)).any():
+        if self.hangs and (load := self._dead_load(grid, model)).any():
             # The first is kept, too: its strains are those of the next equilibrium.
             self._rest, rest = model, self._hung(model, load, layers)
             self._model = model = Model(*made, rest, fittings)
@@ -231,10 +236,14 @@ class ModalSolver(FittedCage):
         return found
 
     @property
+    def hangs(self) -> bool:
+        """Whether there is something that the cage hangs under, and it shall."""
+        return self.hang and (any(self.gravity) or bool(self.dead_loads))
+
+    @property
     def arrays(self) -> dict[str, Provided]:
         """The arrays that the next run adds, by name."""
-        hangs = any(self.gravity) or bool(self.dead_loads)
-        return {k: v for k, v in super().arrays.items() if hangs or k != "equilibrium"}
+        return {k: v for k, v in super().arrays.items() if self.hangs or k != "equilibrium"}
 
     def check(self) -> None:
         """Check the material, and what it hangs under."""
@@ -279,7 +288,7 @@ class ModalSolver(FittedCage):
                 value=self.gravity,
                 cure="Use a coarser cage.",
             )
-            found = model.hung(load, lambda share: self.report(0.5 * share))
+            found = model.hung(load, lambda share: self.report(share, "hanging"))
             cache.store(f"hung-{digest}", displacement=found)
             return found
 
@@ -300,7 +309,7 @@ class ModalSolver(FittedCage):
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        return model.modes(count, self.report)
+        return model.modes(count, lambda share: self.report(share, "modes"))
 
     def _solved(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density: kept, from disk, or solved."""
@@ -326,7 +335,7 @@ class ModalSolver(FittedCage):
         elif missing:
             self._kept = digest, solve()
         assert self._kept is not None
-        self.report(1.0)
+        self.report(1.0, "modes")
         values, shapes, rounding = self._kept[1]
         return values[:count], shapes[:count], rounding[:count]
 

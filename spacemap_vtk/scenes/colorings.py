@@ -27,6 +27,7 @@ COLORINGS = {
     "family": Coloring("Warp and weft", "", "family"),
     "yarn": Coloring("Yarn by yarn", "", "yarn"),
     "displacement": Coloring("Displacement", "m", "displacement", True),
+    "equilibrium": Coloring("Hung state, displacement", "m", "equilibrium", True),
     "velocity": Coloring("Velocity", "m/s", "velocity", True),
     "strain": Coloring("Strain, largest principal", "", "strain", True),
     "stress": Coloring("Stress, von Mises", "Pa", "von_mises", True),

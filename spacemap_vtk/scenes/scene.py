@@ -87,6 +87,8 @@ class Scene:
         self._warnings: dict[str, None] = {}
         #: Sections and keys that `set` has changed: the file does not say these.
         self._assigned: set[tuple[str | None, str | None]] = set()
+        #: What rides along for the colours, and nobody has asked for; see `_carry`.
+        self._riding: list[str] = []
         #: The sections that it has; `set` adds more.
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
@@ -306,10 +308,13 @@ class Scene:
 
     def _carry(self) -> None:
         """Let ride along what the colours show."""
-        array, carried = COLORINGS[self.view.color].array, self.warp.carried
+        array, carried = COLORINGS[self.view.color].array, self.warp.carried.split()
         of_cage = {name for stage in self.stages if stage.makes == "cage" for name in stage.arrays}
-        if array in of_cage - self.warp.arrays.keys() and array not in carried.split():
-            self.warp.carried = f"{carried} {array}".strip()
+        if carried[-1:] == self._riding:
+            carried.pop()  # for other colours, and it need not be there any more
+        lacking = of_cage - self.warp.arrays.keys() - set(carried)
+        self._riding = [array] if array in lacking else []
+        self.warp.carried = " ".join(carried + self._riding)
 
     def obstacle(self) -> GeometryError | SizeError | None:
         """Return what keeps the weave from being built; builds nothing.
@@ -404,10 +409,8 @@ class Scene:
         InputError
             If the scene has no cage, or no draft that can be read.
         """
-        if kind == "patches":
-            return self.patches
-        if kind == "surface":
-            return self.polygons
+        if kind in ("patches", "surface"):
+            return self.patches if kind == "patches" else self.polygons
         return self.deformed_cage if kind == "cage" else self.draft
 
     @property

@@ -46,8 +46,8 @@ class View(Parameterised):
     )
     color = Choice(
         "own",
-        "What the surface's colours show; numbers get a scale. Velocity, strain and stress are the "
-        "cage's, and ride along.",
+        "What the surface's colours show; numbers get a scale. Velocity, strain, stress and the "
+        "displacement to the equilibrium (modal.gravity) are the cage's, and ride along.",
         list(COLORINGS),
     )
     camera = Choice(
@@ -65,7 +65,9 @@ class View(Parameterised):
     zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
     supports = Flag(True, "Dots at the cage's fixed vertices.", when=_CAGE)
     loads = Flag(False, "Arrows for what acts on the cage, as long as it is strong at the time.")
-    ghost = Flag(False, "The fabric or object at rest, pale, where it is drawn moved.")
+    ghost = Flag(
+        False, "The fabric or object undeformed, pale, beside where it hangs or is drawn moved."
+    )
     line_scale = Real(
         1.0, "How many times as thick lines and dots are drawn.", minimum=0.1, maximum=20.0
     )

@@ -1,0 +1,93 @@
+"""What is told of long work on the command line, and how it is ended there."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, connect
+
+#: A handkerchief held by its middle: some seconds of an equilibrium.
+DRAPE = """
+[weave]
+ends = 20
+picks = 20
+[cage]
+divisions = [50, 50, 1]
+[modal]
+elements = "sheet"
+modes = 4
+fixed = "sphere(0, 0, 0, 1.5 mm)"
+gravity = [0, 0, -9.80665]
+tensile_rigidity = "100 N/m"
+bending_rigidity = "2e-3 uN.m"
+areal_mass = "0.15 kg/m2"
+"""
+
+
+def test_hanging_and_modes_are_steps_of_their_own() -> None:
+    solver = ModalSolver(elements="sheet", gravity=(0, 0, -9.8), modes=5)
+    told: list[tuple[str, float]] = []
+    solver.AddObserver(
+        "ProgressEvent",
+        lambda caller, _: told.append((caller.GetProgressText() or "", caller.GetProgress())),
+    )
+    connect(WeaveSource(), TetraCage(), solver)
+    before = solver.GetMTime()
+    solver.update()
+    assert solver.GetMTime() == before
+    steps = [step for step, _ in told]
+    assert list(dict.fromkeys(steps)) == ["", "hanging", "modes"]
+    assert steps == sorted(steps)  # none of them comes back
+    for step in ("hanging", "modes"):
+        shares = [share for text, share in told if text == step]
+        assert shares == sorted(shares)
+        assert len(shares) > 2
+        assert shares[-1] == 1.0
+    # What does not hang has no such step.
+    told.clear()
+    solver.hang = False
+    assert solver.update().output.GetPointData().GetArray("equilibrium") is None
+    assert {step for step, _ in told} == {"", "modes"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a terminal that a program can read")
+def test_an_equilibrium_is_shown_and_can_be_interrupted(tmp_path: Path) -> None:
+    import pty
+
+    scene, picture = tmp_path / "drape.toml", tmp_path / "drape.png"
+    scene.write_text(DRAPE)
+    master, terminal = pty.openpty()
+    command = [sys.executable, "-m", "spacemap_vtk", "render", str(scene), "-o", str(picture)]
+    process = subprocess.Popen(
+        command, stderr=terminal, env={**os.environ, "COLUMNS": "120", "TERM": "xterm"}
+    )
+    os.close(terminal)
+    said = ""
+    try:
+        end = time.monotonic() + 100
+        while "ModalSolver hanging" not in said:
+            assert time.monotonic() < end, said
+            if select.select([master], [], [], 1.0)[0]:
+                said += os.read(master, 65536).decode(errors="replace")
+        process.send_signal(signal.SIGINT)
+        while True:
+            try:
+                said += os.read(master, 65536).decode(errors="replace")
+            except OSError:  # nobody writes there any more
+                break
+        assert process.wait(20) == 1
+    finally:
+        process.kill()
+        os.close(master)
+    assert said.rstrip().endswith("spacemap: stopped")
+    assert "Traceback" not in said
+    assert "modes" not in said
+    assert list(tmp_path.iterdir()) == [scene]
