@@ -311,7 +311,7 @@ class Scene:
         array, carried = COLORINGS[self.view.color].array, self.warp.carried.split()
         of_cage = {name for stage in self.stages if stage.makes == "cage" for name in stage.arrays}
         if carried[-1:] == self._riding:
-            carried.pop()  # for other colours, and it need not be there any more
+            del carried[-1:]  # for other colours, and it need not be there any more
         lacking = of_cage - self.warp.arrays.keys() - set(carried)
         self._riding = [array] if array in lacking else []
         self.warp.carried = " ".join(carried + self._riding)
