@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.motion_reader import MotionReader
     from spacemap_vtk.filters.object_source import ObjectSource
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+    from spacemap_vtk.filters.rotation_strain import RotationStrain
     from spacemap_vtk.filters.tetra_cage import TetraCage
     from spacemap_vtk.filters.weave_source import WeaveSource
 
@@ -31,6 +32,7 @@ __all__ = [
     "MotionReader",
     "ObjectSource",
     "PatchTessellator",
+    "RotationStrain",
     "SpacemapWarning",
     "TetraCage",
     "WeaveSource",
@@ -47,6 +49,7 @@ FILTERS = {
     "ModalSolver": "spacemap_vtk.filters.modal_solver",
     "ModalResponse": "spacemap_vtk.filters.modal_response",
     "MotionReader": "spacemap_vtk.filters.motion_reader",
+    "RotationStrain": "spacemap_vtk.filters.rotation_strain",
     "BarycentricWarp": "spacemap_vtk.filters.barycentric_warp",
     "PatchTessellator": "spacemap_vtk.filters.patch_tessellator",
 }

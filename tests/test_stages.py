@@ -257,7 +257,7 @@ def test_every_stage_of_the_table_says_what_it_is() -> None:
 def updated() -> dict[str, Stage]:
     """Every stage of the table, run."""
     root = Path(__file__).parent.parent / "scenes"
-    swing = Scene(SMALL | {"response": {}})
+    swing = Scene(SMALL | {"response": {}, "rotation": {}})
     swing.update(time=0.1)
     read = Scene({"object": {}, "motion": {"array": "U"}})
     read.object.file = next((root / "objects").glob("*.ply"))

@@ -76,7 +76,7 @@ class Pipeline:
         cage = None
         if swing and solver:
             cage = copied(solver.output)
-            _add_swing(cage, swing)
+            _add_swing(scene, cage, swing)
             source = self._swung(scene, cage)
         coarse = job.coarse or swing is not None
         if coarse:
@@ -185,9 +185,9 @@ class Pipeline:
         return self._swing_warp
 
 
-def _add_swing(cage: vtkUnstructuredGrid, swing: Swing) -> None:
+def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
     """Put a mode's displacement on a cage."""
     count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
     mode = min(swing.mode, count - 1)
     side = float(np.ptp(points_of(cage), axis=0).max())
-    add_shape(cage, mode, swing.amplitude * side * math.sin(2 * math.pi * swing.phase))
+    add_shape(scene, cage, mode, swing.amplitude * side * math.sin(2 * math.pi * swing.phase))

@@ -12,6 +12,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
+from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -76,7 +77,7 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     return load_arrows(mover, scene.deformed_cage, time)
 
 
-def add_shape(cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
+def add_shape(scene: Scene, cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
     """Move a cage by the shape of one of its modes, by so much [m] where that moves it most."""
     data = cage.GetPointData()
     shape = array_of(data, MODE_NAME.format(mode), "a mode's shape")
@@ -84,6 +85,8 @@ def add_shape(cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
     if data.HasArray("equilibrium"):  # what hangs swings about where it hangs
         moved += array_of(data, "equilibrium", "a mode's shape")
     add_array(data, "displacement", moved)
+    if isinstance(turned := scene.stage("rotation"), RotationStrain):
+        turned.rebuild(cage)
 
 
 def copied(data: Any) -> Any:

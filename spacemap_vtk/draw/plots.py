@@ -30,10 +30,10 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     from spacemap_vtk.scenes import report
 
     figures = report.modes(scene)
-    mover = scene.deforming
-    scene.update_stage(mover, 0.0)
-    response = mover.motion
-    if not isinstance(response, Response):
+    mover, last_stage = scene.stage("mover"), scene.deforming
+    scene.update_stage(last_stage, 0.0)
+    response = None if mover is None else mover.motion
+    if mover is None or not isinstance(response, Response):
         raise InputError(f"{scene.file}: this scene's motion is no response of modes to loads")
     modes = response.modes
     last = (mover.time_range([]) or (0.0, 0.0))[1]
@@ -45,7 +45,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     weights = point_weights(response.points, response.cells, place)
     unit, row = QUANTITIES[quantity]
     times = np.linspace(0.0, last, SAMPLES)
-    curves = response.history(weights, times)[row]
+    curves = (last_stage.motion or response).history(weights, times)[row]
     unit, size = handy(unit, float(abs(curves).max()))
 
     figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")

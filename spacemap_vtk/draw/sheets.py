@@ -44,7 +44,8 @@ _INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
 def swing_times(scene: Scene) -> list[float]:
     """Return times over a period of a scene's first mode that has one, or over all its motion."""
     if not scene.stage("solver"):
-        first, last = scene.deforming.time_range([]) or (0.0, 0.0)
+        mover = scene.stage("mover") or scene.deforming
+        first, last = mover.time_range([]) or (0.0, 0.0)
         return np.linspace(first, last, _TIMES).tolist()
     swinging = [m["frequency_hz"] for m in report.modes(scene)["modes"] if m["frequency_hz"] > 0.0]
     period = 1 / swinging[0] if swinging else scene.animation.stop
@@ -175,7 +176,7 @@ class _Drawing:
 
     def shape(self, number: int) -> NDArray[np.uint8]:
         """Draw a mode shape."""
-        add_shape(self._moved, number, self._swing)
+        add_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")
         self._moved.Modified()
         self._surface.update()

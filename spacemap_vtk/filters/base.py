@@ -57,6 +57,9 @@ class Stage(Algorithm):
     #: The arrays that it adds, by name; those of present parameters are `arrays`.
     provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
 
+    #: Set by a stage below that takes the stretch of turning out of a motion, for the next run.
+    turned: bool = False
+
     @property
     def arrays(self) -> dict[str, Provided]:
         """The arrays that the next run adds, by name."""

@@ -325,10 +325,12 @@ class ModalResponse(Stage):
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
         gradients = modes.gradient.of(moved)
-        if largest_rotation(gradients) > LARGE_ROTATION:
+        turned, self.turned = self.turned, False  # whoever comes next may not turn it
+        if not turned and largest_rotation(gradients) > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
-                "model stretches what turns: lower the load or raise the modulus to trust the shape"
+                "model stretches what turns: put RotationStrain behind it (a section [rotation]), "
+                "lower the load or raise the modulus to trust the shape"
             )
         output.ShallowCopy(grid)
         data = output.GetPointData()

@@ -313,6 +313,24 @@ def of_middle(
     return strain, force
 
 
+def legs_of(points: FloatArray, surface: MidSurface) -> tuple[csr_matrix, FloatArray]:
+    """Return the legs of a sheet as a matrix, (3 n, V), and the area that each row stands for."""
+    # Of p and δ, at four points of each quadrilateral: ∂p along both axes in its plane, and d.
+    from scipy.sparse import csr_matrix
+
+    z, count = surface.nodal(points)[surface.quads], len(surface.pairs)
+    along, area = _axes(z, _GAUSS, surface.normal)
+    slopes = np.stack([_slopes(at) for at in _GAUSS])
+    shapes = np.stack([_shape(at) for at in _GAUSS])
+    director = shapes * (2.0 / surface.thickness(points))[surface.quads][:, None]
+    values = np.concatenate([along @ slopes, director[:, :, None]], axis=2)
+    columns = np.stack([surface.quads, surface.quads, surface.quads + count], axis=1)
+    columns = np.repeat(columns[:, None], len(_GAUSS), axis=1)
+    size = values.size // 4
+    parts = values.ravel(), columns.ravel(), 4 * np.arange(size + 1)
+    return csr_matrix(parts, shape=(size, 2 * count)), np.repeat(area.ravel(), 3)
+
+
 def _unstrained(
     nodes: IntArray, forms: FloatArray, stiffness: NDArray[Any], nodal: FloatArray
 ) -> Strains:

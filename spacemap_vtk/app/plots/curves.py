@@ -71,7 +71,8 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     if model is None:
         # Of a stage of its own: the scene's would run anew at each time, and again for the view.
         return None if mover.inputs else (yield from _read(type(mover)(**mover.settings), wish))
-    response = model if isinstance(model, Response) else None
+    linear = None if (moved := scene.stage("mover")) is None else moved.motion
+    response = linear if isinstance(linear, Response) else None
     eigenvalues = response.modes.eigenvalues if response else np.zeros(0)
     natural = np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi)
     shape = response.modes.shapes[0] if response else model.at(wish.stop)[0]
@@ -84,7 +85,7 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
             note = f"{error.message}."
         yield
     motion = np.zeros((3, len(places), len(times), 3))
-    energies = np.zeros((len(times), 4)) if "kinetic_energy" in mover.arrays else None
+    energies = np.zeros((len(times), 4)) if "kinetic_energy" in scene.arrays else None
     # All that is asked of a span of times one after the other: its states are found once.
     for part in _parts(len(times)):
         for number, weight in enumerate(weights):
