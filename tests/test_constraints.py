@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import eigh, expm
 from scipy.optimize import brentq
 
 from spacemap_vtk.cage.lattice import lattice
@@ -213,3 +213,49 @@ def test_a_rigid_box_on_soft_springs(kind):
         rtol=1e-6,
         atol=1e-6 * mass / 1e-7,
     )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("spring", "free"),
+    [
+        (["-x:x 1 N/m"], 3),
+        (["-x:(1, 2, 3) 1 N/m"], 3),
+        (["+y 2 N/m", "-x:z 1 N/m"], 0),
+    ],
+)
+def test_a_rigid_box_partly_on_springs(kind, spring, free):
+    # Its six degrees of freedom by hand: K = Σ Rᵀ k R, M of the box, about its middle.
+    points, cells, material = cage(kind)
+    springs = spring_stiffness(points, cells, spring)
+    bodies = rigid_bodies(points, ["box(-inf, inf, -inf, inf, -inf, inf)"])
+    fitted = Fittings(bodies=bodies, springs=springs)
+    made = Model(points, cells, material, RHO, np.zeros(points.shape, bool), fittings=fitted)
+    away = points - points.mean(axis=0)
+    motions = np.zeros((len(points), 3, 6))
+    motions[:, :, :3] = np.eye(3)
+    for axis in range(3):
+        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], away)
+    flat = motions.reshape(-1, 6)
+    stiffness = np.einsum("vim,vij,vjn->mn", motions, springs, motions)
+    inertia = flat.T @ (made.mass @ flat)
+    expected = eigh(stiffness, inertia, eigvals_only=True)
+    assert made.rigid.shape[1] == free
+    found = made.modes(6).eigenvalues * made.modulus / made.density
+    assert not found[:free].any()
+    np.testing.assert_allclose(found[free:], expected[free:], rtol=1e-8)
+    force = np.zeros_like(points)
+    force[:, 0] = made.nodal_mass
+    expected = motions @ np.linalg.pinv(stiffness, rcond=1e-9) @ (flat.T @ force.ravel())
+    if free == 0:
+        moved = made.solve(force.ravel()).reshape(-1, 3)
+        np.testing.assert_allclose(moved, expected, atol=1e-8 * abs(expected).max())
+
+
+def test_a_single_degree_of_freedom():
+    # One corner of a tetrahedron, up and down: a spring of E V/h², with a tenth of its mass.
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    held = np.arange(12).reshape(4, 3) < 11
+    made = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
+    np.testing.assert_allclose(made.solve(np.eye(12)[11])[11], 6e-6, rtol=1e-12)
+    assert frequencies(made, 1)[0] ** 2 == pytest.approx(1e6 / 6 / (1000.0 / 60), rel=1e-12)

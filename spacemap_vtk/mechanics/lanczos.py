@@ -56,12 +56,13 @@ def lowest_modes(
 def shift(stiffness: sp.csr_matrix, mass: sp.csr_matrix) -> float:
     """Return σ > 0 for K + σM: about a hundredth of the lowest axial eigenvalue."""
     ratio = stiffness.diagonal() / mass.diagonal()
+    ratio = np.maximum(ratio, 1e-24 * ratio.max())  # a rigid piece may be free along an axis
     delay = np.sqrt(5 / ratio)
     pairs = stiffness.tocoo()
     graph = sp.csr_matrix(
         ((delay[pairs.row] + delay[pairs.col]) / 2, (pairs.row, pairs.col)), shape=stiffness.shape
     )
-    crossing = csgraph.dijkstra(graph, indices=np.array([0])).max()
+    crossing = csgraph.dijkstra(graph, indices=np.array([0])).max() or delay[0]
     # Nearer to zero than rounding in K allows, K + σM would no longer be positive definite.
     return float(max(0.01 * (np.pi / (2 * crossing)) ** 2, 1e-12 * ratio.max()))
 

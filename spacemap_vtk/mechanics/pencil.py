@@ -155,7 +155,8 @@ class Pencil:
     @cached_property
     def shift(self) -> float:
         """The σ of the kept factors."""
-        if not (self.stiffness.diagonal() > 0).all():
+        diagonal = self.stiffness.diagonal()
+        if not (diagonal >= 0).all() or not diagonal.any():
             raise SolverError(
                 "the stiffness matrix is not positive semidefinite",
                 cure="Check the material and the supports of the cage",
@@ -236,7 +237,8 @@ class Pencil:
         if self.nodes is None:
             raise InputError("rigid motions need the vertices", key="points")
         touched = np.unique(self.basis.indices)
-        near = np.unique(self.whole_stiffness[touched].indices // 3)
+        # Within a rigid piece K is zero, and joins no nodes.
+        near = np.unique(np.concatenate([touched, self.whole_stiffness[touched].indices]) // 3)
         basis = self.basis[(3 * near[:, None] + np.arange(3)).ravel()]
         six, turned = self.nodes.rigid(near)
         share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
