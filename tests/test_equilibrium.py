@@ -152,14 +152,15 @@ def test_a_sheet_between_two_lines_is_a_catenary() -> None:
     assert middle[:, 0] == pytest.approx(0.12, abs=1e-6)
 
 
-def column(share: float) -> tuple[Sheet, Equilibrium]:
+def column(share: float, **options: Any) -> tuple[Sheet, Equilibrium]:
     """Press a strip along its length with a share of Euler's load, its one end clamped."""
     made = sheet((0.1, 0.01), (20, 1))
     x = made.middle[:, 0]
     load = np.zeros_like(made.start)
     end = np.flatnonzero(x > 0.1 - 1e-12)
     load[end, 0] = -share * np.pi**2 * BENDING * 0.01 / (4 * 0.1**2) / len(end)
-    return made, equilibrium(made.strains, free(~np.tile(x < 1e-12, 2)), made.start, load)
+    basis = free(~np.tile(x < 1e-12, 2))
+    return made, equilibrium(made.strains, basis, made.start, load, **options)
 
 
 def test_a_strip_pressed_along_its_length_buckles_at_eulers_load() -> None:
@@ -204,6 +205,24 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
     found = equilibrium(strains, free(x > 1e-12), points, force)
     moved = (found.positions - points)[end].mean(axis=0)
     assert (-moved[2], -moved[0]) == pytest.approx(table[int(load)], abs=1.5e-3)
+
+
+def test_what_would_be_turned_inside_out_is_refused() -> None:
+    """A column of tetrahedra bears E A/√27 at most, as its stress is E λ (λ² - 1)/2."""
+    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 2))
+    top, height = points[:, 2] > 1 - 1e-12, points[:, 2]
+    strains = [of_tetrahedra(points, cells, isotropic(1e6, 0.0))]
+    rows = np.flatnonzero(height > 1e-12)
+    basis = sp.identity(points.size, format="csc")[:, 3 * rows + 2].tocsr()
+    load = np.zeros_like(points)
+    faces = cells[top[cells].sum(axis=1) == 3]  # two triangles
+    load[:, 2] = -1e6 * np.bincount(faces[top[faces]], minlength=len(points)) / 6
+    squeezed = equilibrium(strains, basis, points, 0.18 * load).positions[top, 2]
+    assert squeezed == pytest.approx(brentq(lambda x: x * (x * x - 1) / 2 + 0.18, 0.6, 0.99))
+    with pytest.raises(SolverError, match="is borne") as refused:
+        equilibrium(strains, basis, points, 0.25 * load)
+    share = float(str(refused.value).split(" of the load")[0].split()[-1])
+    assert 27**-0.5 / 0.25 - 2 / 64 < share <= 27**-0.5 / 0.25
 
 
 def drape(cells: int) -> tuple[Sheet, NDArray[np.bool_]]:
@@ -295,8 +314,10 @@ def test_what_nothing_holds_is_refused() -> None:
 def test_too_few_steps_say_how_far_they_came() -> None:
     """And what to do."""
     made, held = drape(8)
-    with pytest.raises(SolverError, match=r"in 5 steps: 0 of the load is borne.*Lower the load"):
+    with pytest.raises(SolverError, match=r"in 5 steps: 0 of the load is borne\. Lower the load"):
         made.hung(held, (0, 0, -WEIGHT), steps=5)
+    with pytest.raises(SolverError, match=r"in 12 steps: 0 of the .* it buckles at 0\.2 of it"):
+        column(5.0, steps=12)
 
 
 def test_it_can_be_cancelled() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy import linalg as la
-from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.factors import Solve, factorise
@@ -114,6 +114,13 @@ class Body:
         """Return the largest rotation of a move [rad], above zero."""
         return max(np.finfo(float).tiny, *(kind.turn(move) for kind in self.strains))
 
+    def inside_out(self, z: FloatArray) -> bool:
+        """Tell whether an element is: its energy would be as low as that of its mirror image."""
+        return any(
+            bool((kind.handedness(z) * kind.handedness(self.start) <= 0).any())
+            for kind in self.strains
+        )
+
     def along(self, parts: list[Part], move: FloatArray, share: float) -> FloatArray:
         """Return the energy at z + a Δz less that at z: the coefficients of a⁴ to 1."""
         powers = np.zeros(5)
@@ -160,16 +167,24 @@ class Body:
             self.report()
             return solve(right)
 
-        values, vectors = eigsh(
-            matrix,
-            1,
-            definite,
-            which="SA",
-            Minv=LinearOperator(matrix.shape, divided, dtype=np.float64),
-            v0=np.random.default_rng(0).standard_normal(size),
-            tol=1e-4,
-        )
-        return float(values[0]), vectors[:, 0], solve
+        # Less one, as ARPACK's tolerance is a share of the eigenvalue, and that may be nearly zero.
+        try:
+            values, vectors = eigsh(
+                matrix - definite,
+                1,
+                definite,
+                which="SA",
+                Minv=LinearOperator(matrix.shape, divided, dtype=np.float64),
+                v0=np.random.default_rng(0).standard_normal(size),
+                ncv=min(size, 40),
+                tol=1e-5,
+            )
+        except ArpackError as error:
+            raise SolverError(
+                f"the lowest eigenvalue of a stiffness was not found: {error}",
+                cure="Look for badly shaped tetrahedra in the cage",
+            ) from error
+        return float(values[0]) + 1.0, vectors[:, 0], solve
 
     def free_share(self) -> float:
         """Return the share of the load that no strain resists, however it is deformed."""

@@ -177,11 +177,15 @@ class _Search:
                     continue
                 self._firm = SOFT
                 found = settled or self._won <= EARLY * size
-                if found and not self._left(parts, matrix) and settled:
-                    return self._z, left / full
-                continue
-            if settled:
+                if not (found and not self._left(parts, matrix) and settled):
+                    continue
+            if settled and not body.inside_out(self._z):
                 return self._z, left / full
+            if settled and self._careful:
+                return None
+            if settled:  # a long step has turned over what no small one can
+                self._go_back(self._start)
+                continue
             q = -solve(force)
             won = -float(q @ force)
             self._lost = self._firm == 0.0 and self._won / 2 < won < LOST * size
@@ -197,8 +201,13 @@ class _Search:
         worse = settled and energy > self._least + 1e-9 * size
         if self._careful or not (worse or self._since > PATIENCE):
             return False
-        self._z, self._careful, self._firm, self._won = self._best, True, 1.0, np.inf
+        self._go_back(self._best)
         return True
+
+    def _go_back(self, z: FloatArray) -> None:
+        """Begin anew at some positions, with steps that lower the energy."""
+        self._z, self._best, self._least, self._since = z, z, np.inf, 0
+        self._careful, self._lost, self._firm, self._won = True, False, 1.0, np.inf
 
     def _step(self, parts: list[Part], move: FloatArray) -> None:
         """Make a step along a move, and choose the next tangent."""

@@ -16,7 +16,7 @@ one. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -52,6 +52,8 @@ class Strains:
     reference: FloatArray
     #: (E, Q, s, s) C, weights of the quadrature included.
     stiffness: FloatArray
+    #: (3, n) Weights of three vectors that have another handedness where it is inside out.
+    frame: FloatArray | None = field(default=None, kw_only=True)
 
     def at(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strains ε, (E, Q, s), of positions (V, 3), and G = ∂ε/∂z, (E, Q, s, n, 3)."""
@@ -105,6 +107,12 @@ class Strains:
             elements, -1, 1
         )
         return flat.reshape(self.reference.shape)
+
+    def handedness(self, positions: FloatArray) -> FloatArray:
+        """Return the triple product of each element's frame, (E,)."""
+        if self.frame is None:
+            return np.ones(len(self.nodes))
+        return np.linalg.det(self.frame @ positions[self.nodes])
 
     def turn(self, move: FloatArray) -> float:
         """Return how far a move (V, 3) turns or stretches any element, to first order [rad]."""
@@ -202,7 +210,8 @@ def of_tetrahedra(
     reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*shape, 6))
     volume = volume if factors is None else volume * factors
     weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
-    return Strains(cells, forms, reference, weights[..., None, None] * elasticity)
+    frame = np.eye(4, cells.shape[1])[1:] - np.eye(1, cells.shape[1])
+    return Strains(cells, forms, reference, weights[..., None, None] * elasticity, frame=frame)
 
 
 def product(left: FloatArray, right: FloatArray) -> FloatArray:
