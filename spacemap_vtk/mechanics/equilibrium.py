@@ -36,8 +36,9 @@ Progress = Callable[[float], object]
 #: energy that a further step would win, where forces have no more digits.
 RESIDUAL, DECREMENT = 1e-8, 1e-18
 
-#: Or that below which a step that wins no less than the one before shows only rounding.
-LOST = 1e-12
+#: Or that below which steps win no less than one before them, as often as this: only rounding is
+#: left, as of tetrahedra that are far thinner than wide.
+LOST, OFTEN = 1e-6, 3
 
 #: Largest rotation of a step [rad].
 TURN = 0.5
@@ -140,8 +141,8 @@ class _Search:
     def __init__(self, body: Body, start: FloatArray, before: float, share: float) -> None:
         self._body, self._start, self._before, self._share = body, start, before, share
         self._z, self._best, self._least, self._since = start, start, np.inf, 0
-        #: What the last step would have won, and whether that is rounding.
-        self._won, self._lost = np.inf, False
+        #: What the last step would have won, the least of these lately, and how often not less.
+        self._won, self._lowest, self._often = np.inf, np.inf, 0
         #: How much of the stresses that do not pull the tangent is without.
         self._firm = 1.0
         #: Whether each step has to lower the energy; if not, stresses of the last step's solution.
@@ -162,7 +163,9 @@ class _Search:
             energy, size = strain_energy - work, strain_energy + abs(work)
             left = float(np.linalg.norm(force))
             full = full or left or 1.0
-            settled = left <= RESIDUAL * full or self._won <= DECREMENT * size or self._lost
+            settled = (
+                left <= RESIDUAL * full or self._won <= DECREMENT * size or self._often >= OFTEN
+            )
             if self._astray(energy, size, settled):
                 continue
             if settled or self._firm < EXACT or self._won <= EARLY * size:
@@ -187,9 +190,10 @@ class _Search:
                 self._go_back(self._start)
                 continue
             q = -solve(force)
-            won = -float(q @ force)
-            self._lost = self._firm == 0.0 and self._won / 2 < won < LOST * size
-            self._won = won
+            self._won = -float(q @ force)
+            self._often = self._often + 1 if self._won < LOST * size and self._firm == 0.0 else 0
+            if self._won < self._lowest / 2 or self._often == 0:
+                self._lowest, self._often = self._won, 0
             self._step(parts, body.moved(q))
         return None
 
@@ -207,7 +211,7 @@ class _Search:
     def _go_back(self, z: FloatArray) -> None:
         """Begin anew at some positions, with steps that lower the energy."""
         self._z, self._best, self._least, self._since = z, z, np.inf, 0
-        self._careful, self._lost, self._firm, self._won = True, False, 1.0, np.inf
+        self._careful, self._often, self._firm, self._won = True, 0, 1.0, np.inf
 
     def _step(self, parts: list[Part], move: FloatArray) -> None:
         """Make a step along a move, and choose the next tangent."""
