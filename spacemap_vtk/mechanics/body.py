@@ -140,7 +140,7 @@ class Body:
         """Return the solution with a matrix, which has to be definite."""
         self.report()
         self.steps += 1
-        solve = factorise(self._shifted(matrix), lambda: self._analysis).solve
+        solve = factorise(self._shifted(matrix), lambda: self._analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
     def definite(self, matrix: sp.csr_matrix) -> Solve:
@@ -196,7 +196,7 @@ class Body:
         work = float(moved @ load)
         return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0
 
-    def report(self) -> None:
+    def report(self, _: float = 0.0) -> None:
         """Tell how far it is, and hear whether to stop."""
         self._progress(1.0 - float(np.exp(-self.steps / 40)))
 
