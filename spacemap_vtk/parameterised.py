@@ -28,7 +28,6 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar, overload
 
 from spacemap_vtk.errors import InputError, UnknownNameError
-from spacemap_vtk.units import UNITS, format_quantity
 
 T = TypeVar("T")
 
@@ -47,8 +46,6 @@ class Parameter(Generic[T]):
         One sentence for every surface that shows the parameter.
     unit : str, optional
         SI unit, a key of `spacemap_vtk.units.UNITS`.
-    trade : str, optional
-        The unit that the trade writes it in, one of those of `unit`, for figures that are told.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
         write `AUTOMATIC`.
@@ -69,7 +66,6 @@ class Parameter(Generic[T]):
         help: str,
         *,
         unit: str = "",
-        trade: str = "",
         automatic: str = "",
         group: str = "",
         when: Mapping[str, Sequence[Any]] = MappingProxyType({}),
@@ -80,7 +76,6 @@ class Parameter(Generic[T]):
         self.counts = ""
         self.help = help
         self.unit = unit
-        self.trade = trade
         self.automatic = automatic
         self.name = ""
         self._default = default
@@ -237,23 +232,20 @@ class Parameter(Generic[T]):
         """
         return str(value)
 
-    def tell(self, value: Any) -> str:
-        """Return a figure that was found, with a handy unit and in that of the trade.
+    def tell(self, value: T) -> str:
+        """Return a figure that was found, for people.
 
         Parameters
         ----------
-        value : float
-            In the parameter's unit.
+        value : T
+            As it would be stored.
 
         Returns
         -------
         str
-            To four digits.
+            As `show`; of a number to four digits, and in the unit of the trade beside.
         """
-        text = format_quantity(float(f"{value:.4g}"), self.unit)
-        if not self.trade:
-            return text
-        return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"
+        return self.show(value)
 
     def join(self, others: Mapping[str, Parameter[Any]]) -> None:
         """Say in words when this parameter counts, once all of its class are there.

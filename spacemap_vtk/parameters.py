@@ -47,6 +47,8 @@ class Real(Parameter[Any]):
         Ends of the range, allowed themselves.
     above, below : float, optional
         Ends of the range, not allowed themselves.
+    trade : str, optional
+        The unit that the trade writes it in, one of those of `unit`, for figures that are told.
     **rest : object
         As for `Parameter`.
     """
@@ -63,9 +65,11 @@ class Real(Parameter[Any]):
         maximum: float | None = None,
         above: float | None = None,
         below: float | None = None,
+        trade: str = "",
         **rest: Any,
     ) -> None:
         super().__init__(default, help, **rest)
+        self.trade = trade
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
 
     def convert(self, value: Any) -> Any:
@@ -118,6 +122,13 @@ class Real(Parameter[Any]):
     def text(self, value: Any) -> str:
         """Return the value with a handy unit."""
         return format_quantity(value, self.unit)
+
+    def tell(self, value: Any) -> str:
+        """Return the value to four digits with a handy unit, and in that of the trade."""
+        text = format_quantity(float(f"{value:.4g}"), self.unit)
+        if not self.trade:
+            return text
+        return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"
 
 
 class Integer(Real):
@@ -328,14 +339,7 @@ class Series(Parameter[Any]):
     each = ""
 
     def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
-        super().__init__(
-            None,
-            component.help,
-            unit=component.unit,
-            trade=component.trade,
-            automatic=automatic,
-            **rest,
-        )
+        super().__init__(None, component.help, unit=component.unit, automatic=automatic, **rest)
         self.component = component
         self.annotation = f"{component.annotation}, or a list of such"
 

@@ -175,7 +175,7 @@ def test_reset_brings_back_every_default(open_scene: Any, scene: str) -> None:
             if row.reset.isEnabled():
                 row.reset.click()
             assert name not in window.document.values.get(section, {}), section
-        part = getattr(window.document.scene, section)
+        part = window.document.scene.parts[section]
         for name, parameter in part.parameters.items():
             assert getattr(part, name) == parameter.default, section
 
@@ -210,7 +210,7 @@ def test_a_page_shows_what_its_stage_asks_for(open_scene: Any) -> None:
     window = open_scene()
     for section in sections():
         window.properties.choose(section)
-        part = getattr(window.document.scene, section)
+        part = window.document.scene.parts[section]
         written = window.document.values.get(section, {})
         for name, row in window.properties.rows.items():
             assert row.isHidden() == (bool(part.idle(name)) and name not in written), section

@@ -37,9 +37,11 @@ from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
 from spacemap_vtk.app.widgets import column
+from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.modal_response import GRAVITY
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.settings import View
 
@@ -214,6 +216,7 @@ class MainWindow(QMainWindow):
         self.tools.colored.connect(self._recolor)
         self.tools.backed.connect(self._back)
         self.tools.switched.connect(self._switch)
+        self.tools.hung.connect(self._hang)
         self.tools.clipped.connect(self._clip)
         self.tools.keys.thickened.connect(self._thicken)
         # Queued: the plane is still in the mouse's hands.
@@ -257,6 +260,13 @@ class MainWindow(QMainWindow):
     def _switch(self, name: str, on: bool) -> None:
         usual = on == View.parameters[name].default
         self._try(self.document.set, "view", name, None if usual else on)
+
+    def _hang(self, on: bool) -> None:
+        modal, gravity = self.document.scene.modal, self.document.scene.response.gravity
+        written: dict[str, Any] = {"hang": None if on else False}
+        if on and not (any(modal.gravity) or modal.dead_loads):
+            written["gravity"] = list(gravity or GRAVITY)
+        self._try(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:
         written = {
@@ -313,6 +323,7 @@ class MainWindow(QMainWindow):
         if not (frame.coarse and self.director.held):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
+            self.properties.show_found("modal", measures_in(frame.cage))
         if not frame.coarse:
             warnings = self.document.drafts.told("\n".join(frame.warnings))
             note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""

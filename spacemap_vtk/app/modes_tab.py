@@ -23,9 +23,10 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.job import Swing
 from spacemap_vtk.app.widgets import column, note, row
-from spacemap_vtk.datasets.modal_model import rounding_of
+from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 
@@ -78,8 +79,10 @@ class ModesTab(QWidget):
         self.back = QPushButton("Back to the motion")
         self.back.setEnabled(False)
         self.hint = note(_HINTS[0])
+        #: What swings: a sheet, with its mass and bending length, or tetrahedra.
+        self.sheet = note(name="note")
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1))
-        column(self, self.hint, (self.table, 1), below, self.back, margins=(6, 6, 6, 6))
+        column(self, self.hint, self.sheet, (self.table, 1), below, self.back, margins=(6, 6, 6, 6))
         self._known: Any = None
         self._mode: int | None = None
         self._begun = 0.0
@@ -104,6 +107,9 @@ class ModesTab(QWidget):
         except InputError:
             return  # two ways that contradict each other: the run says so
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
+        found = measures_in(cage)
+        self.sheet.setText(_told(found))
+        self.sheet.setVisible(bool(found))
         known = (values.tobytes(), damping)
         if known == self._known:
             return
@@ -155,3 +161,13 @@ class ModesTab(QWidget):
         if self._mode is not None:
             phase = (time.perf_counter() - self._begun) / _PERIOD
             self.swung.emit(Swing(self._mode, self.amplitude.value() / 100, phase))
+
+
+def _told(found: dict[str, Any]) -> str:
+    """Return what a cage was found to be in a sentence."""
+    if "bending_length" not in found:
+        return f"The cage is {found['elements']}." if found else ""
+    mass, length = (
+        ModalSolver.parameter(name).tell(found[name]) for name in ("areal_mass", "bending_length")
+    )
+    return f"The cage is a sheet: areal mass {mass}; bending length {length}."

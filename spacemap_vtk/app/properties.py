@@ -14,6 +14,7 @@ from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.chain import sections
@@ -39,12 +40,15 @@ class Properties(QScrollArea):
         self.section = ""
         self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
+        #: What the last run has found of the section's values, by name; see `show_found`.
+        self._found: dict[str, dict[str, Any]] = {}
         self._limited = 0.0
         self._later = later(self, self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
+        document.replaced.connect(self._found.clear)
         document.replaced.connect(self.refresh)
 
     def choose(self, section: str) -> None:
@@ -88,21 +92,44 @@ class Properties(QScrollArea):
             known = before and (before[2][name], name not in before[1])
             if known != (value, default) or row.property("bad"):
                 row.show_value(value, default)
+        self._show_what_counts()
+
+    def _show_what_counts(self) -> None:
+        part = self._document.scene.parts[self.section]
+        written = self._document.values.get(self.section, {})
+        for name, row in self.rows.items():
             if row.parameter.when:
-                row.show_idle(self._document.drafts.told(part.idle(name)), written=not default)
+                row.show_idle(self._idle(part, name), written=name in written)
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()
         elif not self._later.isActive():
             self._later.start(round(rest * 1e3) + 1)
 
+    def show_found(self, section: str, figures: dict[str, Any]) -> None:
+        """Show what a run has found of a section's parameters, by name."""
+        if figures == self._found.get(section, {}):
+            return
+        self._found[section] = figures
+        if section == self.section:
+            self._show_what_counts()
+
+    def _idle(self, part: Parameterised, name: str) -> str:
+        """Return why a parameter counts for nothing, as it is set or as it was found."""
+        why, kind = part.idle(name), self._found.get(self.section, {}).get("elements")
+        if not why and kind and isinstance(part, CageMaterial) and part.elements == "auto":
+            why = part.idle_as(name, kind == "sheet")
+        return self._document.drafts.told(why)
+
     def _show_limits(self) -> None:
         begun = time.thread_time()
         part = self._document.scene.parts[self.section]
-        feasible, known = _intervals(part), _resolved(part)
+        feasible, found = _intervals(part), self._found.get(self.section, {})
+        known = found or _resolved(part)
         for name, row in self.rows.items():
             row.resolved = known.get(name)
             row.show_feasible(feasible.get(name))
+            row.show_in_force(row.parameter.tell(found[name]) if name in found else "")
         taken = time.thread_time() - begun
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 

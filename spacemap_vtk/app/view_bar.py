@@ -42,6 +42,8 @@ class ViewBar(QToolBar):
     backed = Signal(object, object)
     #: A key of a scene's section ``[view]``, and whether that is shown.
     switched = Signal(str, bool)
+    #: Whether the cage shall hang before anything moves.
+    hung = Signal(bool)
     #: Normal and origin of the plane that cuts; None: there is none, or its place is automatic.
     clipped = Signal(object, object)
 
@@ -64,6 +66,9 @@ class ViewBar(QToolBar):
             shown.setChecked(getattr(view.look, name, False))
             self.addAction(shown)
             self.shown[name] = shown
+        tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
+        self.hang = action(self, "Hung", self._hang, "H", tip, checkable=True)
+        self.addAction(self.hang)
         self.addSeparator()
         self.coloring = QComboBox()
         #: The same for the menu: a narrow window has no room for the box.
@@ -126,12 +131,16 @@ class ViewBar(QToolBar):
             if name in scene.view.parameters:
                 shown.setChecked(getattr(scene.view, name))
         self.clip.setChecked(scene.view.clip_normal is not None)
+        solved = scene.modal in scene.stages
+        self.hang.setChecked(solved and scene.modal.hangs)
+        self.hang.setEnabled(solved or not scene.moves)
 
     @property
     def choices(self) -> list[QAction]:
         """Every action, for a menu."""
         return [
             *self.shown.values(),
+            self.hang,
             *self.cameras.values(),
             *self.keys.cameras,
             self.orthographic,
@@ -157,6 +166,9 @@ class ViewBar(QToolBar):
 
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
+
+    def _hang(self, on: bool) -> None:
+        self.hung.emit(on)
 
     def _clip(self, on: bool) -> None:
         normal, origin = self._view.last_cut or (_ACROSS, None)

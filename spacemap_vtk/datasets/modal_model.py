@@ -82,6 +82,14 @@ def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
     return DataSheet(*found)
 
 
+def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
+    """Return what ModalSolver has found a cage to be, by its parameters; empty where it has not."""
+    if grid is None or not grid.GetFieldData().HasArray("eigenvalues"):
+        return {}
+    sheet = sheet_in(grid)
+    return {"elements": "tetrahedra"} if sheet is None else {"elements": "sheet", **sheet._asdict()}
+
+
 def gravity_in(grid: vtkUnstructuredGrid) -> FloatArray:
     """Return the gravity that a cage hangs under [m/s²]."""
     hung = grid.GetFieldData().GetArray(_GRAVITY)

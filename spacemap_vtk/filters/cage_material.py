@@ -65,7 +65,7 @@ class WarpAndWeft(Series):
 
     def tell(self, value: Any) -> str:
         """Return the figures of warp and weft, or the one of both."""
-        warp, weft = (super(WarpAndWeft, self).tell(each) for each in self.pair(value) or ())
+        warp, weft = (self.component.tell(each) for each in self.pair(value) or ())
         return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 

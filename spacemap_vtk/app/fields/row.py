@@ -70,7 +70,7 @@ class ParameterRow(QWidget):
         self.resolved: Any = None
         #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
         self.about = ""
-        self._feasible = ""
+        self._feasible = self._in_force = ""
         self._idle = ""
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
@@ -106,10 +106,19 @@ class ParameterRow(QWidget):
         if not self.note.property("bad"):
             self.mark(None)
 
+    def show_in_force(self, figure: str) -> None:
+        """Show what the last run has made of the value; empty: nothing is known."""
+        text = f"in force: {figure}" if figure else ""
+        if text != self._in_force:
+            self._in_force = text
+            if not self.note.property("bad"):
+                self.mark(None)
+
     def mark(self, message: str | None, about: str = "") -> None:
         """Mark the row as refused, with the reason; None: as good."""
         self.about = about
-        self._say(message or self._idle or self._feasible, bad=message is not None)
+        text = message or self._idle or self._feasible or self._in_force
+        self._say(text, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:
         self.note.setText(text)

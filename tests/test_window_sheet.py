@@ -1,0 +1,193 @@
+"""A sheet in the window: its data sheet, hung and not, what it hangs like, and no longer wanted."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, scene_of, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
+
+from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.scenes import report  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+#: Four cells of 20 mm by 20 mm, held at the left: its free end sags.
+STRIP = """
+[weave]
+ends = 40
+picks = 10
+warp_spacing = "2 mm"
+weft_spacing = "2 mm"
+warp_diameter = "0.5 mm"
+weft_diameter = "0.5 mm"
+[cage]
+divisions = [8, 2, 1]
+[modal]
+modes = 3
+fixed = "-x"
+gravity = [0, 0, -9.80665]
+tensile_rigidity = "1 kN/m"
+bending_rigidity = ["12 uN.m", "8 uN.m"]
+areal_mass = "150 g/m2"
+"""
+
+
+@pytest.fixture
+def strip(tmp_path: Path) -> Path:
+    file = tmp_path / "strip.toml"
+    file.write_text(STRIP)
+    return file
+
+
+def equilibrium(window: Any) -> np.ndarray | None:
+    array = window.view.frame.cage.GetPointData().GetArray("equilibrium")
+    return None if array is None else vtk_to_numpy(array)
+
+
+def notes(window: Any) -> dict[str, str]:
+    rows = window.properties.rows
+    return {name: row.note.text() for name, row in rows.items() if not row.isHidden()}
+
+
+def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    window.stages.choose("modal")
+    found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
+    assert told["elements"] == "in force: sheet"  # "auto" has decided
+    assert told["bending_rigidity"] == (
+        "in force: warp 12 µN.m (0.1224 gf.cm2/cm), weft 8 µN.m (0.08158 gf.cm2/cm)"
+    )
+    assert told["areal_mass"] == "in force: 150 g/m2 (4.424 oz/yd2)"
+    warp, weft = (f"{1e3 * c:.4g} mm ({1e2 * c:.4g} cm)" for c in found["bending_length"])
+    assert told["bending_length"] == f"in force: warp {warp}, weft {weft}"
+    assert f"bending length warp {warp}, weft {weft}" in window.modes.sheet.text()
+    for name in found:
+        assert told[name].startswith("in force: ")
+    assert not window.properties.rows["material"].note.text()
+    # Of two layers it is no sheet: what is a sheet's alone goes, but for what is written.
+    window.document.set("cage", "divisions", [8, 2, 2])
+    wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
+    told = notes(window)
+    assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
+    assert told["bending_rigidity"] == "does not count: the cage is no sheet"
+    assert "tetrahedra" in window.modes.sheet.text()
+    window.document.undo.undo()
+    wait_until(lambda: settled(window) and "bending_length" in notes(window))
+    # Another scene's figures are none of this one's.
+    window.document.open("handweaving")
+    wait_until(lambda: settled(window))
+    window.stages.choose("modal")
+    assert not any("in force" in row.note.text() for row in window.properties.rows.values())
+    assert not window.modes.sheet.isVisible()
+
+
+def test_what_was_automatic_begins_with_what_was_in_force(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    window.document.set("modal", "bending_rigidity", None)
+    window.stages.choose("modal")
+    wait_until(lambda: settled(window) and "warp" not in notes(window)["bending_rigidity"])
+    before, row = notes(window), window.properties.rows["bending_length"]
+    wait_until(lambda: row.resolved is not None)
+    row.automatic.click()
+    wait_until(lambda: settled(window))
+    assert window.document.scene.modal.bending_length is not None
+    assert notes(window)["bending_rigidity"] == before["bending_rigidity"]
+    assert window.errors.text == ""
+
+
+def test_it_hangs_and_does_not_at_a_click(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    hang = window.tools.hang
+    assert hang.isChecked()
+    hung = equilibrium(window)
+    assert hung is not None
+    assert hung[:, 2].min() < -0.03
+    # The ghost is the undeformed cloth: flat, and as long as it is.
+    window.tools.shown["ghost"].trigger()
+    wait_until(lambda: settled(window))
+    ghost = window.view.scene_view.ghost.GetMapper().GetInput()
+    assert np.ptp(points_of(ghost)[:, 2]) < 1.1e-3
+    assert np.ptp(points_of(window.view.frame.surface)[:, 2]) > 0.03
+    frequency = window.modes.table.item(0, 1).text()
+    for undone in (False, True):
+        hang.trigger()
+        wait_until(lambda: settled(window) and equilibrium(window) is None)
+        assert not hang.isChecked()
+        assert np.ptp(points_of(window.view.frame.surface)[:, 2]) < 1.1e-3
+        assert window.modes.table.item(0, 1).text() != frequency
+        # What it hangs under stays.
+        assert window.document.scene.modal.gravity == (0.0, 0.0, -9.80665)
+        if undone:
+            window.document.undo.undo()
+        else:
+            hang.trigger()
+        wait_until(lambda: settled(window) and equilibrium(window) is not None)
+        np.testing.assert_array_equal(equilibrium(window), hung)
+        assert window.modes.table.item(0, 1).text() == frequency
+        assert "hang" not in window.document.values["modal"]
+
+
+def test_what_has_no_gravity_hangs_under_that_of_its_motion(open_scene: Any, strip: Path) -> None:
+    strip.write_text(
+        STRIP.replace("gravity = [0, 0, -9.80665]", "") + "[response]\ngravity = [0, -1.6, 0]\n"
+    )
+    window = open_scene(str(strip))
+    assert not window.tools.hang.isChecked()
+    window.tools.hang.trigger()
+    wait_until(lambda: settled(window) and equilibrium(window) is not None)
+    assert window.document.values["modal"]["gravity"] == [0, -1.6, 0]
+    window.document.open("calculix_fabric")  # whose motion is read from a file
+    wait_until(lambda: settled(window))
+    assert not window.tools.hang.isEnabled()
+
+
+def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    bar = window.view.scene_view.surface.bar
+    sag = np.linalg.norm(equilibrium(window), axis=1).max()
+    for name, title in (("equilibrium", "Hung state"), ("displacement", "Displacement")):
+        assert window.tools.colorings[name].isEnabled()
+        window.tools.colorings[name].trigger()
+        wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
+        assert bar.GetTitle().startswith(title)
+        assert bar.GetTitle().endswith("[mm]")
+        assert bar.GetLookupTable().GetTableRange()[1] == pytest.approx(1e3 * sag, rel=0.02)
+    window.tools.hang.trigger()
+    wait_until(lambda: settled(window) and equilibrium(window) is None)
+    assert not window.tools.colorings["equilibrium"].isEnabled()
+
+
+def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip: Path) -> None:
+    window = open_window(str(strip))
+    frame = window.view.frame
+    window.document.set("cage", "divisions", [120, 60, 1])
+    wait_until(lambda: window.running.text() == "Modal solver: hanging")
+    wait_until(lambda: 0 < window.bar.value() < 100)
+    assert window.bar.maximum() == 100
+    begun = time.monotonic()
+    QTest.mouseClick(window.cancel, Qt.MouseButton.LeftButton)
+    wait_until(lambda: not window.engine.busy)
+    slack = 2.5 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    assert time.monotonic() - begun < slack
+    wait_until(lambda: window.stages.states["modal"] == "stale")
+    assert window.view.frame is frame
+    assert window.errors.text == "The run was cancelled: the picture is older than the fields."
+    # Nothing of it is taken for a result.
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
+    assert window.view.frame.cage.GetNumberOfPoints() == 54
+    assert scene_of(window).modal.hangs
+    np.testing.assert_array_equal(
+        equilibrium(window), vtk_to_numpy(frame.cage.GetPointData().GetArray("equilibrium"))
+    )
