@@ -1,0 +1,68 @@
+"""How far a linear motion leaves the realm of small ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.mechanics.elements import EDGES
+from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
+from spacemap_vtk.mechanics.response import Motion
+
+FloatArray = NDArray[np.float64]
+
+
+class Realm(NamedTuple):
+    """The largest of what a motion does to any cell, over some times."""
+
+    rotation: float
+    """Half the curl of the displacement from rest, of a tetrahedron [rad]."""
+    stretch: float
+    """Change of an edge's length, as a share of it."""
+    volume: float
+    """Change of a tetrahedron's volume, as a share of it."""
+
+    @property
+    def period(self) -> float:
+        """How many times longer a pendulum of that swing takes than one of a small swing."""
+        # 2 K(sin θ/2)/π as an arithmetic-geometric mean; it never comes back from upside down.
+        one, other = 1.0, math.cos(min(self.rotation, math.pi) / 2)
+        while abs(one - other) > 1e-12:
+            one, other = (one + other) / 2, math.sqrt(one * other)
+        return 1.0 / one if one > 0.0 else math.inf
+
+
+def realm(motion: Motion, rest: FloatArray, times: Iterable[float]) -> Realm:
+    """Return what a motion does at most over some times.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of a cage.
+    rest : ndarray of float64, shape (V, 3)
+        Vertices where it is at rest: undeformed, or hung [m].
+    times : iterable of float
+        In s.
+
+    Returns
+    -------
+    Realm
+        The largest rotation, stretch and change of volume.
+    """
+    cells = motion.cells
+    gradient, edges = MeanGradient(rest, cells), cells[:, EDGES].reshape(-1, 2)
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    length = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
+    most = Realm(0.0, 0.0, 0.0)
+    for time in times:
+        moved = motion.points + motion.at(time)[0]
+        tensor = gradient.of(moved - rest)
+        grown = np.linalg.norm(moved[edges[:, 1]] - moved[edges[:, 0]], axis=1) / length
+        swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
+        now = largest_rotation(tensor), abs(grown - 1).max(), abs(swollen - 1).max()
+        most = Realm(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
+    return most

@@ -1,0 +1,49 @@
+"""How far a linear motion is from what it stands for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.mechanics.realm import Realm, realm
+
+FloatArray = NDArray[np.float64]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "longer"), [(0, 1.0), (30, 1.0174), (45, 1.0400), (60, 1.0732), (90, 1.1803)]
+)
+def test_a_pendulum_takes_longer(degrees: float, longer: float) -> None:
+    assert Realm(math.radians(degrees), 0.0, 0.0).period == pytest.approx(longer, abs=5e-5)
+
+
+class Turning:
+    """A body that turns linearly, with a swelling on top."""
+
+    def __init__(self) -> None:
+        self.points, self.cells = lattice((0, 1, 0, 1, 0, 1), (2, 2, 2))
+
+    def at(self, time: float) -> FloatArray:
+        x, y, z = self.points.T
+        moved = np.stack([-math.sin(time) * y, math.sin(time) * x, 0.1 * time * z], axis=1)
+        return np.stack([moved, moved, moved])
+
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        raise NotImplementedError
+
+    def energies(self, times: FloatArray) -> FloatArray:
+        raise NotImplementedError
+
+
+def test_the_most_of_a_turn_is_told() -> None:
+    """u = sin t (-y, x) turns by sin t, and stretches by √(1 + sin² t) - 1 across its axis."""
+    body = Turning()
+    found = realm(body, body.points, (0.0, math.pi / 2, math.pi))
+    assert found.rotation == pytest.approx(1.0)
+    assert found.stretch == pytest.approx(math.sqrt(2) - 1)
+    # At t = π/2: (1 + sin² t) (1 + 0.1 t); at π 1.31.
+    assert found.volume == pytest.approx(2 * (1 + 0.05 * math.pi) - 1)
