@@ -106,6 +106,7 @@ def info(
         ("control points", _cell(figures["control_points"], None)),
         ("memory", _told("{:.3g} MiB", figures["memory_bytes"], 2**-20)),
         *sheet_rows(figures),
+        *([("motion", report.motion_told(swing))] if (swing := figures.get("motion")) else []),
     ):
         cloth.add_row(label, value)
     console.print(cloth)

@@ -116,8 +116,8 @@ class Response:
         self.modes, self.loads, self.damping = modes, tuple(loads), damping
         self.points, self.cells = modes.model.points, modes.model.cells
         rest = modes.model.displacement
-        #: The equilibrium that it moves about [m].
-        self._rest = np.zeros_like(self.points) if rest is None else rest
+        #: Displacement to the equilibrium that it moves about [m], (V, 3).
+        self.rest = np.zeros_like(self.points) if rest is None else rest
         lost = int((modes.eigenvalue_rounding > LOST).sum())
         if equilibrium and lost:
             raise InputError(
@@ -193,7 +193,7 @@ class Response:
             If the time is not a finite number.
         """
         state = self.modal.at(time) if state is None else state
-        return self._fields(state, self._shapes, self._rest, time)
+        return self._fields(state, self._shapes, self.rest, time)
 
     def energy(self, time: float, state: State | None = None) -> Energy:
         """Return the energies at a time [J], as `Account.at` does.
@@ -233,7 +233,7 @@ class Response:
         """
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
-        rest = (weights @ self._rest)[None]
+        rest = (weights @ self.rest)[None]
         rows = [
             self._fields(now, shapes, rest, t)[:, 0] for t, now in zip(times, states, strict=True)
         ]

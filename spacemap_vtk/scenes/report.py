@@ -9,7 +9,7 @@ import numpy as np
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
-from spacemap_vtk.errors import GeometryError, InputError, naming_section
+from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, naming_section
 from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -17,14 +17,19 @@ from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
+from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
+from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
 from spacemap_vtk.mechanics.plates import DataSheet
+from spacemap_vtk.mechanics.realm import realm
 from spacemap_vtk.scenes.scene import Scene
 
 #: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
 MOST_CROSSINGS = 20_000
+#: Times of a motion that are looked at, a fifth of them in a cage of more cells.
+SAMPLES, MANY_CELLS = 61, 20_000
 #: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
 _NO_FIGURES: dict[str, Any] = dict.fromkeys(
     (
@@ -100,6 +105,45 @@ def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
     }
 
 
+def motion(scene: Scene) -> dict[str, Any] | None:
+    """Return how far a scene's linear motion turns and stretches its cage; None where none does."""
+    mover = scene.stage("mover")
+    if not isinstance(mover, ModalResponse):
+        return None
+    try:
+        mover.update(0.0)  # what it doubts is no warning of what was asked for
+    except SpacemapError:  # whoever asks for the motion is told why there is none
+        return None
+    response = mover.motion
+    assert response is not None
+    rest = response.points + response.rest
+    samples = SAMPLES if len(response.cells) <= MANY_CELLS else SAMPLES // 5
+    found = realm(response, rest, np.linspace(0.0, mover.duration, samples))
+    return {
+        "largest_rotation_deg": math.degrees(found.rotation),
+        "largest_stretch": found.stretch,
+        "largest_volume_change": found.volume,
+        "period_factor": found.period,
+        "rebuilt": scene.stage("rotation") is not None,
+    }
+
+
+def motion_told(figures: dict[str, Any]) -> str:
+    """Return the figures of `motion` in a line, with a cure where it is out of its realm."""
+    angle, rebuilt = figures["largest_rotation_deg"], figures["rebuilt"]
+    told = f"turns by up to {angle:.3g}°"
+    if not rebuilt:
+        told += f", lengths change by {figures['largest_stretch']:.2%}"
+        told += f", volumes by {figures['largest_volume_change']:.2%}"
+    if angle <= math.degrees(LARGE_ROTATION):
+        return told
+    if math.isfinite(figures["period_factor"]):
+        told += (
+            f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times longer"
+        )
+    return told if rebuilt else told + "; a section [rotation] takes the stretch out"
+
+
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures."""
     if not scene.woven:
@@ -144,6 +188,8 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         scene.update_stage(made)
         with naming_section(solver.section):
             figures |= sheet_figures(solver.measures(made.output))
+            if made.output.GetNumberOfCells() <= MANY_CELLS:
+                figures["motion"] = motion(scene)
     if over.size > MOST_CROSSINGS:
         scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
     elif room:
