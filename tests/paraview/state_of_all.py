@@ -81,7 +81,7 @@ for name, stage in PROXIES.items():
     written[f"all of {name}"] = settings(proxy)
     for parameter in stage.parameters.values():
         assert settings(proxy)[parameter.name] != parameter.default, (name, parameter.name)
-assert len(written) == 10, list(written)
+assert len(written) == len(PROXIES), list(written)
 
 # What is read from files, and moved by it.
 draft = simple.WIFReader(
