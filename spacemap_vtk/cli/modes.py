@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -14,7 +14,7 @@ from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import written, written_words
-from spacemap_vtk.units import parse_quantity
+from spacemap_vtk.units import format_quantity, parse_quantity
 
 
 def modes(
@@ -33,7 +33,9 @@ def modes(
 
     For each its frequency, damping ratio, and the mass it moves: the effective masses along x, y
     and z are shares of the mass that can move, and a column Σ adds them up. Where the modes hold
-    less than 90 % along an axis with a load, take more of them.
+    less than 90 % along an axis with a load, take more of them. Of what hangs (modal.gravity) it
+    tells how far down, of a sheet its shadow, and of one on a disc (held by one sphere) Cusick's
+    drape coefficient.
 
     Parameters
     ----------
@@ -93,10 +95,22 @@ def modes(
     console = Console()
     console.print(table)
     cage = Table.grid(padding=(0, 2))
-    for cells in sheet_rows(figures):
+    for cells in (*sheet_rows(figures), *_hanging(figures["hung"])):
         cage.add_row(*cells)
     console.print(cage)
     tell_warnings(chosen, quiet)
+
+
+def _hanging(hung: dict[str, Any] | None) -> list[tuple[str, str]]:
+    """Return labels and values of how a cage hangs."""
+    if hung is None:
+        return []
+    rows = [("hangs down by", format_quantity(float(format(hung["sag"], ".4g")), "m"))]
+    if hung["shadow_area"] is not None:
+        rows.append(("shadow", f"{hung['shadow_area'] / hung['cloth_area']:.1%} of the cloth"))
+    if hung["drape_coefficient"] is not None:
+        rows.append(("drape coefficient", f"{hung['drape_coefficient']:.1%} (Cusick)"))
+    return rows
 
 
 def plot(

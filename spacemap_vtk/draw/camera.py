@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
-#: Where a camera stands, seen from the middle of the scene; y is up, except from the top.
+#: Where a camera stands, seen from the middle of the scene; y is up, except from the top, and z of
+#: what lies level.
 CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
     "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
     "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+    "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
 }
 
 

@@ -20,8 +20,11 @@ from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_cl
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
+from spacemap_vtk.mechanics.drape import drape_coefficient, shadow
 from spacemap_vtk.mechanics.kinematics import LARGE_ROTATION
+from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
+from spacemap_vtk.mechanics.places import parse
 from spacemap_vtk.mechanics.plates import DataSheet
 from spacemap_vtk.mechanics.realm import realm
 from spacemap_vtk.scenes.scene import Scene
@@ -30,6 +33,8 @@ from spacemap_vtk.scenes.scene import Scene
 MOST_CROSSINGS = 20_000
 #: Times of a motion that are looked at, a fifth of them in a cage of more cells.
 SAMPLES, MANY_CELLS = 61, 20_000
+#: Cosine of the slope up to which a cloth is draped over a disc.
+LEVEL = 0.999
 #: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
 _NO_FIGURES: dict[str, Any] = dict.fromkeys(
     (
@@ -92,6 +97,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "movable_mass": movable.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
+        "hung": _hung(scene.modal, cage.model),
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
@@ -142,6 +148,39 @@ def motion_told(figures: dict[str, Any]) -> str:
             f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times longer"
         )
     return told if rebuilt else told + "; a section [rotation] takes the stretch out"
+
+
+def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
+    """Return how a cage hangs under gravity: how far down, and of a sheet its shadow."""
+    gravity = np.array(solver.gravity)
+    if model.displacement is None or not gravity.any():
+        return None
+    down = gravity / np.linalg.norm(gravity)
+    figures: dict[str, Any] = {
+        "sag": float((model.displacement @ down).max()),
+        "shadow_area": None,
+        "cloth_area": None,
+        "drape_coefficient": None,
+    }
+    surface = model.pencil.surface
+    if surface is None:
+        return figures
+    flat, hung = (
+        surface.nodal(points)[: len(surface.pairs)]
+        for points in (model.points, model.points + model.displacement)
+    )
+    triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    across = np.eye(3)[surface.normal]
+    cast, area = shadow(hung, triangles, down), shadow(flat, triangles, across)
+    figures |= {"shadow_area": cast, "cloth_area": area}
+    held = parse(" ".join(solver.fixed))
+    if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > LEVEL:
+        *centre, radius = held[0].numbers
+        height = float((flat.mean(axis=0) - centre) @ across)
+        disc = math.pi * max(radius**2 - height**2, 0.0)
+        if disc < area:
+            figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
+    return figures
 
 
 def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:

@@ -52,8 +52,8 @@ class View(Parameterised):
     )
     camera = Choice(
         "three-quarter",
-        "Where it is seen from.",
-        ["three-quarter", "front", "side", "top"],
+        "Where it is seen from. lying: z is up, as of cloth on a table.",
+        ["three-quarter", "front", "side", "top", "lying"],
     )
     size = Vector(
         (1280, 960),
