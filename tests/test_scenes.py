@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import hung_scenes
 import numpy as np
 import pytest
 import pyvista as pv
@@ -215,6 +216,7 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "calculix_fabric": a_fabric_on_calculix,
     "lever_in_tetwild_cage": a_steel_lever,
     "tube_bundle": a_bundle_as_a_beam,
+    **hung_scenes.CHECKS,
 }
 
 

@@ -1,0 +1,116 @@
+"""What hangs in the scenes of cloth, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.datasets.modal_model import model_of
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import GRAVITY
+
+#: Zeros of the Bessel function J0 (Abramowitz and Stegun, table 9.5).
+ZEROS = (2.404826, 5.520078)
+
+
+def middle(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middle of a hung sheet, flat and as it hangs."""
+    scene.update_stage(scene.modal)
+    grid = scene.modal.output
+    flat = vtk_to_numpy(grid.GetPoints().GetData())
+    hung = flat + vtk_to_numpy(grid.GetPointData().GetArray("equilibrium"))
+    # A lattice of one layer: all of the lower vertices, then all of the upper ones.
+    return flat.reshape(2, -1, 3).mean(axis=0), hung.reshape(2, -1, 3).mean(axis=0)
+
+
+def chord_angle(scene: Scene) -> float:
+    """Return the slope from the edge of the table to the tip [degrees]."""
+    flat, hung = middle(scene)
+    end = flat[:, 0].max()
+    edge = np.isclose(flat[:, 0], end - 2 * scene.modal.bending_length)
+    across, _, up = hung[flat[:, 0] == end].mean(axis=0) - hung[edge].mean(axis=0)
+    return math.degrees(math.atan2(-up, across))
+
+
+def peirces_cantilever(scene: Scene) -> None:
+    # The elastica hangs at 41.5 degrees where 2.00035 c hang over; the cells' error falls as their
+    # area does.
+    coarse = chord_angle(scene)
+    scene.cage.divisions = (40, 2, 1)
+    fine = chord_angle(scene)
+    assert coarse == pytest.approx(41.5, abs=0.2)
+    assert (4 * fine - coarse) / 3 == pytest.approx(41.5, abs=0.03)
+
+
+def pendulums(scene: Scene, count: int) -> list[float]:
+    """Return the frequencies that move the most mass out of the plane [Hz], ascending."""
+    modes = report.modes(scene)["modes"]
+    by_mass = sorted(modes, key=lambda mode: -mode["effective_mass_share"][2])
+    return sorted(mode["frequency_hz"] for mode in by_mass[:count])
+
+
+def a_curtains_pendulums(scene: Scene) -> None:
+    chain = [zero / (4 * math.pi) * math.sqrt(GRAVITY / 1.0) for zero in ZEROS]
+    # In pleats, which are stiff: the first.
+    assert pendulums(scene, 1)[0] == pytest.approx(chain[0], rel=0.06)
+    # Flat, as a chain; what it resists bending with adds a little.
+    modal = scene.modal
+    modal.configure(fixed="+y", springs=[], dead_loads=[], bending_rigidity="1 uN.m")
+    for found, expected in zip(pendulums(scene, 2), chain, strict=True):
+        assert expected < found < 1.02 * expected
+
+
+def a_drape(scene: Scene) -> None:
+    flat, hung = middle(scene)
+    model = model_of(scene.modal.output)
+    # At rest: forces and weight are in balance on all that is free.
+    weight = np.outer(model.nodal_mass, scene.modal.gravity).ravel()
+    left = np.where(model.free, weight - model.forces, 0.0)
+    assert np.abs(left).max() < 1e-6 * np.abs(weight).max()
+    figures = report.modes(scene)
+    assert figures["modes"][0]["frequency_hz"] > 0.1  # stable
+    # Folds: how often the rim is further out than left and right of it.
+    rim = np.flatnonzero(np.isclose(abs(flat[:, :2]).max(axis=1), flat.max()))
+    rim = rim[np.arctan2(flat[rim, 1], flat[rim, 0]).argsort()]
+    x, y = hung[rim, :2].T
+    out = np.hypot(x, y)
+    assert ((out > np.roll(out, 1)) & (out >= np.roll(out, -1))).sum() == 8
+    # The cloth is inextensible but for some share, and the shadow that of its rim.
+    shadow = figures["hung"]["shadow_area"]
+    polygon = abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
+    assert shadow == pytest.approx(polygon, rel=0.05)
+    disc, cloth = math.pi * 0.125**2, 0.6**2
+    assert figures["hung"]["drape_coefficient"] == pytest.approx((shadow - disc) / (cloth - disc))
+    assert hung[:, 2].min() == pytest.approx(-figures["hung"]["sag"], rel=0.02)
+
+
+def a_hammocks_catenary(scene: Scene) -> None:
+    flat, hung = middle(scene)
+    modal = scene.modal
+    x0, x1, _, _, z0, z1 = scene.source.GetOutputDataObject(0).GetBounds()
+    (load,) = modal.dead_loads
+    # Pull over weight, both per width.
+    a = load.traction[0] * (z1 - z0) / (modal.areal_mass * GRAVITY)
+    # Away from the ends, which are held level: x and z by the length s from the middle.
+    lengths = np.linspace(x0, x1, 41)[8:33]
+    line = np.array([hung[np.isclose(flat[:, 0], s)].mean(axis=0) for s in lengths])
+    line -= line[len(line) // 2]
+    np.testing.assert_allclose(line[:, 0], a * np.arcsinh(lengths / a), atol=2e-3 * x1)
+    np.testing.assert_allclose(line[:, 2], np.hypot(a, lengths) - a, atol=2e-3 * x1)
+    # All of it sags by less: bending rounds its ends by sqrt(B/T).
+    sag, limp = report.modes(scene)["hung"]["sag"], math.hypot(a, x1) - a
+    rounded = math.sqrt(modal.bending_rigidity / (modal.areal_mass * GRAVITY * math.hypot(a, x1)))
+    assert limp - rounded < sag < limp
+
+
+CHECKS: dict[str, Callable[[Scene], None]] = {
+    "cantilever_test": peirces_cantilever,
+    "catenary": a_hammocks_catenary,
+    "curtain": a_curtains_pendulums,
+    "drape": a_drape,
+}
