@@ -41,7 +41,6 @@ from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.filters.modal_response import GRAVITY
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.settings import View
 
@@ -265,7 +264,7 @@ class MainWindow(QMainWindow):
         modal, gravity = self.document.scene.modal, self.document.scene.response.gravity
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
-            written["gravity"] = list(gravity or GRAVITY)
+            written["gravity"] = list(gravity)
         self._try(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:

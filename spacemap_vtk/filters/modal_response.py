@@ -45,9 +45,6 @@ _STRESS = {"stress": (True,)}
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
 
 
-#: Where nobody says otherwise [m/s²].
-GRAVITY = (0.0, 0.0, -9.80665)
-
 _FREQUENCY = Real(1.0, "", unit="1/s", above=0.0)
 _RATIO = Real(0.0, "", minimum=0.0)
 
@@ -180,11 +177,11 @@ class ModalResponse(Stage):
         automatic="alpha and beta damp",
     )
     gravity = Vector(
-        None,
-        "Acceleration of gravity, there from t = 0 on. A cage that hangs (modal.gravity) moves by "
-        "what this has more than what it hangs under.",
+        (0.0, 0.0, -9.80665),
+        "Acceleration of gravity, there from t = 0 on. A cage that hangs (modal.gravity) goes on "
+        "under what it hangs under where this is the default, and otherwise moves by the "
+        "difference.",
         component=Real(0.0, "", unit="m/s2"),
-        automatic="(0, 0, -9.80665) m/s2, or what the cage hangs under",
     )
     loads = Loads((), "What else acts on the cage, each with its time function.")
     initial = Choice(
@@ -299,11 +296,10 @@ class ModalResponse(Stage):
         ndarray of float64, shape (3,)
             In m/s².
         """
-        if self.gravity is not None:
-            return np.array(self.gravity)
-        return (
-            gravity_in(grid) if grid.GetPointData().HasArray("equilibrium") else np.array(GRAVITY)
-        )
+        # The default is no one's wish, and ParaView's users write three numbers.
+        if grid.GetPointData().HasArray("equilibrium") and "gravity" not in self._values:
+            return gravity_in(grid)
+        return np.array(self.gravity)
 
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
