@@ -11,7 +11,15 @@ import pytest
 import pyvista as pv
 from numpy.typing import NDArray
 
-from spacemap_vtk import BarycentricWarp, ModalResponse, ModalSolver, TetraCage, cache, connect
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    SpacemapWarning,
+    TetraCage,
+    cache,
+    connect,
+)
 from spacemap_vtk.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -186,3 +194,18 @@ def test_a_sheet_is_refused_where_there_is_none() -> None:
         curtain.cage.configure(**change)
         with pytest.raises(InputError, match="a sheet is what a lattice of one layer is"):
             curtain.solver.update()
+
+
+def test_a_strip_that_is_pressed_along_tells_that_it_buckles(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Standing on its edge it falls over (Greenhill: ρ g A L³ = 7.8373 E I), again from disk."""
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
+    thickness = 0.01
+    share = 7.8373 * MODULUS * thickness**2 / 12 / (DENSITY * GRAVITY * LENGTH**3)
+    for _ in range(2):
+        standing = Curtain(20, thickness, fixed="-y", gravity=(0, -2 * GRAVITY * share, 0))
+        with pytest.warns(SpacemapWarning, match="buckles at 0.5"):
+            standing.solver.update()
+    straight = Curtain(20, thickness, fixed="-y", gravity=(0, -0.9 * GRAVITY * share, 0))
+    assert abs(straight.at(0.0)["equilibrium"][:, 2]).max() < 1e-6

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -149,9 +150,10 @@ class ModalSolver(FittedCage):
     _arrays: tuple[tuple[str, int, float], list[vtkDataArray]] | None = None
     #: Digest of the last model, and how stiff its tetrahedra are.
     _locking: tuple[str, Locking] | None = None
-    #: The undeformed model of what hangs; digest of the last equilibrium, and its displacement.
+    #: The undeformed model of what hangs; digest of the last equilibrium, its displacement,
+    #: and the share of the load at which it buckled.
     _rest: Model | None = None
-    _hangs: tuple[str, FloatArray] | None = None
+    _hangs: tuple[str, Sequence[FloatArray]] | None = None
     _stored: float = -math.inf
 
     def run(
@@ -274,13 +276,17 @@ class ModalSolver(FittedCage):
     def _hung(self, model: Model, load: FloatArray, layers: float) -> FloatArray:
         """Return the displacement to the equilibrium [m], (V, 3): from disk, or solved."""
         digest = digest_of(model.digest, load / model.modulus)
-        if self._hangs is not None and self._hangs[0] == digest:
-            return self._hangs[1]
 
-        def solve() -> FloatArray:
-            kept = (cache.load(f"hung-{digest}") or {}).get("displacement")
-            if kept is not None and kept.shape == model.points.shape and np.isfinite(kept).all():
-                return kept
+        def solve() -> list[FloatArray]:
+            entry = cache.load(f"hung-{digest}") or {}
+            kept, share = entry.get("displacement"), entry.get("critical")
+            if (
+                kept is not None
+                and share is not None
+                and (kept.shape, share.shape) == (model.points.shape, (1,))
+                and np.isfinite(kept).all()
+            ):
+                return [kept, share]
             require(
                 model.estimate_bytes(layers),
                 f"the equilibrium of {model.pencil.size} degrees of freedom",
@@ -288,13 +294,20 @@ class ModalSolver(FittedCage):
                 value=self.gravity,
                 cure="Use a coarser cage.",
             )
-            found = model.hung(load, lambda share: self.report(share, "hanging"))
-            cache.store(f"hung-{digest}", displacement=found)
-            return found
+            found, critical = model.hung(load, lambda share: self.report(share, "hanging"))
+            buckled = np.array([math.nan if critical is None else critical])
+            cache.store(f"hung-{digest}", displacement=found, critical=buckled)
+            return [found, buckled]
 
-        processes = self._processes
-        found = solve() if processes is None else processes.from_first(lambda: [solve()])[0]
-        self._hangs = digest, found
+        if self._hangs is None or self._hangs[0] != digest:
+            processes = self._processes
+            self._hangs = digest, solve() if processes is None else processes.from_first(solve)
+        found, critical = self._hangs[1]
+        if not math.isnan(critical[0]):
+            self.warn(
+                f"the cage buckles at {critical[0]:.3g} of the load that it hangs under; of two "
+                "sides alike, rounding chooses the one that it folds to"
+            )
         return found
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:

@@ -311,7 +311,7 @@ class Model:
 
     def hung(
         self, forces: FloatArray, progress: Callable[[float], object] | None = None
-    ) -> FloatArray:
+    ) -> tuple[FloatArray, float | None]:
         """Return where the undeformed body comes to rest under dead loads, however far that is.
 
         Parameters
@@ -323,8 +323,10 @@ class Model:
 
         Returns
         -------
-        ndarray of float64, shape (V, 3)
-            Displacement of the vertices to the stable equilibrium [m].
+        displacement : ndarray of float64, shape (V, 3)
+            Of the vertices to the stable equilibrium [m].
+        critical : float or None
+            Share of the load at which it left an unstable state: it has buckled.
 
         Raises
         ------
@@ -347,7 +349,7 @@ class Model:
         start = pencil.nodes.positions
         found = equilibrium(pencil.strains, pencil.basis, start, load, progress=progress)
         moved = found.positions - start
-        return moved if surface is None else surface.vertices(moved)
+        return (moved if surface is None else surface.vertices(moved)), found.critical
 
     def estimate_bytes(self, layers: float) -> int:
         """Return the memory that an equilibrium takes.
