@@ -18,6 +18,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.filters.load import DEAD  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -74,6 +75,9 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     for name in found:
         assert told[name].startswith("in force: ")
     assert not window.properties.rows["material"].note.text()
+    headings = window.properties.headings
+    assert list(headings) == ["Sheet", "Hung"]
+    assert all(heading.isVisibleTo(window) for heading in headings.values())
     # Of two layers it is no sheet: what is a sheet's alone goes, but for what is written.
     window.document.set("cage", "divisions", [8, 2, 2])
     wait_until(lambda: settled(window) and "tetrahedra" in notes(window)["elements"])
@@ -81,7 +85,14 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
     assert told["bending_rigidity"] == "does not count: the cage is no sheet"
     assert "tetrahedra" in window.modes.sheet.text()
-    window.document.undo.undo()
+    assert headings["Sheet"].isVisibleTo(window)  # what is written stays
+    for name in ("tensile_rigidity", "bending_rigidity", "areal_mass"):
+        window.document.set("modal", name, None)
+    wait_until(lambda: settled(window))
+    assert not headings["Sheet"].isVisibleTo(window)
+    assert headings["Hung"].isVisibleTo(window)
+    for _ in range(4):
+        window.document.undo.undo()
     wait_until(lambda: settled(window) and "bending_length" in notes(window))
     # Another scene's figures are none of this one's.
     window.document.open("handweaving")
@@ -149,6 +160,23 @@ def test_what_has_no_gravity_hangs_under_that_of_its_motion(open_scene: Any, str
     window.document.open("calculix_fabric")  # whose motion is read from a file
     wait_until(lambda: settled(window))
     assert not window.tools.hang.isEnabled()
+
+
+def test_a_dead_load_is_added_and_has_no_time(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    window.stages.choose("modal")
+    row, before = window.properties.rows["dead_loads"], equilibrium(window)
+    choices = [action.data() for action in row.editor.add.menu().actions()]
+    assert choices == list(DEAD)
+    row.editor.add.menu().actions()[choices.index("pressure")].trigger()
+    (card,) = row.editor.cards
+    assert list(card.rows) == ["pressure", "on"]
+    assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD)
+    wait_until(lambda: settled(window) and (equilibrium(window) != before).any())
+    assert window.errors.text == ""
+    card.remove.click()
+    wait_until(lambda: settled(window))
+    np.testing.assert_array_equal(equilibrium(window), before)
 
 
 def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path) -> None:

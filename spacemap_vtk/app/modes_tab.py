@@ -166,7 +166,7 @@ class ModesTab(QWidget):
 def _told(found: dict[str, Any]) -> str:
     """Return what a cage was found to be in a sentence."""
     if "bending_length" not in found:
-        return f"The cage is {found['elements']}." if found else ""
+        return f"The cage is of {found['elements']}." if found else ""
     mass, length = (
         ModalSolver.parameter(name).tell(found[name]) for name in ("areal_mass", "bending_length")
     )

@@ -6,15 +6,17 @@ import time
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QWidget
 
 from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.lines import FileEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.chain import sections
@@ -40,6 +42,8 @@ class Properties(QScrollArea):
         self.section = ""
         self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
+        #: What stands over the rows of a group.
+        self.headings: dict[str, QLabel] = {}
         #: What the last run has found of the section's values, by name; see `show_found`.
         self._found: dict[str, dict[str, Any]] = {}
         self._limited = 0.0
@@ -55,16 +59,21 @@ class Properties(QScrollArea):
         # A slider that goes while it is held is never let go.
         self.held.emit(False)
         self.section = section
-        self.rows = {}
+        self.rows, self.headings = {}, {}
         self._shown = None
         self._limited = 0.0
         page = QWidget()
-        cls = sections()[section]
+        cls, rows = sections()[section], list[QWidget]()
         about = note((cls.__doc__ or "").strip().splitlines()[0])
         for name, parameter in cls.parameters.items():
-            # The one editor that has rows of its own.
-            loads = parameter.kind == "loads"
-            editor = LoadsEditor(parameter) if loads else editor_of(parameter)
+            # That of loads alone has rows of its own.
+            editor: Editor = (
+                LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
+            )
+            if parameter.group and parameter.group not in self.headings:
+                self.headings[parameter.group] = heading = note(parameter.group, name="group")
+                heading.setIndent(0)
+                rows.append(heading)
             if isinstance(editor, FileEditor):
                 editor.told = self._document.drafts.told
             row = ParameterRow(parameter, editor)
@@ -72,7 +81,8 @@ class Properties(QScrollArea):
             row.held.connect(self.held)
             row.restored.connect(self._restored)
             self.rows[name] = row
-        column(page, about, *self.rows.values(), None, margins=(10, 6, 10, 10))
+            rows.append(row)
+        column(page, about, *rows, None, margins=(10, 6, 10, 10))
         self.setWidget(page)
         self.refresh()
 
@@ -100,6 +110,9 @@ class Properties(QScrollArea):
         for name, row in self.rows.items():
             if row.parameter.when:
                 row.show_idle(self._idle(part, name), written=name in written)
+        for group, heading in self.headings.items():
+            members = (row for row in self.rows.values() if row.parameter.group == group)
+            heading.setVisible(not all(row.isHidden() for row in members))
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()

@@ -37,6 +37,7 @@ _SHEET = """
 QToolTip {{ padding: 4px; }}
 QLabel#about, QLabel#note {{ color: {faint}; }}
 QLabel#note[bad="true"] {{ color: {bad}; }}
+QLabel#group {{ font-weight: 600; padding-top: 6px; }}
 QLabel#heading {{ font-size: 20px; font-weight: 600; }}
 ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
 Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{

@@ -151,6 +151,7 @@ class CageMaterial(Stage):
             above=0.0,
         ),
         automatic="Young's modulus times the cage's thickness, or a measured fabric's",
+        group="Sheet",
         when=_SHEET,
     )
     shear_rigidity = Real(
@@ -162,6 +163,7 @@ class CageMaterial(Stage):
         above=0.0,
         automatic="the shear modulus times the cage's thickness, or a measured fabric's; of an "
         "isotropic sheet from tensile_rigidity, where that is given",
+        group="Sheet",
         when=_SHEET,
     )
     poissons_ratio_in_plane = Real(
@@ -170,6 +172,7 @@ class CageMaterial(Stage):
         "That the other way is as many times larger as the weft's tensile rigidity is; bending has "
         "the mean of both, the root of their product.",
         automatic="the material's, in the mean of both",
+        group="Sheet",
         when=_SHEET,
     )
     bending_rigidity = WarpAndWeft(
@@ -183,6 +186,7 @@ class CageMaterial(Stage):
         ),
         automatic="Young's modulus times the cube of the cage's thickness over 12, or a measured "
         "fabric's",
+        group="Sheet",
         when=_SHEET,
     )
     bending_length = WarpAndWeft(
@@ -195,6 +199,7 @@ class CageMaterial(Stage):
             above=0.0,
         ),
         automatic="from bending_rigidity",
+        group="Sheet",
         when=_SHEET,
     )
     twisting_rigidity = Real(
@@ -206,6 +211,7 @@ class CageMaterial(Stage):
         trade="gf.cm2/cm",
         above=0.0,
         automatic="a measured fabric's, or a homogeneous sheet's, as where bending is given",
+        group="Sheet",
         when=_SHEET,
     )
     areal_mass = Real(
@@ -216,6 +222,7 @@ class CageMaterial(Stage):
         above=0.0,
         automatic="density times the cage's thickness, where density is given, or a measured "
         f"fabric's, or the weave's own, or {DENSITY:g} kg/m3 times the thickness",
+        group="Sheet",
         when=_SHEET,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,8 @@ ACTIONS = {
     "base_acceleration": "",
     "base_displacement": "",
 }
+#: What is there for ever, and moves no base.
+DEAD = ("pressure", "traction", "force", "array")
 #: The keys of each time function, those it cannot do without first.
 TIMES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "step": ((), ("start",)),
@@ -271,6 +273,9 @@ class Loads(Parameter[tuple[Load, ...]]):
     annotation = "sequence of Load or dict"
     #: What each of them is; its parameters are declared there.
     record = Load
+    #: What each of them may be, and whether it may have a time.
+    actions: Sequence[str] = tuple(ACTIONS)
+    timed = True
 
     def check(self, value: Any) -> tuple[Load, ...]:
         """Return checked loads; an error names load and key, not the whole list."""
@@ -321,8 +326,10 @@ class Loads(Parameter[tuple[Load, ...]]):
     @property
     def form(self) -> str:
         """Their keys."""
-        return f"a list of tables, each with one of {', '.join(ACTIONS)}, and any of " + ", ".join(
-            name for name in Load.parameters if name not in ACTIONS
+        others = {*ACTIONS.values(), *(Load.parameters.keys() if self.timed else ())}
+        return (
+            f"a list of tables, each with one of {', '.join(self.actions)}, and any of "
+            + ", ".join(name for name in Load.parameters if name in others - ACTIONS.keys())
         )
 
     def text(self, value: tuple[Load, ...]) -> str:
@@ -332,6 +339,27 @@ class Loads(Parameter[tuple[Load, ...]]):
             for load in value
         ]
         return "[" + ", ".join(tables) + "]"
+
+
+class DeadLoads(Loads):
+    """Loads that are there for ever."""
+
+    actions = DEAD
+    timed = False
+
+    def convert(self, value: Any) -> tuple[Load, ...]:
+        """Return checked loads, none of which has a time."""
+        loads = super().convert(value)
+        for number, load in enumerate(loads):
+            if load.action not in DEAD or load.time != "step" or load.start is not None:
+                raise InputError(
+                    "a dead load is there for ever, and moves no base",
+                    key=f"[{number}]",
+                    value=load.action if load.action not in DEAD else load.time,
+                    allowed=f"one of {', '.join(DEAD)}, and no time",
+                    cure="Put what changes into [[response.loads]], gravity into modal.gravity.",
+                )
+        return loads
 
 
 def load_vectors(

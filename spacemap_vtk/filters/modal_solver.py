@@ -18,7 +18,7 @@ from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.fitted_cage import FittedCage
-from spacemap_vtk.filters.load import Loads, load_vectors
+from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
@@ -50,9 +50,6 @@ _QUICK, _PAUSE = 0.05, 1.0
 
 #: Eigenvalues are warned of where rounding is more than this share of them.
 ROUNDING = 1e-4
-
-#: What a cage may hang under beside gravity.
-DEAD = ("pressure", "traction", "force", "array")
 
 #: Names of the arrays that are kept on disk.
 _STORED = ("eigenvalues", "shapes", "rounding")
@@ -130,16 +127,19 @@ class ModalSolver(FittedCage):
         "Gravity under which the cage hangs before anything moves, in the large: modes are those "
         "about that equilibrium.",
         component=Real(0.0, "", unit="m/s2"),
+        group="Hung",
     )
-    dead_loads = Loads(
+    dead_loads = DeadLoads(
         (),
         "Pressures, tractions, forces and arrays under which it hangs, too; they keep their "
         "directions, and have no time.",
+        group="Hung",
     )
     hang = Flag(
         True,
         "Whether it hangs under gravity and dead_loads, where these are given; off, they stay, and "
         "it begins undeformed.",
+        group="Hung",
     )
 
     #: Kept for those that come upon it by content: another support or material reuses parts.
@@ -246,19 +246,6 @@ class ModalSolver(FittedCage):
     def arrays(self) -> dict[str, Provided]:
         """The arrays that the next run adds, by name."""
         return {k: v for k, v in super().arrays.items() if self.hangs or k != "equilibrium"}
-
-    def check(self) -> None:
-        """Check the material, and what it hangs under."""
-        super().check()
-        for number, load in enumerate(self.dead_loads):
-            if load.action not in DEAD or load.time != "step" or load.start is not None:
-                raise InputError(
-                    "a dead load is there for ever, and moves no base",
-                    key=f"dead_loads[{number}]",
-                    value=load.action if load.action not in DEAD else load.time,
-                    allowed=f"one of {', '.join(DEAD)}, and no time",
-                    cure="Put what changes into [[response.loads]], gravity into modal.gravity.",
-                )
 
     def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> FloatArray:
         """Return the forces on the vertices under which the cage hangs [N], (3V,)."""

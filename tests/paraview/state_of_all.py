@@ -28,6 +28,7 @@ VALUES: tuple[Any, ...] = (
     *("-x", "-x:(0, 1, 3) 0.3 N/m", "-x 0.3 g"),
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
+    [{"pressure": "2 Pa", "on": "-y"}],
 )
 
 

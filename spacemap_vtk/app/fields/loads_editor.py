@@ -19,8 +19,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, row, tool_button
-from spacemap_vtk.filters.load import ACTIONS, TIMES, Load
-from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.filters.load import ACTIONS, TIMES, Load, Loads
 
 #: What a load begins with, by action; and what a time function cannot do without.
 _BEGINNINGS: dict[str, dict[str, Any]] = {
@@ -45,7 +44,7 @@ assert set(_BEGINNINGS) == set(ACTIONS)
 class LoadsEditor(Editor):
     """Cards, and a button that adds one."""
 
-    def __init__(self, parameter: Parameter[Any]) -> None:
+    def __init__(self, parameter: Loads) -> None:
         super().__init__(parameter)
         self.cards: list[_Card] = []
         self._tables: list[dict[str, Any]] = []
@@ -53,7 +52,8 @@ class LoadsEditor(Editor):
         self.add.setText("Add a load ▾")
         self.add.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.add)
-        for action in ACTIONS:
+        self._declared = parameter
+        for action in parameter.actions:
             menu.addAction(action.replace("_", " ").capitalize()).setData(action)
         menu.triggered.connect(self.add_load)
         self.add.setMenu(menu)
@@ -64,9 +64,9 @@ class LoadsEditor(Editor):
         # Only cards of other rows are made anew: a card costs as much as a frame.
         for number, load in enumerate(value):
             here = self.cards[number : number + 1]
-            if not here or here[0].keys != _keys(load):
+            if not here or here[0].keys != _keys(load, self._declared):
                 self._take(here)
-                self._insert(_Card(number, load))
+                self._insert(_Card(number, load, self._declared))
         self._take(self.cards[len(value) :])
         for card, load in zip(self.cards, value, strict=True):
             card.show_load(load)
@@ -111,15 +111,15 @@ class _Card(QFrame):
     #: As `Editor.restored`.
     restored = Signal()
 
-    def __init__(self, number: int, load: Load) -> None:
+    def __init__(self, number: int, load: Load, declared: Loads) -> None:
         super().__init__()
         self.setObjectName("card")
         self.setFrameShape(QFrame.Shape.StyledPanel)
-        self.number, self.keys = number, _keys(load)
+        self.number, self.keys = number, _keys(load, declared)
         self._load = weakref.ref(load)
         self.action = QComboBox()
         leave_wheel(self.action)
-        for action in ACTIONS:
+        for action in declared.actions:
             self.action.addItem(action.replace("_", " ").capitalize(), action)
         self.action.activated.connect(self._acted)
         self.remove = tool_button("✕", "Remove this load")
@@ -163,11 +163,12 @@ class _Card(QFrame):
         self.edited.emit(self.number, changes, burst)
 
 
-def _keys(load: Load) -> list[str]:
+def _keys(load: Load, declared: Loads) -> list[str]:
     """Return the keys that a load can have, what acts first."""
     place = ACTIONS[load.action]
     needed, possible = TIMES[load.time]
-    return [load.action, *([place] if place else []), "time", *needed, *possible]
+    times = ["time", *needed, *possible] if declared.timed else []
+    return [load.action, *([place] if place else []), *times]
 
 
 def _optional(load: Load) -> tuple[str, ...]:
