@@ -306,6 +306,33 @@ def test_simply_supported_plates(elasticity):
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.1)
 
 
+def test_a_thick_plate_shears_and_turns():
+    """Mindlin's plate, simply supported, ten thicknesses wide; its mass turns as a box."""
+    side, thickness, wave = 0.1, 0.01, math.pi * math.sqrt(2) / 0.1
+    plate, squares = homogeneous(STUFF, thickness), []
+    for cells in (10, 20):
+        points, tetrahedra = lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
+        model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
+        squares.append(rates(model, 1)[0] ** 2)
+    rigidity, shear = E * thickness**3 / 12 / (1 - NU**2), 5 / 6 * E / 2 / (1 + NU) * thickness
+    bending = rigidity * wave**2
+    inertia, mass = RHO * thickness**3 / 12, RHO * thickness
+    stiff = np.array([[bending + shear, shear * wave], [shear * wave, shear * wave**2]])
+    exact = la.eigh(stiff, np.diag([inertia, mass]), eigvals_only=True)[0]
+    assert squares[1] + (squares[1] - squares[0]) / 3 == pytest.approx(exact, rel=5e-4)
+    thin = bending * wave**2 / mass
+    assert exact < 0.95 * thin
+    # directors that lean along x by y: shear y, the same wherever x is, and twist 1
+    lean = np.zeros(points.shape)
+    lean[:, 0] = (points[:, 2] - thickness / 2) * points[:, 1]
+    energy = shear * side**4 / 6 + rigidity * (1 - NU) / 4 * side**2
+    assert 0.5 * lean.ravel() @ (model.stiffness @ lean.ravel()) == pytest.approx(energy, rel=1e-9)
+    # about its middle's line along x, as an operator on the vertices
+    turn = np.cross([1.0, 0, 0], points - [0, side / 2, thickness / 2]).ravel()
+    box = RHO * side**2 * thickness * (side**2 + thickness**2) / 12
+    assert turn @ (model.mass @ turn) == pytest.approx(box, rel=1e-12)
+
+
 def strip(length: float, width: float, thickness: float, cells: int) -> tuple[FloatArray, IntArray]:
     """Return a strip along x, across z."""
     return lattice((0, length, 0, width, 0, thickness), (cells, 1, 1))
