@@ -88,7 +88,7 @@ class ViewBar(QToolBar):
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
         for number, name in enumerate(CAMERAS, 1):
-            tip = f"Look from the {name} ({number})"
+            tip = f"Where it is seen from: {name} ({number})"
             aim = action(self, name.capitalize(), self._aimed, str(number), tip, name)
             cameras.addAction(aim)
             self.cameras[name] = aim
