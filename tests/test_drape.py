@@ -73,15 +73,15 @@ def test_a_limp_cloth_over_a_disc_drapes_to_nothing() -> None:
 
 
 def test_more_lines_show_more_digits() -> None:
-    # A disc of 3,000 sides.
-    angle = np.linspace(0.0, 2 * math.pi, 3001)
+    # A disc of 600 sides.
+    angle = np.linspace(0.0, 2 * math.pi, 601)
     points = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    fan = np.arange(1, 2999)
+    fan = np.arange(1, 599)
     triangles = np.stack([0 * fan, fan, fan + 1], axis=1)
-    area = 3000 / 2 * math.sin(2 * math.pi / 3000)
-    off = [abs(shadow(points, triangles, [0, 0, 1], n) / area - 1) for n in (100, 10_000)]
+    area = 600 / 2 * math.sin(2 * math.pi / 600)
+    off = [abs(shadow(points, triangles, [0, 0, 1], n) / area - 1) for n in (50, 1000)]
     assert off[0] < 1e-3
-    assert off[1] < 1e-6
+    assert off[1] < 2e-5
 
 
 def test_refusals() -> None:
