@@ -252,6 +252,7 @@ def test_what_hangs_shows_how_far_and_how_strongly_it_is_pulled() -> None:
     assert found["stress"].max() == pytest.approx(weight, rel=0.15)
     # Free at its sides it is stretched by that over Young's modulus.
     assert found["strain"].max() == pytest.approx(weight / 1e6, rel=0.15)
+    assert found["stress"].min() >= 0.0  # beyond the cage, too
     assert "equilibrium" in scene.colorings
     scene.set("view.color=own")
     scene.set("modal.hang=false")

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, points_of
-from spacemap_vtk.draw.glyphs import LoadActor, cut_of, rest_of
+from spacemap_vtk.draw.glyphs import GhostActor, LoadActor, cut_of, rest_of
 from spacemap_vtk.draw.load_arrows import KINDS, load_arrows
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
@@ -74,6 +74,25 @@ def test_the_ghost_is_where_the_fabric_was() -> None:
     assert np.mean(np.abs(pale - plain).max(axis=2) > 8) > 0.01
     still = [drawn(0.0, show="fabric", ghost=on) for on in (False, True)]
     assert np.mean(np.abs(still[1] - still[0]).max(axis=2) > 40) < 0.01
+
+
+def test_the_ghost_of_what_hangs_shows_no_fold_of_it() -> None:
+    """Flat, and nearly without light and shade, however steep the cloth beside it hangs."""
+    modal = {"elements": "sheet", "fixed": "-x", "gravity": [0, 0, -9.8], "areal_mass": 0.3}
+    modal |= {"bending_rigidity": "1e-3 uN.m", "modes": 2}
+    scene = Scene({**VALUES, "weave": {"ends": 12, "picks": 4}, "modal": modal, "response": {}})
+    scene.update(0.0)
+    moved, ghost = scene.polygons, GhostActor()
+    assert np.ptp(points_of(moved)[:, 2]) > 3e-3
+    assert moved.GetPointData().GetNormals() is not None
+    ghost.show(moved, closed=True)
+    shown = ghost.GetMapper().GetInput()
+    assert np.ptp(points_of(shown)[:, 2]) < 1.1e-3
+    assert shown.GetPointData().GetNormals() is None
+    assert moved.GetPointData().GetNormals() is not None
+    assert ghost.GetProperty().GetBackfaceCulling()
+    ghost.show(moved)
+    assert not ghost.GetProperty().GetBackfaceCulling()
 
 
 @pytest.mark.parametrize(

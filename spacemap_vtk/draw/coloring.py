@@ -35,6 +35,8 @@ def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     values = vtk_to_numpy(array)
     if color == "strain":
         return largest_principal(values).astype(np.float32)
+    if color == "stress":
+        values = np.maximum(values, 0.0)  # of what lies outside the cage it is extrapolated
     if values.ndim == 2 and values.shape[1] == 3:
         return np.sqrt(np.einsum("nk,nk->n", values, values)).astype(np.float32)
     return values.reshape(len(values)).astype(np.float32, copy=False)

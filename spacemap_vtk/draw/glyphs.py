@@ -32,16 +32,20 @@ class GhostActor(vtkActor):
         self._mapper.ScalarVisibilityOff()
         self.SetMapper(self._mapper)
         self.GetProperty().SetColor(*rgb("#8a94a3"))
-        self.GetProperty().SetOpacity(0.18)
+        self.GetProperty().SetOpacity(0.25)
         self.SetPickable(False)
 
-    def show(self, surface: vtkPolyData) -> None:
+    def show(self, surface: vtkPolyData, closed: bool = False) -> None:
         """Draw where a surface comes from."""
         rest = vtkPolyData()
         if surface.GetPointData().GetArray("displacement") is not None:
             rest.ShallowCopy(surface)
             rest.SetPoints(to_points(rest_of(surface)))
+            # Those of the moved one would cast its folds on what is flat.
+            rest.GetPointData().SetNormals(None)
         self._mapper.SetInputData(rest)
+        # Far sides, seen through near ones, would darken it.
+        self.GetProperty().SetBackfaceCulling(closed)
 
 
 class CageActor(vtkActor):

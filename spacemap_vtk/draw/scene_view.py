@@ -96,7 +96,7 @@ class SceneView:
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
         self.ghost.SetVisibility(ghost)
         if ghost:
-            self.ghost.show(frame.surface)
+            self.ghost.show(frame.surface, frame.closed)
         for actor, wanted in ((self.cage, look.cage), (self.supports, supports)):
             actor.SetVisibility(wanted)
             if wanted:
