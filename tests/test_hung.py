@@ -209,3 +209,21 @@ def test_a_strip_that_is_pressed_along_tells_that_it_buckles(
             standing.solver.update()
     straight = Curtain(20, thickness, fixed="-y", gravity=(0, -0.9 * GRAVITY * share, 0))
     assert abs(straight.at(0.0)["equilibrium"][:, 2]).max() < 1e-6
+
+
+def test_what_shall_not_hang_yet_falls_under_what_it_would_hang_under() -> None:
+    curtain = Curtain(hang=False)
+    assert "equilibrium" not in curtain.at(0.0).point_data
+    assert not curtain.at(0.0)["displacement"].any()
+    np.testing.assert_array_equal(
+        curtain.response.gravity_on(curtain.solver.output), [0, -GRAVITY, 0]
+    )
+    # Downwards, by half of g t² at first.
+    fallen = curtain.at(1e-3)["displacement"]
+    assert np.median(fallen[:, 1]) == pytest.approx(-GRAVITY / 2 * 1e-6, rel=0.05)
+    assert abs(fallen[:, [0, 2]]).max() < 1e-3 * abs(fallen).max()
+    curtain.solver.hang = True
+    assert curtain.at(0.0)["equilibrium"][:, 1].min() < 0
+    # Once more without: nothing of it is left.
+    curtain.solver.hang = False
+    assert not curtain.at(0.0)["displacement"].any()

@@ -261,10 +261,11 @@ class MainWindow(QMainWindow):
         self._try(self.document.set, "view", name, None if usual else on)
 
     def _hang(self, on: bool) -> None:
-        modal, gravity = self.document.scene.modal, self.document.scene.response.gravity
+        modal, response = self.document.scene.modal, self.document.scene.response
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
-            written["gravity"] = list(gravity)
+            usual = response.parameters["gravity"].default
+            written["gravity"] = list(response.gravity if any(response.gravity) else usual)
         self._try(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:

@@ -26,8 +26,8 @@ FloatArray = NDArray[np.float64]
 _SOLID = ("elasticity",)
 _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickness_stiffness")
 
-#: Of the gravity in an equilibrium [m/s²].
-_GRAVITY = "equilibrium_gravity"
+#: Of the gravity that a cage hangs under, or shall once it is let go [m/s²].
+GRAVITY_IN_FORCE = "equilibrium_gravity"
 
 #: Names of the arrays of what is fitted to a cage, and whether they are those of its cells.
 _FITTED = {
@@ -63,7 +63,8 @@ def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) ->
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
     if model.displacement is not None:
         add_array(data, "equilibrium", model.displacement)
-        add_array(field, _GRAVITY, np.array(gravity, dtype=np.float64))
+    if model.displacement is not None or any(gravity):
+        add_array(field, GRAVITY_IN_FORCE, np.array(gravity, dtype=np.float64))
 
 
 def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:
@@ -92,8 +93,9 @@ def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
 
 def gravity_in(grid: vtkUnstructuredGrid) -> FloatArray:
     """Return the gravity that a cage hangs under [m/s²]."""
-    hung = grid.GetFieldData().GetArray(_GRAVITY)
-    return np.zeros(3) if hung is None else array_of(grid.GetFieldData(), _GRAVITY, _OWNER)
+    if not grid.GetPointData().HasArray("equilibrium"):
+        return np.zeros(3)
+    return array_of(grid.GetFieldData(), GRAVITY_IN_FORCE, _OWNER)
 
 
 def model_of(grid: vtkUnstructuredGrid) -> Model:

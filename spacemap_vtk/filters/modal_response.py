@@ -14,8 +14,8 @@ from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import add_array, vectors_of
-from spacemap_vtk.datasets.modal_model import ModesReader, gravity_in
+from spacemap_vtk.datasets.arrays import add_array, array_of, vectors_of
+from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, ModesReader, gravity_in
 from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
@@ -178,8 +178,8 @@ class ModalResponse(Stage):
     )
     gravity = Vector(
         (0.0, 0.0, -9.80665),
-        "Acceleration of gravity, there from t = 0 on. A cage that hangs (modal.gravity) goes on "
-        "under what it hangs under where this is the default, and otherwise moves by the "
+        "Acceleration of gravity, there from t = 0 on. A cage with modal.gravity goes on under "
+        "that where this is the default; where it hangs and this is another, it moves by the "
         "difference.",
         component=Real(0.0, "", unit="m/s2"),
     )
@@ -284,7 +284,7 @@ class ModalResponse(Stage):
         return None if self._kept_motion is None else self._kept_motion[1]
 
     def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
-        """Return the gravity from t = 0 on [m/s²], (3,): as given, or what the cage hangs under.
+        """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own.
 
         Parameters
         ----------
@@ -297,8 +297,9 @@ class ModalResponse(Stage):
             In m/s².
         """
         # The default is no one's wish, and ParaView's users write three numbers.
-        if grid.GetPointData().HasArray("equilibrium") and "gravity" not in self._values:
-            return gravity_in(grid)
+        field = grid.GetFieldData()
+        if field.HasArray(GRAVITY_IN_FORCE) and "gravity" not in self._values:
+            return array_of(field, GRAVITY_IN_FORCE, "the modes")
         return np.array(self.gravity)
 
     def run(
