@@ -70,8 +70,10 @@ class Menus(QObject):
         self.recent = menu.addMenu("Open recent")
         self.recent.aboutToShow.connect(self._fill_recent)
         self.scenes = menu.addMenu("Scenes")
-        for name in library.names():
-            self._add(self.scenes, name, None, self._open_named).setData(name)
+        for kind, names in library.kinds().items():
+            group = self.scenes.addMenu(kind)
+            for name in names:
+                self._add(group, name, None, self._open_named).setData(name)
         menu.addSeparator()
         self._add(menu, "Save", keys.Save, files.save)
         self._add(menu, "Save as…", "Ctrl+Shift+S", files.save_as)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
@@ -18,6 +19,23 @@ def folder() -> Path:
 def names() -> list[str]:
     """Return the names of the scenes."""
     return sorted(path.stem for path in folder().glob("*.toml"))
+
+
+def kinds() -> dict[str, list[str]]:
+    """Return the names by what is seen."""
+    found: dict[str, list[str]] = {
+        kind: [] for kind in ("Weaves", "Cloth that moves", "Cloth that hangs", "Other objects")
+    }
+    for name in names():
+        scene = tomllib.loads(find(name).read_text(encoding="utf-8"))
+        moves = scene.keys() & {"modal", "response", "motion"}
+        kind = "Cloth that moves" if moves else "Weaves"
+        if "gravity" in scene.get("modal", {}):
+            kind = "Cloth that hangs"
+        if "weave" not in scene:
+            kind = "Other objects"
+        found[kind].append(name)
+    return found
 
 
 def find(scene: str | Path) -> Path:
