@@ -9,7 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.realm import Realm, realm
+from spacemap_vtk.mechanics.shell import LegGradient, mid_surface
 
 FloatArray = NDArray[np.float64]
 
@@ -47,3 +50,25 @@ def test_the_most_of_a_turn_is_told() -> None:
     assert found.stretch == pytest.approx(math.sqrt(2) - 1)
     # At t = π/2: (1 + sin² t) (1 + 0.1 t); at π 1.31.
     assert found.volume == pytest.approx(2 * (1 + 0.05 * math.pi) - 1)
+
+
+def test_folds_tighter_than_a_sheet_is_thick_are_no_rotation() -> None:
+    """A strip bent to a circle turns at its end by its length times the change in curvature."""
+    flat, cells = lattice((0, 1, 0, 0.1, -0.05, 0.05), (80, 2, 1))
+    surface = mid_surface(flat, cells)
+    assert surface is not None
+
+    def bent(curvature: float) -> FloatArray:
+        angle, across = flat[:, 0] * curvature, flat[:, 2]
+        x = np.sin(angle) / curvature - across * np.sin(angle)
+        z = (1 - np.cos(angle)) / curvature + across * np.cos(angle)
+        return np.stack([x, flat[:, 1], z], axis=1)
+
+    # To a tenth more than half its thickness, and to less.
+    for curvature in (18.0, 22.0):
+        rest, moved = bent(curvature), bent(curvature + 0.05)
+        gradient = LegGradient(flat, surface, rest - flat)
+        assert largest_rotation(gradient.of(moved - rest)) == pytest.approx(0.05, rel=0.02)
+    # Tetrahedra are flat within, and have none.
+    with pytest.raises(GeometryError, match="flat"):
+        MeanGradient(bent(20.0), cells)

@@ -14,6 +14,7 @@ from spacemap_vtk.mechanics import loads as forces
 from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.residual_vectors import participation
+from spacemap_vtk.mechanics.shell import LegGradient
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
 
 FloatArray = NDArray[np.float64]
@@ -100,10 +101,14 @@ class CageModes:
         return len(self.eigenvalues) >= self.model.pencil.size
 
     @cached_property
-    def gradient(self) -> MeanGradient:
+    def gradient(self) -> MeanGradient | LegGradient:
         """Displacements from the equilibrium to their gradient in each tetrahedron of it."""
-        moved = 0.0 if self.model.displacement is None else self.model.displacement
-        return MeanGradient(self.model.points + moved, self.model.cells)
+        moved, surface = self.model.displacement, self.model.pencil.surface
+        if moved is None:
+            return MeanGradient(self.model.points, self.model.cells)
+        if surface is None:
+            return MeanGradient(self.model.points + moved, self.model.cells)
+        return LegGradient(self.model.points, surface, moved)
 
     def strained(self, moved: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return strain and stress of each tetrahedron.
@@ -113,7 +118,7 @@ class CageModes:
         moved : ndarray of float64, shape (V, 3)
             Displacement from the equilibrium [m].
         gradients : ndarray of float64, shape (3, 3, T)
-            Of that, from `gradient`.
+            Of that, from `gradient`; of what hangs they do not count.
 
         Returns
         -------

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.mechanics.elements import EDGES
 from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.response import Motion
+from spacemap_vtk.mechanics.shell import LegGradient
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +37,12 @@ class Realm(NamedTuple):
         return 1.0 / one if one > 0.0 else math.inf
 
 
-def realm(motion: Motion, rest: FloatArray, times: Iterable[float]) -> Realm:
+def realm(
+    motion: Motion,
+    rest: FloatArray,
+    times: Iterable[float],
+    gradient: MeanGradient | LegGradient | None = None,
+) -> Realm:
     """Return what a motion does at most over some times.
 
     Parameters
@@ -47,6 +53,8 @@ def realm(motion: Motion, rest: FloatArray, times: Iterable[float]) -> Realm:
         Vertices where it is at rest: undeformed, or hung [m].
     times : iterable of float
         In s.
+    gradient : MeanGradient or LegGradient, optional
+        Of displacements from rest; by default that of each tetrahedron.
 
     Returns
     -------
@@ -54,7 +62,8 @@ def realm(motion: Motion, rest: FloatArray, times: Iterable[float]) -> Realm:
         The largest rotation, stretch and change of volume.
     """
     cells = motion.cells
-    gradient, edges = MeanGradient(rest, cells), cells[:, EDGES].reshape(-1, 2)
+    gradient = MeanGradient(rest, cells) if gradient is None else gradient
+    edges = cells[:, EDGES].reshape(-1, 2)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
     length = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
     most = Realm(0.0, 0.0, 0.0)

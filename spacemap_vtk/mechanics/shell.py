@@ -331,6 +331,29 @@ def legs_of(points: FloatArray, surface: MidSurface) -> tuple[csr_matrix, FloatA
     return csr_matrix(parts, shape=(size, 2 * count)), np.repeat(area.ravel(), 3)
 
 
+class LegGradient:
+    """The gradient of displacement fields of a hung sheet, at four points of each quadrilateral."""
+
+    # Its folds can be tighter than it is thick, and as sharp as a cell: tetrahedra are inside out
+    # there, and legs lie in a plane. Cloth hardly stretches, and so legs are those of the flat
+    # sheet, turned.
+    def __init__(
+        self, points: FloatArray, surface: MidSurface, displacement: FloatArray | float = 0.0
+    ) -> None:
+        self._legs, self._surface = legs_of(points, surface)[0], surface
+        left, _, right = np.linalg.svd(self._columns(points + displacement))
+        self._inverse = (left @ right).swapaxes(1, 2)
+
+    def of(self, displacement: FloatArray) -> FloatArray:
+        """Return the gradients of a field, (3, 3, places)."""
+        result: FloatArray = (self._columns(displacement) @ self._inverse).transpose(1, 2, 0)
+        return result
+
+    def _columns(self, vertices: FloatArray) -> FloatArray:
+        legs: FloatArray = (self._legs @ self._surface.nodal(vertices)).reshape(-1, 3, 3)
+        return legs.swapaxes(1, 2)
+
+
 def _unstrained(
     nodes: IntArray, forms: FloatArray, stiffness: NDArray[Any], nodal: FloatArray
 ) -> Strains:

@@ -124,7 +124,8 @@ def motion(scene: Scene) -> dict[str, Any] | None:
     assert response is not None
     rest = response.points + response.rest
     samples = SAMPLES if len(response.cells) <= MANY_CELLS else SAMPLES // 5
-    found = realm(response, rest, np.linspace(0.0, mover.duration, samples))
+    times = np.linspace(0.0, mover.duration, samples)
+    found = realm(response, rest, times, response.modes.gradient)
     return {
         "largest_rotation_deg": math.degrees(found.rotation),
         "largest_stretch": found.stretch,
