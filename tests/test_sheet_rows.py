@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -73,3 +74,22 @@ def test_tetrahedra_have_no_such_measures(command: str, capsys: pytest.CaptureFi
 def test_a_still_fabric_has_no_cage(capsys: pytest.CaptureFixture[str]) -> None:
     figures = json.loads(told("info", "handweaving", capsys, "--json"))
     assert "elements" not in figures
+
+
+def test_modes_tell_how_a_sheet_hangs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # A stiff one hardly: all of what hangs over the disc still casts its shadow.
+    scene = tmp_path / "sheet.toml"
+    scene.write_text(
+        SHEET.replace('["0.2 gf.cm2/cm", "0.1 gf.cm2/cm"]', '"0.1 N.m"')
+        + 'gravity = [0.0, 0.0, "-1 g"]\nfixed = "sphere(0, 0, 0, 2 mm)"\n'
+    )
+    text = told("modes", scene, capsys)
+    assert re.search(r"^drape coefficient +100\.0% \(Cusick\)", text, re.M)
+    hung = json.loads(told("modes", scene, capsys, "--json"))["hung"]
+    assert hung["cloth_area"] == pytest.approx(25e-6)
+    assert hung["shadow_area"] == pytest.approx(25e-6, rel=1e-4)
+    assert 0.0 < hung["sag"] < 1e-6
+    # On two places it is not Cusick's test; without gravity nothing hangs.
+    assert "Cusick" not in told("modes", scene, capsys, "--set", "modal.fixed=-x +x")
+    flat = told("modes", scene, capsys, "--json", "--set", "modal.gravity=[0,0,0]")
+    assert json.loads(flat)["hung"] is None
