@@ -182,7 +182,8 @@ class CageModes:
             sign = 1.0 if action == "gravity" else -1.0
             return LoadVector(_axes("mass", [sign * v for v in value]), function)
         if action in ("pressure", "traction"):
-            where = forces.wall(self.model.points, self.model.cells, place)
+            sheet = self.model.plate is not None
+            where = forces.wall(self.model.points, self.model.cells, place, sheet)
             stress = -value * where.normal if action == "pressure" else value
             for axis, unit in enumerate(np.eye(3)):
                 self._forces.setdefault(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.places import SIDES
 
@@ -23,15 +24,16 @@ class Wall(NamedTuple):
     """The faces of a mesh that lie in one side of its bounding box."""
 
     nodes: IntArray
-    """(f, k), the vertices that carry the load of each face: its corners in a mesh of linear
-    tetrahedra, the middles of its edges in one of quadratic ones."""
+    """(f, k), the vertices that carry the load of each face alike: its corners in a mesh of linear
+    tetrahedra, the middles of its edges in one of quadratic ones; of a sheet the corners of a
+    hexahedron's face."""
     areas: FloatArray
     """(f,) in m²."""
     normal: FloatArray
     """(3,), outward, of length one."""
 
 
-def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
+def wall(points: FloatArray, cells: IntArray, side: str, sheet: bool = False) -> Wall:
     """Return the faces in one side of the bounding box.
 
     Parameters
@@ -42,6 +44,8 @@ def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
         Linear or quadratic tetrahedra with straight edges.
     side : str
         Out of `spacemap_vtk.mechanics.places.SIDES`.
+    sheet : bool, optional
+        Whether the tetrahedra are those of a sheet, five of each hexahedron.
 
     Returns
     -------
@@ -79,13 +83,26 @@ def wall(points: FloatArray, cells: IntArray, side: str) -> Wall:
     nodes = cells[:, FACES[:, 3:]].reshape(-1, 3)[outer] if quadratic else faces[outer]
     normal = np.zeros(3)
     normal[axis] = end
+    if sheet:
+        # By triangles, vertices with many of them would carry more than those with few: of that a
+        # sheet that hardly bends makes waves.
+        nodes, areas = _faces(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
     return Wall(nodes, areas, normal)
+
+
+def _faces(nodes: IntArray, areas: FloatArray, owner: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return the faces of hexahedra, (f, 4), and their areas, out of two triangles of each."""
+    order = np.argsort(owner, kind="stable")
+    both = np.sort(nodes[order].reshape(-1, 6), axis=1)
+    first = np.diff(both, axis=1, prepend=-1) > 0
+    return both[first].reshape(-1, 4), areas[order].reshape(-1, 2).sum(axis=1)
 
 
 def traction(count: int, where: Wall, stress: ArrayLike) -> FloatArray:
     """Return the forces of a constant traction on a wall."""
     share = np.zeros(count)
-    np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / 3, 3))
+    corners = where.nodes.shape[1]
+    np.add.at(share, where.nodes.ravel(), np.repeat(where.areas / corners, corners))
     return share[:, None] * np.asarray(stress, dtype=np.float64)
 
 
