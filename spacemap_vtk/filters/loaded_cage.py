@@ -1,0 +1,295 @@
+"""What movers of a cage by loads share: damping, loads, start, frames, and what they write."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkInformation
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import add_array, array_of, vectors_of
+from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
+from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.load import Loads, load_vectors
+from spacemap_vtk.io import registry
+from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.damping import Damping, rayleigh
+from spacemap_vtk.mechanics.kinematics import symmetric_tensors, von_mises
+from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
+
+FloatArray = NDArray[np.float64]
+
+#: The field arrays of energies.
+ENERGIES = ("kinetic_energy", "strain_energy", "dissipated_energy", "external_work")
+#: The point arrays of a motion.
+_MOTION = ("displacement", "velocity", "acceleration")
+#: What is there only where it is computed.
+_STRESS = {"stress": (True,)}
+#: alpha and beta damp where no ratio is asked for.
+_RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
+
+
+_FREQUENCY = Real(1.0, "", unit="1/s", above=0.0)
+_RATIO = Real(0.0, "", minimum=0.0)
+
+
+class DampingPairs(Parameter[Any]):
+    """Two pairs of frequency and damping ratio."""
+
+    kind = "pairs"
+    annotation = "sequence of 2 pairs of float"
+    form = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
+
+    def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
+        """Return two pairs of floats, the lower frequency first."""
+        if isinstance(value, str) or not isinstance(value, Iterable):
+            raise InputError("not a list of pairs")
+        pairs = []
+        for pair in value:
+            numbers = tuple(pair) if isinstance(pair, Iterable) else ()
+            if isinstance(pair, str) or len(numbers) != 2:
+                raise InputError("not a list of pairs")
+            frequency, ratio = numbers
+            pairs.append((_FREQUENCY.convert(frequency), _RATIO.convert(ratio)))
+        if len(pairs) != 2:
+            raise InputError(f"{len(pairs)} pairs in place of 2")
+        return tuple(sorted(pairs))
+
+    def text(self, value: Any) -> str:
+        """Return TOML's spelling."""
+        return str([list(pair) for pair in value])
+
+
+class DampingRatio(Series):
+    """A damping ratio for all modes, one for each, or the name of a text file with these."""
+
+    each = (
+        "one for each mode from mode 0 on, the last for all that follow; or the name of a text "
+        "file with one ratio in each line"
+    )
+
+    def convert(self, value: Any) -> Any:
+        """Return a ratio, a tuple of several, or the path of a file, read when it is used."""
+        return Path(value) if _is_file(value) else super().convert(value)
+
+    def within(self, value: Any, folder: Path) -> Any:
+        """Return a file's path, from the folder on; numbers as they are."""
+        return folder / value if _is_file(value) and not self.is_automatic(value) else value
+
+    def text(self, value: Any) -> str:
+        """Return the ratios with commas, or the file."""
+        return str(value) if isinstance(value, Path) else super().text(value)
+
+
+def _is_file(value: Any) -> bool:
+    # What has letters, but for those that numbers have.
+    numbers = r"[-+.,%\d\seE]*|[-+]?(nan|inf)"
+    return isinstance(value, Path) or (
+        isinstance(value, str) and re.fullmatch(numbers, value) is None
+    )
+
+
+class LoadedCage(Stage):
+    """The parameters of what moves a cage by loads from t = 0 on."""
+
+    role = "mover"
+    inputs = ("vtkUnstructuredGrid",)
+    takes = ("cage",)
+    makes = "cage"
+    provides: ClassVar = {
+        "displacement": Provided("point", "m"),
+        "velocity": Provided("point", "m/s"),
+        "acceleration": Provided("point", "m/s2"),
+        "strain": Provided("cell", "", _STRESS),
+        "stress": Provided("cell", "Pa", _STRESS),
+        "von_mises": Provided("cell", "Pa", _STRESS),
+        **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
+    }
+    whole_inputs = (0,)
+    replicated = True
+
+    alpha = Real(
+        1.0,
+        "Damping proportional to mass; slows every mode alike.",
+        unit="1/s",
+        minimum=0.0,
+        when=_RAYLEIGH,
+    )
+    beta = Real(
+        0.0,
+        "Damping proportional to stiffness; stills the high modes.",
+        unit="s",
+        minimum=0.0,
+        when=_RAYLEIGH,
+    )
+    damping_ratio = DampingRatio(
+        Real(0.0, "Damping ratio of the modes, in place of alpha and beta.", minimum=0.0),
+        automatic="alpha and beta damp",
+    )
+    damping_pairs = DampingPairs(
+        None,
+        "Two pairs of frequency and damping ratio, from which alpha and beta are made.",
+        automatic="alpha and beta damp",
+    )
+    gravity = Vector(
+        (0.0, 0.0, -9.80665),
+        "Acceleration of gravity, there from t = 0 on. A cage with modal.gravity goes on under "
+        "that where this is the default; where it hangs and this is another, it moves by the "
+        "difference.",
+        component=Real(0.0, "", unit="m/s2"),
+    )
+    loads = Loads((), "What else acts on the cage, each with its time function.")
+    initial = Choice(
+        "rest",
+        "State at t = 0: undeformed, or already hanging at rest under the loads.",
+        ["rest", "equilibrium"],
+    )
+    initial_velocity = Vector(
+        (0.0, 0.0, 0.0),
+        "Velocity at t = 0 of all that is not fixed.",
+        component=Real(0.0, "", unit="m/s"),
+    )
+    initial_velocity_array = Text(
+        "", "Name of a point array of the cage: velocities in m/s at t = 0, added to the others."
+    )
+    initial_displacement = Vector(
+        (0.0, 0.0, 0.0),
+        "Displacement at t = 0 of all that is not fixed, added to the initial state.",
+        component=Real(0.0, "", unit="m"),
+    )
+    initial_displacement_array = Text(
+        "", "Name of a point array of the cage: displacements in m at t = 0, added to the others."
+    )
+    stress = Flag(True, "Compute strain and stress of each tetrahedron.")
+    energy = Flag(True, "Compute kinetic, strain and dissipated energy, and external work.")
+    duration = Real(
+        10.0,
+        "Length of the time range reported to players; any later time can be asked for too.",
+        unit="s",
+        above=0.0,
+    )
+    frames = Integer(
+        101,
+        "Number of time steps, evenly from 0 to the duration, that players and writers of other "
+        "programs are offered; any time in between can be asked for too. The frames of a scene's "
+        "own film are those of its animation.",
+        minimum=2,
+        maximum=100_000,
+    )
+
+    def check(self) -> None:
+        """Check how much is damped."""
+        _ = self.damping
+
+    @property
+    def damping(self) -> Damping:
+        """What damps the modes, out of the four parameters that say so."""
+        ways = [
+            name for name in ("damping_ratio", "damping_pairs") if getattr(self, name) is not None
+        ]
+        # The default alpha is no one's wish, and an alpha of zero contradicts nothing.
+        ways += [name for name in ("alpha", "beta") if self._values.get(name) and ways]
+        if len(ways) > 1:
+            raise InputError(
+                f"{ways[0]} and {ways[1]} both say how much is damped",
+                key=ways[0],
+                value=getattr(self, ways[0]),
+                cure=f"Leave out {ways[0]} or {ways[1]}"
+                + (f" ({ways[1]} = 0 does that, too)." if ways[1] in ("alpha", "beta") else "."),
+            )
+        if (ratio := self.damping_ratio) is not None:
+            try:
+                if isinstance(ratio, Path):
+                    ratio = type(self).damping_ratio.convert(registry.read(ratio, "column"))
+                return Damping(ratio=ratio)
+            except InputError as error:
+                error.key, error.value = "damping_ratio", self.damping_ratio
+                raise
+        if self.damping_pairs is not None:
+            try:
+                return rayleigh(self.damping_pairs)
+            except InputError as error:
+                error.key, error.value = "damping_pairs", self.damping_pairs
+                raise
+        return Damping(self.alpha, self.beta)
+
+    def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
+        """Return the continuous range of times."""
+        return 0.0, self.duration
+
+    def time_steps(self, inputs: list[vtkInformation]) -> list[float]:
+        """Return the times of the frames, without which ParaView would write one step only."""
+        return [float(t) for t in np.linspace(0.0, self.duration, self.frames)]
+
+    def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
+        """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own."""
+        # The default is no one's wish, and ParaView's users write three numbers.
+        field = grid.GetFieldData()
+        if field.HasArray(GRAVITY_IN_FORCE) and "gravity" not in self._values:
+            return array_of(field, GRAVITY_IN_FORCE, "the modes")
+        return np.array(self.gravity)
+
+    def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
+        """Return what acts beside that under which the cage hangs."""
+        # A cage that hangs has its gravity, and its dead loads, in its equilibrium.
+        more = self.gravity_on(grid) - gravity_in(grid)
+        vectors = [modes.vector("gravity", more, step())] if more.any() else []
+        return vectors + load_vectors(modes, grid, self.loads, "loads")
+
+    def started(self, grid: vtkUnstructuredGrid) -> tuple[FloatArray, FloatArray]:
+        """Return what is added to displacement and velocity at t = 0, (V, 3) both."""
+        displacement = self._start(
+            grid, self.initial_displacement, "displacement", self.initial_displacement_array
+        )
+        velocity = self._start(grid, self.initial_velocity, "velocity", self.initial_velocity_array)
+        return displacement, velocity
+
+    def far_loads(self, modes: CageModes) -> list[str]:
+        """Say which loads act at points outside the cage."""
+        return [
+            f"loads[{number}] acts at a point that is {distance:.3g} m away from the cage, and so "
+            "on the vertex nearest to it"
+            for number, load in enumerate(self.loads)
+            if load.at is not None and (distance := modes.away(load.at))
+        ]
+
+    @staticmethod
+    def add_motion(output: vtkUnstructuredGrid, fields: Iterable[FloatArray]) -> None:
+        """Write displacement, velocity and acceleration, (V, 3) each."""
+        for name, field in zip(_MOTION, fields, strict=True):
+            add_array(output.GetPointData(), name, field)
+
+    @staticmethod
+    def add_stress(output: vtkUnstructuredGrid, strain: FloatArray, stress: FloatArray) -> None:
+        """Write strain and stress of each tetrahedron, (T, 6) both."""
+        cells = output.GetCellData()
+        add_array(cells, "strain", symmetric_tensors(strain, engineering=True))
+        add_array(cells, "stress", symmetric_tensors(stress, engineering=False))
+        add_array(cells, "von_mises", von_mises(stress))
+
+    @staticmethod
+    def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | FloatArray) -> None:
+        """Write kinetic, strain and dissipated energy, and external work [J]."""
+        for name, value in zip(ENERGIES, energies, strict=True):
+            add_array(output.GetFieldData(), name, np.array([value]))
+
+    def _start(
+        self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
+    ) -> FloatArray:
+        field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))
+        if array:
+            field += self._vectors(grid, f"initial_{what}_array", array)
+        return field
+
+    def _vectors(self, grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray:
+        with naming(key):
+            return vectors_of(
+                grid.GetPointData(), name, grid.GetNumberOfPoints(), type(self).__name__
+            )
