@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator
     from spacemap_vtk.filters.rotation_strain import RotationStrain
     from spacemap_vtk.filters.tetra_cage import TetraCage
+    from spacemap_vtk.filters.transient_response import TransientResponse
     from spacemap_vtk.filters.weave_source import WeaveSource
 
 __version__ = "0.1.0"
@@ -35,6 +36,7 @@ __all__ = [
     "RotationStrain",
     "SpacemapWarning",
     "TetraCage",
+    "TransientResponse",
     "WeaveSource",
     "connect",
 ]
@@ -48,6 +50,7 @@ FILTERS = {
     "TetraCage": "spacemap_vtk.filters.tetra_cage",
     "ModalSolver": "spacemap_vtk.filters.modal_solver",
     "ModalResponse": "spacemap_vtk.filters.modal_response",
+    "TransientResponse": "spacemap_vtk.filters.transient_response",
     "MotionReader": "spacemap_vtk.filters.motion_reader",
     "RotationStrain": "spacemap_vtk.filters.rotation_strain",
     "BarycentricWarp": "spacemap_vtk.filters.barycentric_warp",

@@ -259,12 +259,14 @@ def updated() -> dict[str, Stage]:
     root = Path(__file__).parent.parent / "scenes"
     swing = Scene(SMALL | {"response": {}, "rotation": {}})
     swing.update(time=0.1)
+    stepped = Scene(SMALL | {"transient": {"max_step": 1e-4}})
+    stepped.update(time=0.001)
     read = Scene({"object": {}, "motion": {"array": "U"}})
     read.object.file = next((root / "objects").glob("*.ply"))
     read.motion.file = root / "calculix" / "sheet.pvd"
     read.object.update()
     read.motion.update(time=0.01)
-    stages = [*swing.stages, read.object, read.motion]
+    stages = [*swing.stages, stepped.stage("mover"), read.object, read.motion]
     return {type(stage).__name__: stage for stage in stages}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy import linalg as la
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.factors import Solve, factorise
@@ -152,6 +152,26 @@ class Body:
                 if self._shift >= MOST_SHIFT:
                     raise
                 self._shift *= 100
+
+    def unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
+        """Return the solution with a matrix of the tangent's pattern that need not be symmetric."""
+        order = self._analysis.order
+        try:
+            solve = splu(
+                matrix[order][:, order].tocsc(),
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            ).solve
+        except RuntimeError as error:
+            raise SolverError("the matrix of a step is singular") from error
+
+        def solved(right: FloatArray) -> FloatArray:
+            result = np.empty_like(right)
+            result[order] = solve(right[order])
+            return result
+
+        return solved
 
     def lowest(
         self, matrix: sp.csr_matrix, definite: sp.csr_matrix

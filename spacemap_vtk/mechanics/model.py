@@ -373,13 +373,15 @@ class Model:
         cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
         return each * cells + estimate_bytes(self.pencil.size, 8, layers)
 
-    def strained(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def strained(self, moved: FloatArray, large: bool = False) -> tuple[FloatArray, FloatArray]:
         """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.
 
         Parameters
         ----------
         moved : ndarray of float64, shape (V, 3)
-            Displacement from the equilibrium [m], small: strains are linear in it.
+            Displacement from the equilibrium [m].
+        large : bool, optional
+            Whether strains are Green's; by default they are linear in the displacement.
 
         Returns
         -------
@@ -390,16 +392,18 @@ class Model:
             In Pa; of a sheet the mean over its thickness.
         """
         pencil = self.pencil
-        positions = pencil.nodes.positions
-        if pencil.surface is None:
+        positions, surface = pencil.nodes.positions, pencil.surface
+        moved = moved if surface is None else surface.nodal(moved)
+        if large:
+            positions, moved = positions + moved, np.zeros_like(moved)
+        if surface is None:
             solid = pencil.strains[0]
             strain, gradients = solid.at(positions)
             strain += np.einsum("eqsnk,enk->eqs", gradients, moved[solid.nodes])
             mean = strain.mean(axis=1)
             return mean, self.stress(mean)
-        surface = pencil.surface
         assert self.plate is not None
-        mean, pull = of_middle(pencil.strains, positions, surface.nodal(moved), surface, self.plate)
+        mean, pull = of_middle(pencil.strains, positions, moved, surface, self.plate)
         stress = pull / surface.thickness(self.points)[surface.quads].mean(axis=1)[:, None]
         if (factors := of_quads(self.fittings.stiffness_factors)) is not None:
             stress *= factors[:, None]

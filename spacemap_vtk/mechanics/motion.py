@@ -135,7 +135,7 @@ class ModalMotion:
         total = np.zeros((2, len(self.stiffness)))
         for drive in self.drives:
             if drive.moves_base:
-                total += self._jump(drive, *_jump_of(drive.function, time, self._held))
+                total += self._jump(drive, *jump_of(drive.function, time, self._held))
         return total
 
     def _jump(self, drive: Drive, value: float, slope: float) -> FloatArray:
@@ -176,9 +176,9 @@ class ModalMotion:
             jumps = np.zeros((len(times), 2, len(self.stiffness)))
             for drive, function in moving:
                 for k, time in enumerate(times):
-                    jumps[k] += self._jump(drive, *_jump_of(function, time, self._held))
+                    jumps[k] += self._jump(drive, *jump_of(function, time, self._held))
             for drive in sines:
-                jumps[0] += self._jump(drive, *_jump_of(drive.function, 0.0, self._held))
+                jumps[0] += self._jump(drive, *jump_of(drive.function, 0.0, self._held))
         data = times, values, slopes, gains, jumps, self.start
         return Linear(self.stiffness, self.half, *data)
 
@@ -188,7 +188,7 @@ class ModalMotion:
         if drive.moves_base:
             starts = [*function.times, function.period]
             for k, time in enumerate(starts):
-                jumps[k] = self._jump(drive, *_jump_of(function, time, self._held))
+                jumps[k] = self._jump(drive, *jump_of(function, time, self._held))
         return Repeated(self.stiffness, self.half, function, gain, jumps)
 
     def _phasor(self, drive: Drive, sine: Sine) -> np.ndarray:
@@ -197,7 +197,17 @@ class ModalMotion:
         return gain * np.exp(1j * sine.phase)
 
 
-def _jump_of(function: TimeFunction, time: float, held: bool) -> tuple[float, float]:
+def base_at(function: TimeFunction, time: float) -> FloatArray:
+    """Return the factors of a base's displacement, velocity and acceleration at a time, (3,)."""
+    value = function.value(max(time, 0.0))
+    if time < 0.0:
+        return np.array([value, 0.0, 0.0])
+    # Of a sine; a linear piece has none.
+    curvature = -(getattr(function, "omega", 0.0) ** 2) * value
+    return np.array([value, function.slope(time), curvature])
+
+
+def jump_of(function: TimeFunction, time: float, held: bool) -> tuple[float, float]:
     """Return by how much a function and its slope jump at a time."""
     # A base that is held where its function starts does not jump there, it only sets off.
     if isinstance(function, Sine):

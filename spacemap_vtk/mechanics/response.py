@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector, Statics
 from spacemap_vtk.mechanics.damping import Damping
 from spacemap_vtk.mechanics.energy import Account, Energy
 from spacemap_vtk.mechanics.harmonic import steady
-from spacemap_vtk.mechanics.motion import Drive, ModalMotion, State
+from spacemap_vtk.mechanics.motion import Drive, ModalMotion, State, base_at
 from spacemap_vtk.mechanics.oscillator import LOST
 
 FloatArray = NDArray[np.float64]
@@ -305,15 +305,7 @@ class Response:
         fields[0] += rest
         for load in self.loads:
             if load.moves_base is not None:
-                function = load.function
-                value = function.value(max(time, 0.0))
-                fields[0] += value * load.moves_base
-                if time < 0.0:
-                    continue
-                fields[1] += function.slope(time) * load.moves_base
-                # Of a sine; a linear piece has none.
-                curvature = -(getattr(function, "omega", 0.0) ** 2) * value
-                fields[2] += curvature * load.moves_base
+                fields += np.outer(base_at(load.function, time), load.moves_base)[:, None]
         return fields
 
 

@@ -120,11 +120,15 @@ class Strains:
         squares = self.squares(move)[0][self._stabilises]
         return float(np.sqrt(2 * squares.max(initial=0.0)))
 
-    def tangent_of(self, stress: FloatArray, gradients: FloatArray) -> FloatArray:
+    def tangent_of(
+        self, stress: FloatArray, gradients: FloatArray, others: FloatArray | None = None
+    ) -> FloatArray:
         """Return Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
+        # `others` are what the stress changes by, in place of the second G.
         elements, points, count, nodes, _ = gradients.shape
         flat = gradients.reshape(elements, points, count, 3 * nodes)
-        pulled = (self.stiffness @ flat).reshape(elements, -1, 3 * nodes)
+        right = flat if others is None else others.reshape(flat.shape)
+        pulled = (self.stiffness @ right).reshape(elements, -1, 3 * nodes)
         result = flat.reshape(elements, -1, 3 * nodes).swapaxes(1, 2) @ pulled
         forms = self.forms.reshape(elements, points * count, -1)
         pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)

@@ -64,6 +64,15 @@ class Pieces(NamedTuple):
         _, time = self.phase(time)
         return float(self.slopes[np.searchsorted(self.times, time, side="right") - 1])
 
+    def next_corner(self, time: float) -> float:
+        """Return the first time after another one at which a piece starts; infinity for none."""
+        count, rest = self.phase(time)
+        k = int(np.searchsorted(self.times, rest, side="right"))
+        whole = 0.0 if self.period is None else count * self.period
+        if k < len(self.times):
+            return whole + float(self.times[k])
+        return math.inf if self.period is None else whole + self.period
+
 
 class Sine(NamedTuple):
     """The factor sin(Ωt + φ), from t = 0 on."""
@@ -83,6 +92,10 @@ class Sine(NamedTuple):
         """Return the rate of change at a time."""
         rate = self.omega * math.cos(self.omega * time + self.phase)
         return rate if time >= 0.0 or self.steady else 0.0
+
+    def next_corner(self, time: float) -> float:
+        """Return infinity: it has none."""
+        return math.inf
 
 
 TimeFunction = Pieces | Sine

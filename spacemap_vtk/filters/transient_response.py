@@ -1,0 +1,242 @@
+"""TransientResponse: the cage's displacement by steps of the nonlinear equations of motion."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk import cache
+from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.datasets.modal_model import ModesReader
+from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.place_parameters import Supports
+from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.mesh_pencil import digest_of
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.supports import held_components, held_directions
+from spacemap_vtk.parameters import Real
+
+if TYPE_CHECKING:
+    from spacemap_vtk.mechanics.transient import Stepped
+
+FloatArray = NDArray[np.float64]
+
+#: States of an entry on disk, and the seconds between two writings of one that is not full.
+_CHUNK, _PAUSE = 512, 5.0
+
+
+class TransientResponse(LoadedCage):
+    """Move a cage by steps of its nonlinear equations of motion, however far it turns.
+
+    Loads, damping and start are those of ModalResponse. Strains are Green's, so that turning
+    stretches nothing and tension stiffens; a large swing takes the time that it takes. Each state
+    is computed once, and kept in memory and in the user's cache folder: a later time goes on from
+    the last one, any time between two is interpolated. A pipeline that is stopped goes on from
+    where it was.
+
+    The output has the arrays of ModalResponse but its modal coordinates; strain and stress are in
+    axes that turn with the fabric.
+
+    Notes
+    -----
+    The midpoint rule with the mean of both ends' stresses keeps energy at any step (Simo and
+    Tarnow 1994). beta damps rates of strain, which about an unstrained state is Rayleigh damping.
+
+    Examples
+    --------
+    >>> from spacemap_vtk import TransientResponse
+    >>> TransientResponse(held="-x -y", max_step="5 ms").held
+    ('-x', '-y')
+    """
+
+    section = "transient"
+    provides: ClassVar = dict(LoadedCage.provides)
+
+    held = Supports(
+        "",
+        "Places that are held up to t = 0, too, where nothing is deformed: under the loads the "
+        "cage hangs by these and by what it is fixed to, and is then let go.",
+    )
+    tolerance = Real(
+        1e-4,
+        "Largest error of a step, as a share of the cage's diagonal; what follows decides how "
+        "long steps are.",
+        above=0.0,
+    )
+    max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
+
+    _modes: ModesReader | None = None
+    _kept_motion: tuple[str, Stepped] | None = None
+    _known: tuple[int, int] | None = None
+    _stored: tuple[int, float] = (0, 0.0)
+
+    @property
+    def motion(self) -> Stepped | None:
+        """The motion as of the last update; None before."""
+        return None if self._kept_motion is None else self._kept_motion[1]
+
+    def check(self) -> None:
+        """Check damping, loads and start."""
+        if np.any(self.damping.ratio):
+            raise InputError(
+                "a ratio damps modes, and what swings far has none",
+                key="damping_ratio",
+                value=self.damping_ratio,
+                cure="Give alpha and beta, or damping_pairs, which makes them of two ratios.",
+            )
+        for number, load in enumerate(self.loads):
+            if load.steady:
+                raise InputError(
+                    "what has been going on for ever has no start that steps could begin with",
+                    key=f"loads[{number}].steady",
+                    value=True,
+                    cure="Leave it out; with damping the motion becomes steady by itself.",
+                )
+        if self.held and self.initial != "rest":
+            raise InputError(
+                "held places and initial both say where it starts",
+                key="held",
+                value=" ".join(self.held),
+                cure='Leave out held, or initial = "equilibrium".',
+            )
+
+    def run(
+        self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
+    ) -> None:
+        """Step on to `time`, or look it up; before t = 0 the initial state holds, at rest."""
+        if self.turned:
+            self.turned = False
+            raise InputError(
+                "what is stepped turns without being stretched, and needs no RotationStrain",
+                cure="Leave out the section [rotation].",
+            )
+        grid = inputs[0]
+        key = grid.GetMTime(), self.GetMTime()
+        if self._kept_motion is None or self._known != key:
+            if self._modes is None:
+                self._modes = ModesReader()
+            self._prepare(grid, self._modes.read(grid))
+            self._known = key
+        assert self._kept_motion is not None
+        digest, motion = self._kept_motion
+        try:
+            motion.reach(max(time, 0.0), lambda share: self.report(share, "stepping"))
+        finally:
+            self._store(digest, motion)
+        displacement, velocity, acceleration = motion.at(time)
+        output.ShallowCopy(grid)
+        self.add_motion(output, (displacement, velocity, acceleration))
+        if self.stress:
+            base = motion.base(time)[0]
+            moved = displacement - motion.rest - base
+            self.add_stress(output, *motion.model.strained(moved, large=True))
+        if self.energy:
+            self.add_energies(output, motion.energies(np.array([time]))[0])
+
+    def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
+        """Make the motion, unless all that it depends on is as it was."""
+        # With all of scipy, which telling the parameters needs none of.
+        from spacemap_vtk.mechanics.transient import Stepped
+
+        self.check()
+        for text in self.far_loads(modes):
+            self.warn(text)
+        model, vectors = modes.model, self.load_vectors(grid, modes)
+        displacement, velocity = self.started(grid)
+        settled = bool(self.held) or self.initial == "equilibrium"
+        if settled:
+            displacement += self._hung(grid, modes, vectors)
+        elif model.displacement is not None:
+            displacement += model.displacement
+        damping, size = self.damping, float(np.linalg.norm(np.ptp(model.points, axis=0)))
+        parts = [
+            part
+            for vector in vectors
+            for part in (modes.force(vector), vector.moves_base, *vector.function)
+        ]
+        numbers = (model.modulus, model.density, *damping[:2], self.tolerance, self.max_step)
+        digest = digest_of(
+            model.digest, *parts, displacement, velocity, settled, *map(float, numbers)
+        )
+        if self._kept_motion is not None and self._kept_motion[0] == digest:
+            return
+        motion = Stepped(
+            modes,
+            vectors,
+            damping,
+            displacement=displacement,
+            velocity=velocity,
+            settled=settled,
+            tolerance=self.tolerance * size,
+            max_step=self.max_step,
+        )
+        self._kept_motion = digest, motion
+        self._stored = 0, 0.0
+        if kept := _read(digest):
+            motion.resume(np.concatenate(kept))
+            self._stored = len(motion.rows), 0.0
+
+    def _hung(
+        self, grid: vtkUnstructuredGrid, modes: CageModes, vectors: list[LoadVector]
+    ) -> FloatArray:
+        """Return the displacement at rest under the loads at t = 0 [m], (V, 3)."""
+        model, load = modes.model, modes.model.forces.copy()
+        for vector in vectors:
+            if vector.moves_base is None:
+                load += vector.function.value(0.0) * modes.force(vector)
+        if self.held:
+
+            def mask(name: str) -> NDArray[np.generic]:
+                return array_of(grid.GetPointData(), name, f"the place mask({name})")
+
+            with naming("held"):
+                held = held_components(model.points, self.held, mask)
+                normals = held_directions(model.points, self.held, mask)
+            fittings = model.fittings
+            if normals is not None:
+                both = normals if fittings.normals is None else normals + fittings.normals
+                fittings = fittings._replace(normals=both)
+            model = Model(
+                model.points,
+                model.cells,
+                model.plate or model.elasticity,
+                model.density,
+                held | ~model.free.reshape(-1, 3),
+                model.lumped,
+                None,
+                fittings,
+            )
+        key = f"hung-{digest_of(model.digest, load / model.modulus)}"
+        found = (cache.load(key) or {}).get("displacement")
+        if found is None or found.shape != model.points.shape or not np.isfinite(found).all():
+            found, _ = model.hung(load, lambda share: self.report(share, "hanging"))
+            cache.store(key, displacement=found)
+        return found if model.displacement is None else found + model.displacement
+
+    def _store(self, digest: str, motion: Stepped) -> None:
+        """Keep on disk what was stepped since the last time."""
+        (count, last), rows, now = self._stored, motion.rows, clock.monotonic()
+        if len(rows) == count or (now - last < _PAUSE and len(rows) // _CHUNK == count // _CHUNK):
+            return
+        for number in range(count // _CHUNK, -(-len(rows) // _CHUNK)):
+            chunk = rows[number * _CHUNK : (number + 1) * _CHUNK]
+            cache.store(f"steps-{digest}-{number}", rows=chunk)
+        self._stored = len(rows), now
+
+
+def _read(digest: str) -> list[FloatArray]:
+    """Return the states on disk, by entries."""
+    found: list[FloatArray] = []
+    while not found or len(found[-1]) == _CHUNK:
+        rows = (cache.load(f"steps-{digest}-{len(found)}") or {}).get("rows")
+        if rows is None or rows.ndim != 2 or rows.dtype != np.float64 or len(rows) == 0:
+            break
+        if found and rows.shape[1] != found[0].shape[1]:
+            break
+        found.append(rows)
+    return found

@@ -1,0 +1,183 @@
+"""A step of a body's nonlinear equations of motion, that keeps energy whatever its length.
+
+    M ẍ + α M ẋ + f(x, ẋ) = F,    f = Σ G(x)ᵀ C (ε + β ε̇)
+
+Between two states the midpoint rule is taken, with the mean of both ends' stresses in place of the
+stress in the middle. As strains are quadratic in the positions z, the gradients G in the middle do
+the work of that stress exactly, G(z̄) Δz = Δε: energy is what the loads put in less what is damped
+(Simo and Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). The damping β resists rates of strain,
+which turning alone has none of; about an unstrained state it is Rayleigh's β K.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import SolverError
+from spacemap_vtk.mechanics.body import Body, Part
+from spacemap_vtk.mechanics.factors import Solve
+
+FloatArray = NDArray[np.float64]
+
+#: Corrections that a step may take, and how much smaller each has to be than the one before, or the
+#: tangent is made anew.
+TRIES, GAIN = 40, 0.3
+
+#: Rotation of a correction from which the tangent is made anew, too [rad].
+NEAR = 0.003
+
+#: Tangents that a step may take, and how much larger than before a correction may become.
+MADE, AWAY = 12, 30.0
+
+#: A correction below this share of the step is the last one; one that is no smaller than the one
+#: before is as well below the other share: it shows rounding.
+LAST, LOST = 1e-10, 1e-6
+
+#: A correction that moves less than this [m] is the last one, too.
+LEAST = 1e-15
+
+
+class Step(NamedTuple):
+    """A state, and what happened on the way to it."""
+
+    position: FloatArray
+    """q, (N,)."""
+    rate: FloatArray
+    """q̇ [1/s], (N,)."""
+    parts: list[Part]
+    """Strains and stresses there."""
+    damped: float
+    """Energy that was dissipated."""
+    work: float
+    """Of the load."""
+    error: float
+    """An estimate of the largest error of a nodal vector [m]."""
+
+
+class Midpoint:
+    """The equations of a body; forces and energies are those of a unit modulus."""
+
+    def __init__(self, body: Body, mass: sp.csr_matrix, alpha: float, beta: float) -> None:
+        self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
+        self._least = LEAST * math.sqrt(float(mass.diagonal().sum()))
+
+    def at(self, position: FloatArray) -> list[Part]:
+        """Return strains and stresses at q."""
+        return self.body.at(self.body.start + self.body.moved(position))
+
+    def stored(self, rate: FloatArray, parts: list[Part]) -> tuple[float, float]:
+        """Return kinetic and strain energy."""
+        strain = sum(float(np.vdot(part.strain, part.stress)) for part in parts)
+        return 0.5 * float(rate @ (self.mass @ rate)), 0.5 * strain
+
+    def impulse(self, parts: list[Part], move: FloatArray) -> FloatArray:
+        """Return that of the damping against a sudden move q."""
+        return self.alpha * (self.mass @ move) + self._viscous(parts, move)
+
+    def step(
+        self,
+        position: FloatArray,
+        rate: FloatArray,
+        parts: list[Part],
+        loads: tuple[FloatArray, FloatArray],
+        span: float,
+        guess: FloatArray,
+        carried: list[FloatArray],
+    ) -> Step | None:
+        """Return the state after a span [s], or None where Newton's method finds none."""
+        # `loads` act at the start, and on the average over the span; `guess` is of the move, and
+        # `carried` of the stress in the middle.
+        heavy = (2 / span**2 + self.alpha / span) * self.mass
+        moving = 2 / span * (self.mass @ rate) + loads[1]
+        least, size, first, made = self._least / span, math.inf, math.inf, 0
+        move, solve = guess, None
+        for _ in range(TRIES):
+            ends = self.at(position + move)
+            stress = [self._mean(a, b, span) for a, b in zip(parts, ends, strict=True)]
+            middle = [(a.gradients + b.gradients) / 2 for a, b in zip(parts, ends, strict=True)]
+            left = heavy @ move - moving + self._force(parts, stress, middle)
+            if solve is None:
+                if made == MADE:
+                    return None
+                # The tangent has the stress that the last linear solution balances, not that of its
+                # spurious stretch, as that of an equilibrium has.
+                slopes = [(0.5 + self.beta / span) * end.gradients for end in ends]
+                blocks = [
+                    end.kind.tangent_of(pull / 2, mean, slope)
+                    for end, pull, mean, slope in zip(ends, carried, middle, slopes, strict=True)
+                ]
+                try:
+                    solve = self.body.unsymmetric(self.body.matrix(blocks) + heavy)
+                except SolverError:
+                    return None
+                made += 1
+            change = -solve(left)
+            before, size = size, math.sqrt(abs(float(change @ left)))
+            move = move + change
+            whole = math.sqrt(float(move @ (heavy @ move)))
+            if not size < AWAY * first:
+                return None
+            first = min(first, size)
+            if size <= max(least, LAST * whole) or LOST * whole > size >= before:
+                return self._reached(position, rate, parts, loads, span, move, solve)
+            moved = self.body.moved(change)
+            if self.body.turn(moved) > NEAR or size > GAIN * before:
+                solve, share = None, 0.5 + self.beta / span
+                carried = [
+                    pull + share * end.kind.stresses(end.kind.changes(end.gradients, moved))
+                    for pull, end in zip(stress, ends, strict=True)
+                ]
+        return None
+
+    def _reached(
+        self,
+        position: FloatArray,
+        rate: FloatArray,
+        parts: list[Part],
+        loads: tuple[FloatArray, FloatArray],
+        span: float,
+        move: FloatArray,
+        solve: Solve,
+    ) -> Step:
+        ends = self.at(position + move)
+        later = 2 / span * move - rate
+        damped = self.alpha / span * float(move @ (self.mass @ move))
+        for a, b in zip(parts, ends, strict=True):
+            damped += self.beta / span * float(np.vdot(b.strain - a.strain, b.stress - a.stress))
+        # The rule's error is h³/12 of the third derivative, which the acceleration's change from
+        # the start to the middle of the step gives. The tangent takes out of it what swings faster
+        # than the step, whose error is bounded by how far it swings (Hosea and Shampine 1996).
+        push = self._force(parts, [p.stress for p in parts], [p.gradients for p in parts])
+        push += self.alpha * (self.mass @ rate) + self._viscous(parts, rate)
+        wrong = solve(self.mass @ ((later - rate) / span) + push - loads[0]) / 3
+        error = float(abs(self.body.basis @ wrong).max())
+        return Step(position + move, later, ends, damped, float(loads[1] @ move), error)
+
+    def _mean(self, first: Part, last: Part, span: float) -> FloatArray:
+        change = last.stress - first.stress
+        return first.stress + (0.5 + self.beta / span) * change
+
+    def _viscous(self, parts: list[Part], move: FloatArray) -> FloatArray:
+        """Return β Gᵀ C G of a move, or of a rate."""
+        if self.beta == 0.0:
+            return np.zeros_like(move)
+        moved = self.body.moved(move)
+        stress = [
+            self.beta * part.kind.stresses(part.kind.changes(part.gradients, moved))
+            for part in parts
+        ]
+        return self._force(parts, stress, [part.gradients for part in parts])
+
+    def _force(
+        self, parts: list[Part], stress: list[FloatArray], gradients: list[FloatArray]
+    ) -> FloatArray:
+        total = np.zeros_like(self.body.start)
+        for part, pull, slope in zip(parts, stress, gradients, strict=True):
+            total += part.kind.summed(pull, slope, len(total))
+        force: FloatArray = self.body.basis.T @ total.ravel()
+        return force

@@ -1,0 +1,404 @@
+"""The motion of a cage however far it turns: implicit steps, and any time between them.
+
+A state is a row of numbers. Between two states the motion is their Hermite interpolation; with the
+midpoint rule (see `spacemap_vtk.mechanics.midpoint`) its cubic has no cubic term, so that the
+acceleration of a step is constant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics import blas_threads
+from spacemap_vtk.mechanics.body import Body, Part
+from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
+from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.midpoint import Midpoint
+from spacemap_vtk.mechanics.motion import base_at, jump_of
+from spacemap_vtk.mechanics.timefunctions import Sine
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[float], object]
+
+#: The first step, and the shortest, as shares of the longest one.
+FIRST, SHORTEST = 1 / 256, 1e-9
+
+#: Share of the step that the bound allows which is taken, and the most and the least that the next
+#: one is of the last.
+SAFETY, GROWTH, CUT = 0.9, 2.0, 0.1
+
+#: Steps in a period of a sine, at least.
+IN_PERIOD = 20
+
+#: What a row holds before positions and rates: time, the step to try next, kinetic, strain and
+#: dissipated energy, and external work.
+COLUMNS = 6
+
+
+class Stepped:
+    """Motion of a cage by steps, at any time from 0 on.
+
+    Parameters
+    ----------
+    cage : CageModes
+        The cage, whose modes do not matter. What it hangs under, if it does, goes on to act.
+    loads : sequence of LoadVector
+        What acts beside that, made by `CageModes.vector`.
+    damping : Damping
+        α and β: of what swings far there are no modes that could have ratios.
+    displacement : ndarray of float64, shape (V, 3), optional
+        At t = 0, from where nothing is deformed [m]; by default where the cage hangs.
+    velocity : ndarray of float64, shape (V, 3), optional
+        At t = 0 [m/s]. What is held stays.
+    settled : bool, optional
+        Whether it is at rest under its loads, so that a base is where its function starts.
+    tolerance : float, optional
+        Largest error of a step [m]; by default 1e-5 of the cage's diagonal.
+    max_step : float, optional
+        Longest step [s].
+
+    Raises
+    ------
+    InputError
+        If damping, loads or cage are such as steps cannot have.
+
+    Notes
+    -----
+    Nothing is computed before a time is asked for, and nothing twice: every method steps on as far
+    as it has to. The steps do not depend on the times asked for.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.mechanics.materials import isotropic
+    >>> from spacemap_vtk.mechanics.model import Model
+    >>> from spacemap_vtk.mechanics.timefunctions import step
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> held = np.arange(4)[:, None] < [3, 3, 3]
+    >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
+    >>> cage = CageModes(model, np.empty(0), np.empty((0, 12)), np.empty(0))
+    >>> load = cage.vector("gravity", (0, 0, -10.0), step())
+    >>> motion = Stepped(cage, [load], Damping(alpha=50.0))
+    >>> float(motion.at(0.5)[0, 3, 2].round(4))  # of the vertex that is free [m]
+    -0.0025
+    """
+
+    def __init__(
+        self,
+        cage: CageModes,
+        loads: Sequence[LoadVector] = (),
+        damping: Damping = Damping(),  # noqa: B008
+        *,
+        displacement: FloatArray | None = None,
+        velocity: FloatArray | None = None,
+        settled: bool = False,
+        tolerance: float | None = None,
+        max_step: float = 0.02,
+    ) -> None:
+        self.model = model = cage.model
+        self.points, self.cells = model.points, model.cells
+        self.loads, self._settled = tuple(loads), settled
+        _refuse(cage, self.loads, damping)
+        size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
+        self.tolerance = 1e-5 * size if tolerance is None else tolerance
+        sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
+        self.max_step = min([max_step, *(2 * math.pi / (IN_PERIOD * s.omega) for s in sines)])
+        pencil = model.pencil
+        # All forces are divided by the model's modulus: the strains are those of a unit one.
+        start, forces = pencil.nodes.positions, pencil.nodes.forces
+        dead = np.zeros_like(start) if forces is None else forces
+        body = Body(pencil.strains, pencil.basis, start, dead, _ignore)
+        mass = (model.density / model.modulus) * pencil.mass
+        self._rule = Midpoint(body, mass, damping.alpha, damping.beta)
+        self._dead = body.basis.T @ dead.ravel()
+        self._pushes = [
+            pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
+        ]
+        #: Where it hangs [m], zero where it does not.
+        self.rest = np.zeros_like(self.points)
+        if model.displacement is not None:
+            self.rest = model.displacement
+        moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
+        q, v = (
+            pencil.coordinates(np.reshape(field, (-1, 1)))[:, 0]
+            for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
+        )
+        self._rows = np.empty((64, COLUMNS + 2 * len(q)))
+        self._count = 0
+        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
+        self._append(np.concatenate([first, q, v]))
+        self._parts: tuple[int, list[Part], list[FloatArray]] = 0, [], []
+        self._jump(0.0)
+
+    @property
+    def rows(self) -> FloatArray:
+        """The states so far, (n, 6 + 2N): their times ascend, twice the same where a base jumps."""
+        return self._rows[: self._count]
+
+    @property
+    def reached(self) -> float:
+        """The time of the last state [s]."""
+        return float(self._rows[self._count - 1, 0])
+
+    def resume(self, rows: FloatArray) -> bool:
+        """Go on from states of the same motion that were stepped elsewhere.
+
+        Parameters
+        ----------
+        rows : ndarray of float64, shape (n, 6 + 2N)
+            Of another one's `rows`, from the first on.
+
+        Returns
+        -------
+        bool
+            False where they are no such states, and nothing changes.
+        """
+        mine = self.rows
+        if rows.ndim != 2 or rows.shape[1] != mine.shape[1] or len(rows) < len(mine):
+            return False
+        if not (np.isfinite(rows).all() and np.array_equal(rows[: len(mine)], mine)):
+            return False
+        self._rows, self._count = rows, len(rows)
+        return True
+
+    def reach(self, time: float, progress: Progress | None = None) -> None:
+        """Step on until there is a state beyond a time.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        progress : callable, optional
+            Is told the share that is done, 0 to 1, after each step; may raise to stop. What was
+            stepped is kept.
+
+        Raises
+        ------
+        InputError
+            If the time is not a finite number.
+        SolverError
+            If no step leads on, however short.
+        """
+        if not math.isfinite(time):
+            raise InputError(
+                "not a time", key="time", value=time, allowed="a finite number of seconds"
+            )
+        first = self.reached
+        with blas_threads.one():
+            while self.reached <= time:
+                self._step()
+                if progress is not None:
+                    progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
+
+    def at(self, time: float) -> FloatArray:
+        """Return the motion of the vertices at a time; before 0 they rest in the initial state.
+
+        Parameters
+        ----------
+        time : float
+            In s; it is stepped there, if need be.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, V, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²].
+        """
+        fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
+        fields = fields + self.base(time)[:, None]
+        fields[0] += self.rest
+        return fields
+
+    def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how a point moves over time.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape (V,)
+            Of the vertices in the point's displacement, see `point_weights` of `embedding`.
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, t, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        # The point is a mesh of one vertex; what gathers forces is the transposed of what spreads.
+        forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
+        point, share = self.model.pencil.gathered(forces), weights.sum()
+        found = np.stack([self._state(t) @ point + share * self.base(t) for t in times], axis=1)
+        found[0] += weights @ self.rest
+        return found
+
+    def energies(self, times: FloatArray) -> FloatArray:
+        """Return where the energy is over time, linear between the states.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (t, 4)
+            Kinetic, strain and dissipated energy, and the external work [J], which is their sum but
+            for rounding: each is added up by itself.
+        """
+        wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
+        self.reach(float(wanted.max(initial=0.0)))
+        table = self.rows
+        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
+        return self.model.modulus * np.stack(found, axis=1)
+
+    def _state(self, time: float) -> FloatArray:
+        """Return q, its rate and its acceleration at a time, (3, N)."""
+        self.reach(max(time, 0.0))
+        now = int(np.searchsorted(self.rows[:, 0], max(time, 0.0), side="right")) - 1
+        first, last = self._rows[now : now + 2]
+        (q, v), (_, later) = (np.split(row[COLUMNS:], 2) for row in (first, last))
+        if time < 0.0:
+            return np.stack([q, 0.0 * v, 0.0 * v])
+        since, a = time - first[0], (later - v) / (last[0] - first[0])
+        return np.stack([q + since * v + since**2 / 2 * a, v + since * a, a])
+
+    def base(self, time: float) -> FloatArray:
+        """Return how the base moves.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+
+        Returns
+        -------
+        ndarray of float64, shape (3, 3)
+            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
+        """
+        total = np.zeros((3, 3))
+        for load in self.loads:
+            if load.moves_base is not None:
+                total += np.outer(base_at(load.function, time), load.moves_base)
+        return total
+
+    def _append(self, row: FloatArray) -> None:
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self._count] = row
+        self._count += 1
+
+    def _load(self, time: float) -> FloatArray:
+        """Return what acts at a time, after a jump that happens just then, (N,)."""
+        total = self._dead.copy()
+        for load, push in zip(self.loads, self._pushes, strict=True):
+            if load.moves_base is None:
+                total += load.function.value(time) * push
+            elif isinstance(load.function, Sine):
+                total += load.function.omega**2 * load.function.value(time) * push
+        return total
+
+    def _step(self) -> None:
+        """Append a state."""
+        row = self.rows[-1]
+        (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
+        if self._parts[0] != self._count:
+            last = self.rows[[max(0, self._count - 2), -1], COLUMNS : COLUMNS + len(q)]
+            self._remember(*(self._rule.at(position) for position in last))
+        _, parts, carried = self._parts
+        end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
+        step, push = min(step, self.max_step), self._load(time)
+        while True:
+            # No sliver is left before a corner.
+            left = end - time
+            span = left if step >= left * (1 - 1e-9) else min(step, left / 2)
+            loads = push, self._load(time + span / 2)
+            found = self._rule.step(q, v, parts, loads, span, self._guess(span), carried)
+            shortest = span <= SHORTEST * self.max_step
+            if found is None:
+                if shortest:
+                    raise SolverError(
+                        f"no step, however short, leads on from {time:.6g} s",
+                        cure="Make the cage stiffer, damp it, or divide it differently",
+                    )
+                step = span / 2
+                continue
+            share = SAFETY * (self.tolerance / max(found.error, 1e-30)) ** (1 / 3)
+            if share >= SAFETY or shortest:
+                break
+            step = span * max(share, CUT)
+        # A step that a corner has cut short does not hold back the next one.
+        following = max(span * min(share, GROWTH), step if span < step else 0.0)
+        kinetic, strain = self._rule.stored(found.rate, found.parts)
+        damped, work = row[4] + found.damped, row[5] + found.work
+        head = [end if span == left else time + span, following, kinetic, strain, damped, work]
+        self._append(np.concatenate([head, found.position, found.rate]))
+        self._remember(parts, found.parts)
+        if span == left:
+            self._jump(end)
+
+    def _remember(self, before: list[Part], now: list[Part]) -> None:
+        """Keep strains and stresses of the last state, and the mean stress of the last step."""
+        mean = [(a.stress + b.stress) / 2 for a, b in zip(before, now, strict=True)]
+        self._parts = self._count, now, mean
+
+    def _guess(self, span: float) -> FloatArray:
+        """Return the move that the last step's parabola goes on to."""
+        row = self.rows[-1]
+        v: FloatArray = np.split(row[COLUMNS:], 2)[1]
+        if self._count < 2 or (since := row[0] - self.rows[-2][0]) <= 0.0:
+            return span * v
+        before = np.split(self.rows[-2][COLUMNS:], 2)[1]
+        return span * v + span**2 / 2 * (v - before) / since
+
+    def _jump(self, time: float) -> None:
+        """Append the state after a base has jumped, or set off, at a time: inertia stays behind."""
+        moving = [load.moves_base is not None for load in self.loads]
+        if not any(moving):
+            return
+        row = self.rows[-1].copy()
+        q, v = np.split(row[COLUMNS:], 2)
+        way, speed = np.zeros((2, len(q)))
+        for load, push, moves in zip(self.loads, self._pushes, moving, strict=True):
+            if moves:
+                value, slope = jump_of(load.function, time, self._settled)
+                way, speed = way - value * push, speed - slope * push
+        if not (way.any() or speed.any()):
+            return
+        solve = self._rule.body.unsymmetric(self._rule.mass)
+        way = solve(way)
+        parts = self._rule.at(q + way / 2)
+        v = v + solve(speed - self._rule.impulse(parts, way))
+        q = q + way
+        kinetic, strain = self._rule.stored(v, self._rule.at(q))
+        row[5] += kinetic + strain - row[2] - row[3]
+        row[1:4] = FIRST * self.max_step, kinetic, strain
+        self._append(np.concatenate([row[:COLUMNS], q, v]))
+
+
+def _refuse(cage: CageModes, loads: Sequence[LoadVector], damping: Damping) -> None:
+    if np.any(damping.ratio):
+        raise InputError(
+            "a ratio damps modes, and what swings far has none",
+            key="damping_ratio",
+            cure="Give alpha and beta, or damping_pairs, which makes them of two ratios.",
+        )
+    if any(load.function.steady for load in loads):
+        raise InputError(
+            "what has been going on for ever has no start that steps could begin with",
+            key="steady",
+            cure="Leave steady out; with damping the motion becomes steady by itself.",
+        )
+    if cage.model.fittings.bodies is not None:
+        raise InputError(
+            "a rigid place turns by small angles only, and what is stepped may turn by any",
+            key="rigid",
+            cure="Fix the place, or leave out modal.rigid; or take [response].",
+        )
+
+
+def _ignore(_: float) -> None:
+    pass

@@ -1,0 +1,214 @@
+"""Steps of the nonlinear equations: pendulums, energy, small motions, order, going on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import ellipk
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.response import Motion, Response
+from spacemap_vtk.mechanics.timefunctions import step
+from spacemap_vtk.mechanics.transient import Stepped
+
+FloatArray = NDArray[np.float64]
+
+#: Length of a pendulum [m], gravity [m/s²], and the period of its small swings [s].
+LENGTH, GRAVITY = 0.2, 9.81
+PERIOD = 2 * np.pi * np.sqrt(2 * LENGTH / 3 / GRAVITY)
+
+
+def cage_of(model: Model) -> CageModes:
+    """Return a cage without modes."""
+    return CageModes(model, np.empty(0), np.empty((0, model.points.size)), np.empty(0))
+
+
+def pendulum(degrees: float, loaded: bool = True, **options: Any) -> Stepped:
+    """Return a stiff sheet, hinged at its edge x = 0, let go at an angle."""
+    thickness = 1e-4
+    points, cells = lattice((-LENGTH, 0, 0, 0.05, -thickness / 2, thickness / 2), (2, 1, 1))
+    plane = np.diag([1.0, 1.0, 0.5])
+    plate = Plate(1e4 * plane, 1.0 * plane, 1e4 * np.eye(2), 1e4)
+    # One end of each pair: the other turns about it.
+    held = np.repeat((abs(points[:, :1]) < 1e-12) & (points[:, 2:] < 0), 3, axis=1)
+    model = Model(points, cells, plate, 10000.0, held)
+    cage = cage_of(model)
+    angle, hinge = np.radians(degrees), np.array([0.0, 0.0, -thickness / 2])
+    turn = np.array(
+        [[np.sin(angle), 0, -np.cos(angle)], [0, 1, 0], [np.cos(angle), 0, np.sin(angle)]]
+    )
+    moved = hinge + (points - hinge) @ turn.T - points
+    load = cage.vector("gravity", (0, 0, -GRAVITY), step())
+    return Stepped(cage, [load] if loaded else [], displacement=moved, **options)
+
+
+def passages(motion: Stepped, until: float) -> FloatArray:
+    """Return when the end of a pendulum passes its lowest place."""
+    times = np.linspace(0.0, until, 4000)
+    weights = (motion.points[:, 0] < 1e-9 - LENGTH) / 4
+    x = motion.history(weights, times)[0, :, 0] - LENGTH
+    k = np.flatnonzero(np.diff(np.sign(x)))
+    found: FloatArray = times[k] - x[k] * (times[k + 1] - times[k]) / (x[k + 1] - x[k])
+    return found
+
+
+@pytest.mark.parametrize("degrees", [30, 45, 60, 90])
+def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
+    """The period is 2 K(sin θ₀/2)/π times that of a small swing: 1.0174, 1.0400, 1.0732, 1.1803."""
+    motion = pendulum(degrees, tolerance=1.0, max_step=0.004)
+    first, _, third = passages(motion, 1.6 * PERIOD)
+    ratio = 2 / np.pi * ellipk(np.sin(np.radians(degrees) / 2) ** 2)
+    assert (third - first) / PERIOD == pytest.approx(ratio, rel=1e-3)
+
+
+def drift(motion: Stepped, until: float) -> float:
+    """Return the largest share of the energy put in that is nowhere."""
+    motion.reach(until)
+    kinetic, strain, dissipated, work = motion.rows[:, 2:6].T
+    return float(abs(kinetic + strain + dissipated - work).max() / kinetic.max())
+
+
+def test_energy_is_what_the_loads_put_in_whatever_the_step() -> None:
+    for span in (0.002, 0.01):
+        assert drift(pendulum(90, tolerance=1.0, max_step=span), 2.0) < 1e-9
+    assert drift(pendulum(90, tolerance=2e-5), 1.0) < 1e-9
+
+
+@pytest.mark.nightly
+def test_energy_is_kept_over_a_hundred_periods() -> None:
+    motion = pendulum(90, tolerance=1.0, max_step=0.004)
+    assert drift(motion, 118 * PERIOD) < 1e-9
+    assert (motion.rows[:, 4] == 0.0).all()
+
+
+#: Every kind of load, each at its own time.
+LOADS: list[tuple[str, Any, Any, Any]] = [
+    ("gravity", (0.0, 0.0, -3e-2), step(), None),
+    ("pressure", 2e-2, timefunctions.pulse(0.02, 0.01), "+z"),
+    ("force", (1e-8, 0.0, 2e-8), timefunctions.harmonic(15.0), (0.0, 0.0, 0.0)),
+    ("base_acceleration", (0.0, 0.0, 2e-2), timefunctions.periodic([0, 0.02, 0.04], [0, 1, 0]), 0),
+    ("base_displacement", (0.0, 2e-6, 4e-6), timefunctions.ramp(0.02, 0.015), None),
+    ("base_displacement", (0.0, 0.0, 1e-6), timefunctions.harmonic(9.0, 1.0), None),
+    ("base_displacement", (0.0, 0.0, 1e-6), step(0.03), None),
+]
+
+
+@pytest.mark.parametrize("k", range(len(LOADS)))
+def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
+    points, cells = lattice((0, 0.04, 0, 0.06, 0, 0.01), (2, 3, 1))
+    held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
+    model = Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
+    values, shapes, lost = model.modes(1000)
+    values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
+    cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
+    action, value, function, place = LOADS[k]
+    loads = [cage.vector(action, 0.02 * np.array(value), function, place)]
+    damping = Damping(alpha=2.0, beta=2e-4)
+    modal = Response(cage, loads, damping)
+    stepped = Stepped(cage, loads, damping, tolerance=1.0, max_step=5e-5)
+    assert isinstance(stepped, Motion)
+    times = np.array([0.005, 0.012, 0.0181, 0.031, 0.05])
+    weights = np.arange(len(points)) / np.arange(len(points)).sum()
+    exact = modal.history(weights, times)
+    found = stepped.history(weights, times)
+    for order, share in enumerate((1e-4 if k < 6 else 3e-4, 2e-3)):
+        size = abs(exact[order]).max()
+        np.testing.assert_allclose(found[order], exact[order], atol=share * size)
+    last = stepped.at(times[-1])
+    np.testing.assert_allclose(weights @ last[0], found[0, -1], rtol=1e-9)
+    np.testing.assert_allclose(
+        stepped.energies(times), modal.energies(times), atol=2e-3 * modal.energies(times).max()
+    )
+
+
+def test_the_error_falls_with_the_square_of_the_step() -> None:
+    """Of a block that is shaken so that it bends far."""
+    points, cells = lattice((0, 0.02, 0, 0.06, 0, 0.01), (1, 3, 1))
+    held = np.repeat(points[:, 1:2] > 0.0599, 3, axis=1)
+    cage = cage_of(Model(points, cells, isotropic(2e4, 0.3), 300.0, held))
+    load = cage.vector("gravity", (5.0, 0.0, 30.0), timefunctions.harmonic(5.0))
+    ends = []
+    for span in (5e-4, 2.5e-4, 1.25e-4):
+        motion = Stepped(cage, [load], tolerance=1.0, max_step=span)
+        ends.append(motion.at(0.1)[:2])
+    coarse, fine = abs(ends[0] - ends[1]), abs(ends[1] - ends[2])
+    assert abs(ends[2][0]).max() > 0.01
+    for k in range(2):
+        assert coarse[k].max() / fine[k].max() == pytest.approx(4.0, rel=0.1)
+
+
+def test_the_bound_of_the_error_is_one() -> None:
+    exact = passages(pendulum(60, tolerance=1.0, max_step=2.5e-4), 0.3)[0]
+    missed = []
+    for bound in (2e-4, 2e-6):
+        motion = pendulum(60, tolerance=bound)
+        missed.append(abs(passages(motion, 0.3)[0] - exact))
+    speed = 1.4 * np.sqrt(GRAVITY * LENGTH)
+    assert missed[0] * speed < 20 * 2e-4
+    assert missed[1] < missed[0] / 8
+
+
+def test_a_motion_goes_on_from_where_it_stopped() -> None:
+    class Stopped(Exception):
+        pass
+
+    def stop(share: float) -> None:
+        assert 0.0 < share <= 1.0
+        if share > 0.5:
+            raise Stopped
+
+    whole = pendulum(45, tolerance=1e-5)
+    whole.reach(0.2)
+    part = pendulum(45, tolerance=1e-5)
+    with pytest.raises(Stopped):
+        part.reach(0.2, stop)
+    assert 0.1 < part.reached < 0.2
+    other = pendulum(45, tolerance=1e-5)
+    assert other.resume(part.rows.copy())
+    before = part.reached
+    part.reach(0.2)
+    assert part.reached > before
+    np.testing.assert_array_equal(part.rows, whole.rows)
+    other.reach(0.2)
+    np.testing.assert_allclose(other.at(0.2), whole.at(0.2), rtol=1e-9, atol=1e-9)
+    # Whatever was asked for in between.
+    asked = pendulum(45, tolerance=1e-5)
+    for time in (0.05, 0.01, 0.2):
+        asked.at(time)
+    np.testing.assert_array_equal(asked.rows, whole.rows)
+    assert not pendulum(30).resume(part.rows)
+    assert not other.resume(part.rows[:, :-1])
+    assert not other.resume(np.full_like(part.rows, np.nan))
+
+
+def test_before_its_start_it_rests_there() -> None:
+    motion = pendulum(90)
+    displacement, velocity, acceleration = motion.at(-1.0)
+    end = np.argmin(motion.points[:, 0])
+    np.testing.assert_allclose(displacement[end], 0.0, atol=1e-12)
+    assert not velocity.any()
+    assert not acceleration.any()
+    assert motion.energies(np.array([-1.0]))[0, 3] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_steps_cannot_have_is_refused() -> None:
+    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
+    cage = cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held))
+    with pytest.raises(InputError, match="damping_pairs"):
+        Stepped(cage, [], Damping(ratio=0.02))
+    forever = cage.vector("gravity", (0, 0, 1), timefunctions.harmonic(2.0, steady=True))
+    with pytest.raises(InputError, match="steady"):
+        Stepped(cage, [forever])
+    with pytest.raises(InputError, match="not a time"):
+        Stepped(cage).at(float("nan"))
