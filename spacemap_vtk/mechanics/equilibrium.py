@@ -64,7 +64,7 @@ ROUNDING = 1e-14
 STRAIGHT = 0.1
 
 #: Steps after which a smaller share of the load is tried, and the least such share.
-ATTEMPT, LEAST = 150, 1 / 64
+ATTEMPT, LEAST = 400, 1 / 64
 
 #: Share of the load that may be left to motions that nothing resists: rounding of a balanced one.
 FREE = 0.01
@@ -90,7 +90,7 @@ def equilibrium(
     load: FloatArray,
     *,
     progress: Progress | None = None,
-    steps: int = 600,
+    steps: int = 1200,
 ) -> Equilibrium:
     """Return a stable equilibrium of a body under a dead load (V, 3) [N]."""
     # Nodal vectors are start (V, 3) + (basis @ q).reshape(V, 3), with the basis (3V, N) of what the
