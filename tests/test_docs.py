@@ -73,7 +73,9 @@ def test_scenes(text: str, tmp_path: Path) -> None:
     file.write_text(text, encoding="utf-8")
     scene = Scene.read(file)
     scene.update(0.01)
-    assert scene.response.executions == 1
+    mover = scene.stage("mover")
+    assert mover is not None
+    assert mover.executions == 1
 
 
 def test_every_load_and_time_function_is_there() -> None:

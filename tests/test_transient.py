@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,41 @@ def test_the_bound_of_the_error_is_one() -> None:
     speed = 1.4 * np.sqrt(GRAVITY * LENGTH)
     assert missed[0] * speed < 20 * 2e-4
     assert missed[1] < missed[0] / 8
+
+
+def curtain(cells: int) -> Stepped:
+    """Return a curtain of 0.3 m, hung by a side, in a gust of a third of its weight."""
+    points, tetrahedra = lattice((0, 0.3, 0, 0.3, -1.5e-4, 1.5e-4), (cells, cells, 1))
+    plane = np.array([[1, 0.1, 0], [0.1, 1, 0], [0, 0, 0.1]])
+    plate = Plate(1500 * plane, 1e-5 * plane, 500 * np.eye(2), 1500.0)
+    held = np.repeat(points[:, 1:2] > 0.2999, 3, axis=1)
+    cage = cage_of(Model(points, tetrahedra, plate, 500.0, held))
+    loads = [
+        cage.vector("gravity", (0, -GRAVITY, 0), step()),
+        cage.vector("pressure", 0.5, timefunctions.pulse(0.3), "+z"),
+    ]
+    return Stepped(cage, loads, Damping(1.0, 1e-3), tolerance=4e-5)
+
+
+@pytest.mark.parametrize(
+    ("cells", "until", "seconds"),
+    [(6, 0.5, 4), pytest.param(12, 2.0, 30, marks=pytest.mark.nightly)],
+)
+def test_a_curtain_swings_in_a_gust(cells: int, until: float, seconds: float) -> None:
+    motion = curtain(cells)
+    begun = process_time()
+    motion.reach(until)
+    assert process_time() - begun < seconds
+    assert drift(motion, until) < 1e-9
+    lowest = motion.points[:, 1] < 1e-9
+    gone = motion.at(0.3)[0][lowest, 2].mean()
+    assert -0.2 < gone < -0.05
+    # It stretches by half its weight, and no more than twice that where it is set off by it.
+    column = (motion.points[:, 0] < 1e-9) & (motion.points[:, 2] > 0)
+    place = (motion.points + motion.at(until)[0])[column]
+    place = place[np.argsort(motion.points[column, 1])]
+    length = np.linalg.norm(np.diff(place, axis=0), axis=1).sum()
+    assert abs(length / 0.3 - 1) < 2 * 0.15 * GRAVITY * 0.3 / 1500
 
 
 def test_a_motion_goes_on_from_where_it_stopped() -> None:

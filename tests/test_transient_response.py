@@ -1,0 +1,178 @@
+"""TransientResponse: parameters, starts, going on, and what is kept, in a pipeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+
+from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, TransientResponse, WeaveSource
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.filters.base import connect
+from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.scenes.scene import Scene
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A cache of its own."""
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def chain(mover: Any, modes: int = 1000, **modal: Any) -> Any:
+    """Return a mover of a small, soft cage."""
+    solver = ModalSolver(youngs_modulus=1e3, modes=modes, elements="tetrahedra", **modal)
+    return connect(WeaveSource(ends=4, picks=3), TetraCage(divisions=(3, 3, 1)), solver, mover)
+
+
+def at(mover: Any, time: float, name: str = "displacement") -> np.ndarray:
+    mover.update(time)
+    for data in (mover.output.GetPointData(), mover.output.GetCellData()):
+        if data.GetArray(name) is not None:
+            return vtk_to_numpy(data.GetArray(name)).copy()
+    return vtk_to_numpy(mover.output.GetFieldData().GetArray(name)).copy()
+
+
+def test_its_loads_damping_and_start_are_those_of_modal_response() -> None:
+    for name in LoadedCage.parameters:
+        assert TransientResponse.parameter(name) is ModalResponse.parameter(name), name
+    assert set(ModalResponse.parameters) - set(TransientResponse.parameters) == {"residual_vectors"}
+
+
+def test_what_is_small_is_as_its_modes_have_it() -> None:
+    """A light breath on a hung cage, in every array that both write."""
+    load = {"pressure": 1e-4, "on": "+z", "time": "ramp", "rise": 0.01}
+    given: dict[str, Any] = {"loads": [load], "alpha": 3.0}
+    hung: dict[str, Any] = {"gravity": (0, 0, -0.05)}
+    modal = chain(ModalResponse(**given), **hung)
+    stepped = chain(TransientResponse(**given, max_step=2e-5, tolerance=1.0), **hung)
+    rest = vtk_to_numpy(modal.update(0.0).output.GetPointData().GetArray("equilibrium"))
+    assert abs(rest).max() > 1e-7
+    for name, share in (("displacement", 1e-4), ("velocity", 1e-2), ("strain", 1e-3)):
+        before = at(modal, 0.0, name)
+        change = at(modal, 0.008, name) - before
+        found = at(stepped, 0.008, name) - before
+        np.testing.assert_allclose(found, change, atol=share * abs(change).max(), err_msg=name)
+
+
+def test_it_hangs_at_rest_until_loads_change() -> None:
+    still = chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1)))
+    first, later = at(still, 0.0), at(still, 0.5)
+    assert abs(first).max() > 1e-6
+    np.testing.assert_allclose(later, first, atol=1e-6 * abs(first).max())
+    released = {"gravity": [0, 0, 1.0], "time": "step", "start": 0.01}
+    let_go = chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1), loads=[released]))
+    np.testing.assert_allclose(at(let_go, 0.009), first, atol=1e-6 * abs(first).max())
+    assert abs(at(let_go, 0.03) - first).max() > 0.1 * abs(first).max()
+
+
+def test_it_is_let_go_from_what_else_held_it() -> None:
+    both = chain(ModalSolver(), modes=8)
+    both.configure(fixed="+y -y", gravity=(0, 0, -1), youngs_modulus=1e3, elements="tetrahedra")
+    hung = vtk_to_numpy(both.update().output.GetPointData().GetArray("equilibrium"))
+    mover = chain(TransientResponse(held="-y", gravity=(0, 0, -1)))
+    start = at(mover, 0.0)
+    np.testing.assert_allclose(start, hung, atol=1e-7 * abs(hung).max())
+    low = np.isclose(start, 0.0).all(axis=1)
+    assert abs(at(mover, 0.02)[low]).max() > abs(start).max()
+    mover.initial = "equilibrium"
+    with pytest.raises(InputError, match=r"held.*both say where it starts"):
+        mover.update()
+
+
+def test_a_given_start_is_added() -> None:
+    mover = chain(TransientResponse(initial_velocity=(0, 0, "1 cm/s"), gravity=(0, 0, 0)))
+    assert at(mover, 0.0, "velocity")[:, 2].max() == pytest.approx(0.01)
+    assert at(mover, -1.0, "velocity").max() == 0.0
+    solver = mover.GetInputConnection(0, 0).GetProducer()
+    grid = solver.update().output
+    field = np.zeros((grid.GetNumberOfPoints(), 3))
+    field[:, 2] = 1e-5
+    array = numpy_to_vtk(field, deep=True)
+    array.SetName("lift")
+    moved = grid.NewInstance()
+    moved.ShallowCopy(grid)
+    moved.GetPointData().AddArray(array)
+    alone = TransientResponse(initial_displacement_array="lift", gravity=(0, 0, 0))
+    assert vtk_to_numpy(alone(moved).GetPointData().GetArray("displacement")).max() == 1e-5
+
+
+def test_steps_are_made_once_kept_and_gone_on_with(folder: Path) -> None:
+    mover = chain(TransientResponse(max_step="1 ms"))
+    at(mover, 0.03)
+    motion = mover.motion
+    count = len(motion.rows)
+    late = at(mover, 0.02)
+    assert mover.motion is motion
+    assert len(motion.rows) == count
+    # What shows it differently does not step it anew.
+    mover.configure(duration=20.0, stress=False, frames=7)
+    at(mover, 0.02)
+    assert mover.motion is motion
+    assert list(folder.glob("steps-*"))
+    other = chain(TransientResponse(max_step="1 ms"))
+    np.testing.assert_array_equal(at(other, 0.02), late)
+    assert len(other.motion.rows) == count
+    # Another load is another motion.
+    other.alpha = 2.0
+    assert abs(at(other, 0.02) - late).max() > 0
+    assert len(other.motion.rows) < count
+    for entry in folder.glob("steps-*"):
+        entry.write_bytes(b"nothing")
+    np.testing.assert_array_equal(at(chain(TransientResponse(max_step="1 ms")), 0.02), late)
+
+
+def test_it_is_stopped_and_goes_on() -> None:
+    mover = chain(TransientResponse(max_step="0.1 ms"))
+    mover.update(0.0)
+    shares: list[float] = []
+
+    def stop(stage: Any, event: str) -> None:
+        shares.append(stage.GetProgress())
+        if stage.GetProgressText() == "stepping" and stage.GetProgress() > 0.4:
+            stage.SetAbortExecute(1)
+
+    tag = mover.AddObserver("ProgressEvent", stop)
+    with pytest.raises(Cancelled):
+        mover.update(0.02)
+    mover.RemoveObserver(tag)
+    mover.SetAbortExecute(0)
+    reached = mover.motion.reached
+    assert 0.004 < reached < 0.02
+    assert np.diff(shares).min() >= 0.0
+    motion = mover.motion
+    whole = at(mover, 0.02)
+    assert mover.motion is motion
+    np.testing.assert_array_equal(whole, at(chain(TransientResponse(max_step="0.1 ms")), 0.02))
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"damping_ratio": 0.02}, r"damping_ratio.*alpha and beta, or damping_pairs"),
+        (
+            {"loads": [{"gravity": [0, 0, 1], "time": "harmonic", "frequency": 3, "steady": True}]},
+            r"loads\[0\]\.steady.*Leave it out",
+        ),
+        ({"held": "sphere(1, 1, 1, 1 mm)"}, "held"),
+    ],
+)
+def test_what_steps_cannot_have_is_refused(values: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        chain(TransientResponse(**values), modes=6).update()
+
+
+def test_a_scene_has_it_in_place_of_the_response() -> None:
+    small = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
+    scene = Scene({**small, "transient": {"max_step": 1e-3}})
+    assert scene.stage("mover") is scene.part(TransientResponse)
+    scene.update(time=0.01)
+    assert "strain" in scene.colorings
+    turned = Scene({**small, "transient": {}, "rotation": {}})
+    with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
+        turned.update(time=0.01)
