@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,9 +120,38 @@ def a_hammocks_catenary(scene: Scene) -> None:
     assert limp - rounded < sag < limp
 
 
+def a_cloth_let_go(scene: Scene) -> None:
+    mover: Any = scene.stage("mover")
+
+    def down(places: np.ndarray) -> float:
+        moved = vtk_to_numpy(mover.output.GetPointData().GetArray("displacement"))
+        return -float(moved[places, 2].mean())
+
+    scene.update_stage(mover, 0.0)
+    grid, modal = scene.modal.output, scene.modal
+    flat = vtk_to_numpy(grid.GetPoints().GetData())
+    length, weight = np.ptp(flat[:, 1]), modal.areal_mass * GRAVITY
+    # Held by two sides it sags as it stretches: a shallow cable, whose ends bending rounds.
+    limp = (3 * weight * length**4 / (64 * modal.tensile_rigidity)) ** (1 / 3)
+    pull = weight * length**2 / (8 * limp)
+    middle = abs(flat[:, 1]) < 1e-6
+    sag = down(middle)
+    rounded = math.sqrt(modal.bending_rigidity / pull) / length
+    assert (1 - 4 * rounded) * limp < sag < 1.02 * limp
+    # Let go, its edge falls as a damped stone does, and all work of its weight is found again.
+    scene.update_stage(mover, 0.15)
+    edge = flat[:, 1] < flat[:, 1].min() + 1e-6
+    time, alpha = 0.15, mover.alpha
+    stone = GRAVITY * (time - (1 - math.exp(-alpha * time)) / alpha) / alpha
+    assert down(edge) == pytest.approx(stone, rel=0.06)
+    kinetic, strain, dissipated, work = mover.motion.rows[:, 2:6].T
+    assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "cantilever_test": peirces_cantilever,
     "catenary": a_hammocks_catenary,
     "curtain": a_curtains_pendulums,
     "drape": a_drape,
+    "let_go": a_cloth_let_go,
 }

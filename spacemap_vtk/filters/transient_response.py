@@ -64,8 +64,7 @@ class TransientResponse(LoadedCage):
     )
     tolerance = Real(
         1e-4,
-        "Largest error of a step, as a share of the cage's diagonal; what follows decides how "
-        "long steps are.",
+        "Largest error of a step, as a share of the cage's diagonal: by it steps have their length.",
         above=0.0,
     )
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)

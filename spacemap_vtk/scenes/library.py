@@ -28,7 +28,7 @@ def kinds() -> dict[str, list[str]]:
     }
     for name in names():
         scene = tomllib.loads(find(name).read_text(encoding="utf-8"))
-        moves = scene.keys() & {"modal", "response", "motion"}
+        moves = scene.keys() & {"modal", "response", "transient", "motion"}
         kind = "Cloth that moves" if moves else "Weaves"
         if "gravity" in scene.get("modal", {}):
             kind = "Cloth that hangs"
