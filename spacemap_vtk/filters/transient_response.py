@@ -64,7 +64,8 @@ class TransientResponse(LoadedCage):
     )
     tolerance = Real(
         1e-4,
-        "Largest error of a step, as a share of the cage's diagonal: by it steps have their length.",
+        "Largest error of a step, as a share of the cage's diagonal; steps are as long as it lets "
+        "them be.",
         above=0.0,
     )
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
