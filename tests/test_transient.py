@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import ellipk
 
+from spacemap_vtk import memory
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.damping import Damping
@@ -248,3 +249,15 @@ def test_what_steps_cannot_have_is_refused() -> None:
         Stepped(cage, [forever])
     with pytest.raises(InputError, match="not a time"):
         Stepped(cage).at(float("nan"))
+
+
+def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = pendulum(30, tolerance=1.0, max_step=0.004)
+    monkeypatch.setattr(memory, "SMALL", 0)
+    monkeypatch.setattr(memory, "available", lambda: 1000)
+    with pytest.raises(SizeError, match=r"keeping more than 64 steps of 30 degrees.*coarser cage"):
+        motion.reach(1.0)
+    reached = motion.reached
+    monkeypatch.undo()
+    motion.reach(reached + 0.01)
+    assert motion.reached > reached + 0.01

@@ -21,6 +21,7 @@ from spacemap_vtk.mechanics.damping import Damping
 from spacemap_vtk.mechanics.midpoint import Midpoint
 from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.timefunctions import Sine
+from spacemap_vtk.memory import require
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], object]
@@ -287,6 +288,11 @@ class Stepped:
 
     def _append(self, row: FloatArray) -> None:
         if self._count == len(self._rows):
+            require(
+                2 * self._rows.nbytes,
+                f"keeping more than {self._count} steps of {(len(row) - COLUMNS) // 2} degrees of freedom",
+                cure="Use a coarser cage, longer steps or an earlier time.",
+            )
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
         self._rows[self._count] = row
         self._count += 1
