@@ -128,7 +128,7 @@ def the_gust(scene: Scene) -> None:
     scene.update(0.0)
     model = scene.response.motion.modes.model
     weight = loads.on_mass(model.nodal_mass, [0.0, -9.80665, 0.0])
-    back = loads.wall(model.points, model.cells, "-z")
+    back = loads.wall(model.points, model.cells, "-z", sheet=True)
     flutter = -loads.traction(len(model.points), back, [0.5, 0.0, 0.0])
     hung = model.solve((weight + flutter).ravel()).reshape(-1, 3)
     assert len(scene.response.motion.modes.eigenvalues) < model.free.sum() / 5
