@@ -288,9 +288,10 @@ class Stepped:
 
     def _append(self, row: FloatArray) -> None:
         if self._count == len(self._rows):
+            size = (len(row) - COLUMNS) // 2
             require(
                 2 * self._rows.nbytes,
-                f"keeping more than {self._count} steps of {(len(row) - COLUMNS) // 2} degrees of freedom",
+                f"keeping more than {self._count} steps of {size} degrees of freedom",
                 cure="Use a coarser cage, longer steps or an earlier time.",
             )
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
