@@ -185,6 +185,8 @@ def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None
     at = sections.index(stage)
     assert {window.stages.states[s] for s in sections[:at]} <= {"fresh"}
     assert {window.stages.states[s] for s in sections[at:]} == {"stale"}
+    # It is told when the thread has come to rest, after that it was cancelled.
+    wait_until(lambda: window.errors.text)
     assert window.errors.text == "The run was cancelled: the picture is older than the fields."
     assert window.errors.run.isVisible()
     # What was begun is not taken for a result: the scene before comes back whole.
@@ -219,6 +221,9 @@ def test_a_run_that_was_cancelled_goes_on(open_window: Any) -> None:
 
 def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -> None:
     window = open_window()
+    # Long enough a run that it is not over when it is cancelled.
+    window.document.set_many("weave", {"ends": 12, "picks": 12})
+    wait_until(lambda: settled(window))
     window.document.set("surface", "subdivisions", 64)
     cancel_when_running(window, "surface")
     assert "coarser" in window.errors.text
