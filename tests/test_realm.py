@@ -24,6 +24,10 @@ def test_a_pendulum_takes_longer(degrees: float, longer: float) -> None:
     assert Realm(math.radians(degrees), 0.0, 0.0).period == pytest.approx(longer, abs=5e-5)
 
 
+def test_a_pendulum_that_stands_upside_down_never_comes_back() -> None:
+    assert Realm(math.pi, 0.0, 0.0).period == Realm(7.0, 0.0, 0.0).period == math.inf
+
+
 class Turning:
     """A body that turns linearly, with a swelling on top."""
 

@@ -39,7 +39,7 @@ _FITTED = {
     "mass_factors": ("density_factor", True),
 }
 
-_OWNER = "ModalResponse (put a ModalSolver before it)"
+_OWNER = "the cage's motion (put a ModalSolver before it)"
 
 
 def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:

@@ -39,7 +39,7 @@ class RotationStrain(Stage):
     Notes
     -----
     J. Huang et al., IEEE Trans. Vis. Comput. Graph. 17 (2011) 983. The period of a large swing is
-    still that of a small one (it would be 1.04 times longer at 45 degrees and 1.18 times at 90).
+    still that of a small one (it would be 1.04 times as long at 45 degrees, 1.18 times at 90).
 
     Examples
     --------

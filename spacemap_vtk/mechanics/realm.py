@@ -29,12 +29,14 @@ class Realm(NamedTuple):
 
     @property
     def period(self) -> float:
-        """How many times longer a pendulum of that swing takes than one of a small swing."""
-        # 2 K(sin θ/2)/π as an arithmetic-geometric mean; it never comes back from upside down.
-        one, other = 1.0, math.cos(min(self.rotation, math.pi) / 2)
+        """How many times as long a pendulum of that swing takes as one of a small swing."""
+        if self.rotation >= math.pi:
+            return math.inf  # from upside down it never comes back
+        # 2 K(sin θ/2)/π as an arithmetic-geometric mean.
+        one, other = 1.0, math.cos(self.rotation / 2)
         while abs(one - other) > 1e-12:
             one, other = (one + other) / 2, math.sqrt(one * other)
-        return 1.0 / one if one > 0.0 else math.inf
+        return 1.0 / one
 
 
 def realm(

@@ -21,9 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.mechanics.elasticity import barycentric_gradients
-from spacemap_vtk.mechanics.elements import shape_slopes
-from spacemap_vtk.mechanics.kinematics import SAMPLES
 from spacemap_vtk.mechanics.pencil import selection
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.shell import (
@@ -34,6 +31,7 @@ from spacemap_vtk.mechanics.shell import (
     legs_of,
     mid_surface,
 )
+from spacemap_vtk.mechanics.strains import sampled_slopes
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix, csr_matrix
@@ -306,15 +304,12 @@ def _of_tetrahedra(points: FloatArray, cells: IntArray) -> tuple[csr_matrix, Flo
     """Return the gradients of tetrahedra as a matrix, (3 n, V), and the volume of each row."""
     from scipy.sparse import csr_matrix
 
-    gradients, volume = barycentric_gradients(points, cells)
-    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
-    values = np.einsum("qna,tai->tqin", slopes, gradients)
+    slopes, weights = sampled_slopes(points, cells)
+    values = slopes.swapaxes(2, 3)
     count, nodes = values.size // cells.shape[1], cells.shape[1]
-    columns = np.repeat(cells, 3 * len(slopes), axis=0)
+    columns = np.repeat(cells, 3 * slopes.shape[1], axis=0)
     parts = values.ravel(), columns.ravel(), nodes * np.arange(count + 1)
-    return csr_matrix(parts, shape=(count, len(points))), np.repeat(
-        volume / len(slopes), 3 * len(slopes)
-    )
+    return csr_matrix(parts, shape=(count, len(points))), np.repeat(weights.ravel(), 3)
 
 
 def _axial(gradients: FloatArray) -> FloatArray:
@@ -364,5 +359,4 @@ def _solver(matrix: csr_matrix) -> Callable[[FloatArray], FloatArray]:
     from spacemap_vtk.mechanics.factors import factorise
     from spacemap_vtk.mechanics.multifrontal import Analysis
 
-    solve = factorise(matrix, lambda: Analysis(matrix, np.arange(matrix.shape[0]))).solve
-    return lambda right: solve(right)
+    return factorise(matrix, lambda: Analysis(matrix, np.arange(matrix.shape[0]))).solve

@@ -205,17 +205,21 @@ def of_tetrahedra(
     points: FloatArray, cells: IntArray, elasticity: FloatArray, factors: FloatArray | None = None
 ) -> Strains:
     """Return the strains of linear or quadratic tetrahedra: Green's, xx, yy, zz, yz, zx, xy."""
-    gradients, volume = barycentric_gradients(points, cells)
-    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
-    slope = np.einsum("qna,tai->tqni", slopes, gradients)
+    slope, weights = sampled_slopes(points, cells)
     forms = np.stack([product(slope[..., i], slope[..., j]) for i, j in _AXES], axis=2)
     forms[:, :, :3] /= 2
-    shape = (len(cells), len(slopes))
-    reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*shape, 6))
-    volume = volume if factors is None else volume * factors
-    weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
+    reference = np.broadcast_to([0.5, 0.5, 0.5, 0.0, 0.0, 0.0], (*weights.shape, 6))
+    weights = weights if factors is None else weights * factors[:, None]
     frame = np.eye(4, cells.shape[1])[1:] - np.eye(1, cells.shape[1])
     return Strains(cells, forms, reference, weights[..., None, None] * elasticity, frame=frame)
+
+
+def sampled_slopes(points: FloatArray, cells: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return ∇N of tetrahedra at their points of quadrature, (T, Q, n, 3), and weights (T, Q)."""
+    gradients, volume = barycentric_gradients(points, cells)
+    slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(SAMPLES)
+    weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
+    return np.einsum("qna,tai->tqni", slopes, gradients), weights
 
 
 def product(left: FloatArray, right: FloatArray) -> FloatArray:

@@ -146,7 +146,8 @@ def motion_told(figures: dict[str, Any]) -> str:
         return told
     if math.isfinite(figures["period_factor"]):
         told += (
-            f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times longer"
+            f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times as long"
+            " as a small one"
         )
     return told if rebuilt else told + "; a section [rotation] takes the stretch out"
 
