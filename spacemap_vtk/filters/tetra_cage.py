@@ -16,6 +16,7 @@ from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, latti
 from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.cage.tetwild import filled
 from spacemap_vtk.datasets.arrays import to_cells, to_points
+from spacemap_vtk.datasets.cloth import pass_cloth
 from spacemap_vtk.datasets.extent import bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
@@ -125,7 +126,8 @@ class TetraCage(Stage):
             self._from_file(output)
         else:
             self._round(inputs[0], output)
-        # A sheet can weigh as the weave in it does.
+        # A sheet can weigh as the weave in it does, and be as stiff as its yarns make it.
+        pass_cloth(inputs[0], output)
         if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
             output.GetFieldData().AddArray(mass)
 

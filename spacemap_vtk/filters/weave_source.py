@@ -8,6 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
+from spacemap_vtk.datasets.cloth import add_cloth
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
@@ -410,6 +411,7 @@ class WeaveSource(Stage):
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
         mass = fabric_figures(cloth)["areal_mass"]  # for a sheet as which the cloth moves
         add_array(output.GetFieldData(), "areal_mass", np.array([mass]))
+        add_cloth(output, cloth)
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth))
 

@@ -1,0 +1,103 @@
+"""The cloth that a data set is made of, as field arrays: they travel with it, and through files.
+
+``cloth_drawdown`` (uint8, pick by pick), ``cloth_warp_diameter`` and ``cloth_warp_spacing`` (m: one
+value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, width over height),
+likewise of the weft; and ``cloth_measures``: ends and picks, crimp height and overhang (m), density
+of the yarns (kg/m3), and 0 or 1 for closed ends, rational patches and axes by splines. NaN stands
+for what is not known. Colours are those of the cells; warnings were told where it was made.
+"""
+
+from __future__ import annotations
+
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+
+from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import AXES, FAMILIES, Cloth
+from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
+
+#: What their names begin with.
+_PREFIX = "cloth_"
+_DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
+
+
+def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
+    """Say what cloth a data set is made of, in a byte for each crossing; it has room for yarns."""
+    field = data.GetFieldData()
+    add_array(field, _DRAWDOWN, np.ascontiguousarray(cloth.drawdown).view(np.uint8).ravel())
+    for family, threads in zip(FAMILIES, cloth.threads, strict=True):
+        name = _PREFIX + family
+        add_array(field, f"{name}_diameter", np.array(threads.diameter, np.float64, ndmin=1))
+        # a lone yarn may have a list of no spacings
+        apart = np.array(threads.spacing, np.float64, ndmin=1)
+        add_array(field, f"{name}_spacing", apart if apart.size else np.array([nan]))
+        kind = SECTIONS.index(threads.section)
+        add_array(field, f"{name}_section", np.array([kind, threads.aspect]))
+    measures = (
+        *cloth.size,
+        cloth.height,
+        nan if cloth.overhang is None else cloth.overhang,
+        nan if cloth.density is None else cloth.density,
+        cloth.caps,
+        cloth.exact,
+        AXES.index(cloth.axis),
+    )
+    add_array(field, _MEASURES, np.array(measures, np.float64))
+
+
+def cloth_of(data: vtkDataObject) -> Cloth | None:
+    """Return the cloth that a data set is made of, its crimp as a height; None of any other."""
+    field = data.GetFieldData()
+    if not field.HasArray(_MEASURES):
+        return None
+
+    def values(name: str, count: int) -> NDArray[Any]:
+        found = array_of(field, name, "a cloth").ravel()
+        if len(found) != count:
+            message = f'the field array "{name}" has {len(found)} values'
+            raise InputError(message, allowed=str(count))
+        return found
+
+    def lengths(name: str) -> Lengths:
+        found = array_of(field, name, "a cloth").ravel().astype(np.float64)
+        return found if len(found) > 1 else float(found[0])
+
+    ends, picks, height, overhang, density, caps, exact, axis = values(_MEASURES, 8).tolist()
+    threads = []
+    for family in FAMILIES:
+        name = _PREFIX + family
+        kind, aspect = values(f"{name}_section", 2).tolist()
+        spacing = lengths(f"{name}_spacing")
+        threads.append(
+            Threads(
+                diameter=lengths(f"{name}_diameter"),
+                spacing=spacing if np.all(np.isfinite(spacing)) else np.empty(0),
+                section=SECTIONS[int(kind)],
+                aspect=aspect,
+            )
+        )
+    crossings = values(_DRAWDOWN, int(ends) * int(picks))
+    return Cloth(
+        drawdown=crossings.reshape(int(picks), int(ends)) != 0,
+        warp=threads[0],
+        weft=threads[1],
+        crimp_height=height,
+        overhang=overhang if overhang < inf else None,
+        density=density if density < inf else None,
+        caps=bool(caps),
+        exact=bool(exact),
+        axis=AXES[int(axis)],
+    )
+
+
+def pass_cloth(source: vtkDataObject, target: vtkDataObject) -> None:
+    """Say of a data set that it is made round the cloth of another: the arrays are shared."""
+    field = source.GetFieldData()
+    for index in range(field.GetNumberOfArrays()):
+        if field.GetArrayName(index).startswith(_PREFIX):
+            target.GetFieldData().AddArray(field.GetAbstractArray(index))
