@@ -66,3 +66,24 @@ def test_an_edit_builds_one_scene(
     assert document.text != before
     document.changed.disconnect()
     document.undo.setClean()
+
+
+def test_a_stage_that_needs_no_value_is_added_by_a_click(open_scene: Any) -> None:
+    window = open_scene()
+    document, properties = window.document, window.properties
+    before = document.text
+    assert properties.add.isHidden()
+    window.stages.choose("rotation")
+    QTest.mouseClick(properties.add, Qt.MouseButton.LeftButton)
+    wait_until(lambda: settled(window) and window.stages.states["rotation"] == "fresh")
+    assert document.text == before + "\n[rotation]\n"
+    assert properties.add.isHidden()
+    document.undo.undo()
+    wait_until(lambda: settled(window) and window.stages.states["rotation"] == "off")
+    assert document.text == before
+    assert not properties.add.isHidden()
+    # What another takes the place of is refused as in a file.
+    window.stages.choose("transient")
+    QTest.mouseClick(properties.add, Qt.MouseButton.LeftButton)
+    assert "[transient] takes the place of [response]" in window.errors.text
+    assert document.text == before

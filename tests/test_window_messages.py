@@ -12,8 +12,12 @@ from window import require_display, settled, type_into, wait_until
 
 require_display()
 
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog, QToolButton  # noqa: E402
+
+from spacemap_vtk.scenes import report  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def frames_drawn(window: Any, count: int) -> None:
@@ -197,3 +201,42 @@ def test_a_surface_that_could_not_be_drawn_is_refused_and_the_last_stays(
     wait_until(lambda: told and not window.engine.busy)
     assert f"to draw {4 * shown} polygons would need" in told[-1]
     assert window.view.frame.surface.GetNumberOfCells() <= shown
+
+
+STRIP = """
+weave = { ends = 3, picks = 9 }
+cage = { divisions = [1, 8, 1] }
+modal = { elements = "sheet", youngs_modulus = "4 kPa", density = "300 kg/m3", fixed = "+y" }
+response = { alpha = 0.5, gravity = [0.0, 0.0, "-1 g"], duration = "1 s" }
+"""
+
+
+def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_path: Path) -> None:
+    file = tmp_path / "strip.toml"
+    file.write_text(STRIP)
+    window = open_scene(file)
+    figures = report.motion(Scene.read(file))
+    assert figures is not None
+    assert figures["large"]
+    # At t = 0 nothing is deformed: it is the whole motion that is told of.
+    assert window.times.time == 0.0
+    angle = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    assert angle in window.told.text()
+    assert angle in window.told.toolTip()
+    assert "times as long" in window.told.text()
+    assert "[transient]" in window.told.text()
+    # A click on its words does what they say.
+    for x in range(0, window.told.width(), 8):
+        QTest.mouseClick(
+            window.told, Qt.MouseButton.LeftButton, pos=QPoint(x, window.told.height() // 2)
+        )
+    assert "rotation" in window.document.values
+    wait_until(lambda: settled(window) and window.stages.states["rotation"] == "fresh")
+    assert "lengths change" not in window.told.text()
+    assert "times as long" in window.told.text()
+    window.menus.actions["Undo"].trigger()
+    wait_until(lambda: settled(window) and "lengths change" in window.told.text())
+    # A motion that stays small is not.
+    window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
+    wait_until(lambda: settled(window) and "turns" not in window.told.text())
+    assert window.told.toolTip() == ""

@@ -194,8 +194,16 @@ class Document(QObject):
             self._waiting = waiting  # it had been accepted
             raise
 
+    def add(self, section: str) -> None:
+        """Add a section with no values, and so its stage."""
+        if section not in self.values:
+            self._make(section, {}, 0, section)
+
     def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
         before, former = self.version, self.values
+        if section not in former and not written:
+            self._toml[section] = tomlkit.table()
+            self._text = self._values = None
         for key, value in written.items():
             self._put(section, key, value)
         try:

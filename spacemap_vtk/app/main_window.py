@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -42,6 +43,7 @@ from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.scenes.settings import View
 
 #: Milliseconds that a deed is told.
@@ -179,6 +181,7 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = QLabel()
+        self.told.linkActivated.connect(self.document.add)
         self.bar = QProgressBar()
         self.bar.setFixedWidth(160)
         self.cancel = QPushButton("Cancel")
@@ -325,11 +328,20 @@ class MainWindow(QMainWindow):
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.properties.show_found("modal", measures_in(frame.cage))
         if not frame.coarse:
-            warnings = self.document.drafts.told("\n".join(frame.warnings))
-            note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
-            cells = frame.surface.GetNumberOfCells()
-            self.told.setText(f"{cells:,} facets{note}")
-            self.told.setToolTip(warnings)
+            self._tell(frame)
+
+    def _tell(self, frame: Frame) -> None:
+        """Tell what is drawn and the first of what there is to doubt, all of that as a tip."""
+        doubts = list(frame.warnings)
+        if frame.motion and frame.motion["large"]:
+            doubts.insert(0, f"The motion {motion_told(frame.motion)}")
+        warnings = self.document.drafts.told("\n".join(doubts))
+        note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
+        text = f"{frame.surface.GetNumberOfCells():,} facets{note}"
+        if (cure := "a section [rotation]") in text:  # its words are the click that does it
+            text = html.escape(text).replace(cure, f'<a href="rotation">{cure}</a>')
+        self.told.setText(text)
+        self.told.setToolTip(warnings)
 
     def _asked(self, at: float, going_on: bool) -> None:
         self.modes.stop()

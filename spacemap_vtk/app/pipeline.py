@@ -20,7 +20,9 @@ from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.memory import require
+from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.footprint import drawing_bytes
 from spacemap_vtk.scenes.scene import Scene
 
@@ -46,6 +48,9 @@ class Pipeline:
         #: What the last surface takes to be drawn [bytes].
         self._drawn = 0
         self._coarse = PatchTessellator()
+        #: The motion that was looked at last, what rebuilds it, and its figures.
+        self._looked_at: tuple[Motion | None, Stage | None] = None, None
+        self._figures: dict[str, Any] | None = None
         self._swing = vtkTrivialProducer()
         self._swing_warp = BarycentricWarp()
         self._running: Stage | None = None
@@ -94,6 +99,7 @@ class Pipeline:
             swing=swing.mode if swing else None,
             generation=job.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
+            motion=None if swing else self._motion(scene, job.coarse),
         )
 
     def prepared(self, job: Job) -> Scene:
@@ -154,6 +160,14 @@ class Pipeline:
         if self.stopped:
             raise Cancelled("the run was stopped")
         scene.update_stage(stage, at)
+
+    def _motion(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
+        """Return how far the motion turns; a drag's, which has another at each frame, waits."""
+        mover = scene.stage("mover")
+        now = (mover and mover.motion), scene.stage("rotation")
+        if not coarse and now != self._looked_at:
+            self._looked_at, self._figures = now, report.last_motion(scene)
+        return self._figures
 
     def _require_drawn(self, surface: vtkPolyData) -> None:
         """Refuse a surface that could not be drawn; what is drawn already takes no more."""

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QLabel, QScrollArea, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QScrollArea, QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.fields.editor import Editor
@@ -15,6 +15,7 @@ from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.weave_source import WeaveSource
@@ -82,7 +83,9 @@ class Properties(QScrollArea):
             row.restored.connect(self._restored)
             self.rows[name] = row
             rows.append(row)
-        column(page, about, *rows, None, margins=(10, 6, 10, 10))
+        self.add = QPushButton("Add to the scene")
+        self.add.clicked.connect(self._add)
+        column(page, about, self.add, *rows, None, margins=(10, 6, 10, 10))
         self.setWidget(page)
         self.refresh()
 
@@ -92,6 +95,8 @@ class Properties(QScrollArea):
             return
         part = self._document.scene.parts[self.section]
         written = self._document.values.get(self.section, {})
+        # What needs no value set, as RotationStrain, would otherwise never come in.
+        self.add.setVisible(isinstance(part, Stage) and part not in self._document.scene.stages)
         # A drag elsewhere changes nothing here.
         known_state = self.section, written, part.settings
         if known_state == self._shown and not any(r.property("bad") for r in self.rows.values()):
@@ -171,6 +176,12 @@ class Properties(QScrollArea):
             self.accepted.emit(burst)
             # Refused before, and the value it had is chosen again: nothing has changed.
             self.rows[name].mark(None)
+
+    def _add(self) -> None:
+        try:
+            self._document.add(self.section)
+        except InputError as error:
+            self.refused.emit(error)
 
     def _restored(self) -> None:
         row = self.sender()

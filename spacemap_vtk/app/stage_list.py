@@ -17,7 +17,7 @@ STATES = {
     "stale": ("#9aa3ae", "waits to be run"),
     "running": ("#e0a526", "running"),
     "failed": ("#d1495b", "failed"),
-    "off": ("#609aa3ae", "not part of this scene: set a value to add it"),
+    "off": ("#609aa3ae", "not part of this scene: set a value, or add it"),
     "settings": ("#6b8fb3", "settings, no stage"),
 }
 _KEY = Qt.ItemDataRole.UserRole

@@ -44,6 +44,8 @@ class Frame:
     values: dict[str, Any] = field(default_factory=dict)
     #: What the stages say of their trustworthiness.
     warnings: tuple[str, ...] = ()
+    #: How far its motion turns and stretches, see `spacemap_vtk.scenes.report.motion`.
+    motion: dict[str, Any] | None = None
 
 
 def frame_of(

@@ -65,8 +65,10 @@ def realm(
     """
     cells = motion.cells
     gradient = MeanGradient(rest, cells) if gradient is None else gradient
-    edges = cells[:, EDGES].reshape(-1, 2)
-    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    # Each once. Not `np.unique`, whose imports the window's first picture would wait for.
+    one, other = np.sort(cells[:, EDGES].reshape(-1, 2), axis=1).T
+    keys = np.sort(one * len(rest) + other)
+    edges = np.stack(np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest)), axis=1)
     length = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
     most = Realm(0.0, 0.0, 0.0)
     for time in times:

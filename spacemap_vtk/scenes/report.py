@@ -31,8 +31,9 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
 MOST_CROSSINGS = 20_000
-#: Times of a motion that are looked at, a fifth of them in a cage of more cells.
-SAMPLES, MANY_CELLS = 61, 20_000
+#: Times of a motion that are looked at: at most, at least, and cells times times in between, which
+#: take 0.2 s; the motion of a cage of more cells is not told.
+SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
 #: Cosine of the slope up to which a cloth is draped over a disc.
 LEVEL = 0.999
 #: What is known of a fabric, and of its warp or weft, where there is no room for the yarns.
@@ -120,10 +121,17 @@ def motion(scene: Scene) -> dict[str, Any] | None:
         mover.update(0.0)  # what it doubts is no warning of what was asked for
     except SpacemapError:  # whoever asks for the motion is told why there is none
         return None
-    response = mover.motion
-    assert response is not None
+    return last_motion(scene)
+
+
+def last_motion(scene: Scene) -> dict[str, Any] | None:
+    """Return the figures of `motion` as of the last update."""
+    mover = scene.stage("mover")
+    response = mover.motion if isinstance(mover, ModalResponse) else None
+    if response is None or mover is None or len(response.cells) > MANY_CELLS:
+        return None
     rest = response.points + response.rest
-    samples = SAMPLES if len(response.cells) <= MANY_CELLS else SAMPLES // 5
+    samples = max(FEWEST, min(SAMPLES, LOOKED_AT // len(response.cells)))
     times = np.linspace(0.0, mover.duration, samples)
     found = realm(response, rest, times, response.modes.gradient)
     return {
@@ -132,24 +140,23 @@ def motion(scene: Scene) -> dict[str, Any] | None:
         "largest_volume_change": found.volume,
         "period_factor": found.period,
         "rebuilt": scene.stage("rotation") is not None,
+        "large": bool(found.rotation > LARGE_ROTATION),
     }
 
 
 def motion_told(figures: dict[str, Any]) -> str:
-    """Return the figures of `motion` in a line, with a cure where it is out of its realm."""
-    angle, rebuilt = figures["largest_rotation_deg"], figures["rebuilt"]
-    told = f"turns by up to {angle:.3g}°"
-    if not rebuilt:
+    """Return the figures of `motion` in a line, with the cures where it is out of its realm."""
+    told, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
+    if not figures["rebuilt"]:
         told += f", lengths change by {figures['largest_stretch']:.2%}"
         told += f", volumes by {figures['largest_volume_change']:.2%}"
-    if angle <= math.degrees(LARGE_ROTATION):
-        return told
-    if math.isfinite(figures["period_factor"]):
+        told += ": a section [rotation] takes the stretch out" if large else ""
+    if large and math.isfinite(figures["period_factor"]):
         told += (
             f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times as long"
-            " as a small one"
+            " as a small one: [transient] in place of [response] has that"
         )
-    return told if rebuilt else told + "; a section [rotation] takes the stretch out"
+    return told
 
 
 def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
