@@ -13,6 +13,7 @@ from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, TransientRespons
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.base import connect
+from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.scenes.scene import Scene
 
@@ -22,6 +23,10 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A cache of its own."""
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
     return tmp_path
+
+
+#: A pressure that follows its side.
+FOLLOWER: dict[str, Any] = {"pressure": 5.0, "on": "+z", "follower": True}
 
 
 def chain(mover: Any, modes: int = 1000, **modal: Any) -> Any:
@@ -160,11 +165,30 @@ def test_it_is_stopped_and_goes_on() -> None:
             r"loads\[0\]\.steady.*Leave it out",
         ),
         ({"held": "sphere(1, 1, 1, 1 mm)"}, "held"),
+        (
+            {"loads": [FOLLOWER], "initial": "equilibrium"},
+            r"loads\[0\]\.follower.*keep their direction.*begin later",
+        ),
     ],
 )
 def test_what_steps_cannot_have_is_refused(values: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         chain(TransientResponse(**values), modes=6).update()
+
+
+def test_a_pressure_follows_its_side_or_keeps_its_direction() -> None:
+    """Both start alike, and part where the cage has turned."""
+    ways = {"loads": [FOLLOWER]}, {"loads": [FOLLOWER | {"follower": False}]}
+    movers = [chain(TransientResponse(gravity=(0, 0, 0), **way), modes=6) for way in ways]
+    early, late = ([at(mover, time) for mover in movers] for time in (2e-4, 0.04))
+    assert abs(early[0] - early[1]).max() < 1e-3 * abs(early[0]).max()
+    assert abs(late[0] - late[1]).max() > 0.05 * abs(late[0]).max()
+    with pytest.raises(InputError, match=r"loads\[0\]\.follower.*linear.*\[transient\]"):
+        chain(ModalResponse(loads=[FOLLOWER]), modes=6).update()
+    with pytest.raises(InputError, match=r"dead_loads\[0\]\.follower.*keeps its direction"):
+        ModalSolver(dead_loads=[FOLLOWER])
+    with pytest.raises(InputError, match=r"follower.*a gravity keeps its direction"):
+        Load(gravity=(0, 0, 1), follower=True)
 
 
 def test_a_scene_has_it_in_place_of_the_response() -> None:

@@ -104,11 +104,16 @@ def _placed(
     action, value = load.action, getattr(load, load.action)
     if action in ("pressure", "traction"):
         where = forces.wall(rest, elements_of(cage), load.on)
-        places = moved[where.nodes].mean(axis=1)
-        places = places[np.unique(np.linspace(0, len(places) - 1, _MOST).astype(int))]
+        shown = np.unique(np.linspace(0, len(where.nodes) - 1, _MOST).astype(int))
+        places = moved[where.nodes[shown]].mean(axis=1)
         way = -np.sign(value) * where.normal if action == "pressure" else _unit(value)[0]
+        ways = np.tile(way, (len(places), 1))
+        if load.follower:
+            legs = np.diff(moved[where.faces[shown, :3]], axis=1)
+            out = np.cross(legs[:, 0], legs[:, 1])
+            ways = -np.sign(value) * out / np.linalg.norm(out, axis=1, keepdims=True)
         # A pressure ends at the side that it pushes, a suction begins there.
-        yield places, np.tile(way, (len(places), 1)), action == "traction" or value < 0
+        yield places, ways, action == "traction" or value < 0
     elif action == "force":
         nearest = forces.nearest(rest, load.at)
         yield moved[[nearest]], _unit(value), False

@@ -104,6 +104,9 @@ class Load(Parameterised):
     section = "response.loads"
 
     pressure = Real(None, "Pressure on a side; a positive one pushes into the cage.", unit="Pa")
+    follower = Flag(
+        False, "A pressure stays normal to its side as that turns, which takes [transient]."
+    )
     traction = Vector(None, "Force per area of a side.", component=Real(0.0, "", unit="Pa"))
     force = Vector(None, "Force on a vertex.", component=Real(0.0, "", unit="N"))
     array = Text("", "Name of a point array of the cage: a force in N on each vertex.")
@@ -165,6 +168,13 @@ class Load(Parameterised):
                 allowed="exactly one of " + ", ".join(ACTIONS),
             )
         self._action = given[0]
+        if self.follower and self.action != "pressure":
+            raise InputError(
+                f"a {self.action} keeps its direction",
+                key="follower",
+                value=True,
+                cure="Leave it out, or give a pressure.",
+            )
         self._check_place()
         self._check_time()
         self._points = (
@@ -351,6 +361,13 @@ class DeadLoads(Loads):
         """Return checked loads, none of which has a time."""
         loads = super().convert(value)
         for number, load in enumerate(loads):
+            if load.follower:
+                raise InputError(
+                    "a dead load keeps its direction",
+                    key=f"[{number}].follower",
+                    value=True,
+                    cure="Leave it out, or put it into [[transient.loads]].",
+                )
             if load.action not in DEAD or load.time != "step" or load.start is not None:
                 raise InputError(
                     "a dead load is there for ever, and moves no base",
@@ -396,7 +413,7 @@ def load_vectors(
                 place, count = load.array, grid.GetNumberOfPoints()
                 with naming("loads.array"):
                     value = vectors_of(grid.GetPointData(), place, count, "the loads")
-            vectors.append(modes.vector(load.action, value, load.function, place))
+            vectors.append(modes.vector(load.action, value, load.function, place, load.follower))
         except InputError as error:
             error.key = (error.key or "loads").replace("loads", f"{key}[{number}]", 1)
             raise

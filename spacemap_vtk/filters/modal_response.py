@@ -13,6 +13,7 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.mechanics.cage_modes import CageModes
@@ -70,6 +71,18 @@ class ModalResponse(LoadedCage):
         """The motion as of the last update; None before."""
         return None if self._kept_motion is None else self._kept_motion[1]
 
+    def check(self) -> None:
+        """Check damping and loads."""
+        super().check()
+        for number, load in enumerate(self.loads):
+            if load.follower:
+                raise InputError(
+                    "what follows a surface that turns is no part of a linear motion",
+                    key=f"loads[{number}].follower",
+                    value=True,
+                    cure="Leave it out, or take [transient] in place of [response].",
+                )
+
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
@@ -114,6 +127,7 @@ class ModalResponse(LoadedCage):
             self.add_energies(output, energies)
 
     def _response(self, grid: vtkUnstructuredGrid, modes: CageModes) -> Response:
+        self.check()
         displacement, velocity = self.started(grid)
         made = Response(
             modes,

@@ -97,6 +97,13 @@ class TransientResponse(LoadedCage):
                     value=True,
                     cure="Leave it out; with damping the motion becomes steady by itself.",
                 )
+            if load.follower and self._settled and load.function.value(0.0) != 0.0:
+                raise InputError(
+                    "the state at rest is found for loads that keep their direction",
+                    key=f"loads[{number}].follower",
+                    value=True,
+                    cure='Let it begin later (start = "1 ms"), or leave out held and initial.',
+                )
         if self.held and self.initial != "rest":
             raise InputError(
                 "held places and initial both say where it starts",
@@ -138,6 +145,10 @@ class TransientResponse(LoadedCage):
         if self.energy:
             self.add_energies(output, motion.energies(np.array([time]))[0])
 
+    @property
+    def _settled(self) -> bool:
+        return bool(self.held) or self.initial == "equilibrium"
+
     def _prepare(self, grid: vtkUnstructuredGrid, modes: CageModes) -> None:
         """Make the motion, unless all that it depends on is as it was."""
         # With all of scipy, which telling the parameters needs none of.
@@ -148,8 +159,7 @@ class TransientResponse(LoadedCage):
             self.warn(text)
         model, vectors = modes.model, self.load_vectors(grid, modes)
         displacement, velocity = self.started(grid)
-        settled = bool(self.held) or self.initial == "equilibrium"
-        if settled:
+        if self._settled:
             displacement += self._hung(grid, modes, vectors)
         elif model.displacement is not None:
             displacement += model.displacement
@@ -157,11 +167,16 @@ class TransientResponse(LoadedCage):
         parts = [
             part
             for vector in vectors
-            for part in (modes.force(vector), vector.moves_base, *vector.function)
+            for part in (
+                modes.force(vector),
+                vector.moves_base,
+                vector.faces is None,
+                *vector.function,
+            )
         ]
         numbers = (model.modulus, model.density, *damping[:2], self.tolerance, self.max_step)
         digest = digest_of(
-            model.digest, *parts, displacement, velocity, settled, *map(float, numbers)
+            model.digest, *parts, displacement, velocity, self._settled, *map(float, numbers)
         )
         if self._kept_motion is not None and self._kept_motion[0] == digest:
             return
@@ -171,7 +186,7 @@ class TransientResponse(LoadedCage):
             damping,
             displacement=displacement,
             velocity=velocity,
-            settled=settled,
+            settled=self._settled,
             tolerance=self.tolerance * size,
             max_step=self.max_step,
         )

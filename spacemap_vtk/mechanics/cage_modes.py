@@ -18,6 +18,7 @@ from spacemap_vtk.mechanics.shell import LegGradient
 from spacemap_vtk.mechanics.timefunctions import TimeFunction
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 class LoadVector(NamedTuple):
@@ -29,6 +30,10 @@ class LoadVector(NamedTuple):
     """The factor."""
     moves_base: FloatArray | None = None
     """The displacement of the base [m], for which the vector is the mass times it."""
+    pressure: float = 0.0
+    """The pressure that stays normal to `faces` [Pa]; `parts` are those where nothing has moved."""
+    faces: IntArray | None = None
+    """(f, k) of a wall, see `spacemap_vtk.mechanics.loads.Wall`; None of all other loads."""
 
 
 class Basis(NamedTuple):
@@ -143,7 +148,12 @@ class CageModes:
         return self.model.movable_mass
 
     def vector(
-        self, action: str, value: Any, function: TimeFunction, place: Any = None
+        self,
+        action: str,
+        value: Any,
+        function: TimeFunction,
+        place: Any = None,
+        follower: bool = False,
     ) -> LoadVector:
         """Return the vector of a load.
 
@@ -158,6 +168,8 @@ class CageModes:
             Its factor over time.
         place : object, optional
             The side of a pressure or traction, the point of a force, the name of an array.
+        follower : bool, optional
+            Whether a pressure turns with its side, which only `Stepped` can.
 
         Returns
         -------
@@ -190,7 +202,8 @@ class CageModes:
                     f"{place} {axis}",
                     forces.traction(len(self.nodal_mass), where, unit).ravel(),
                 )
-            return LoadVector(_axes(place, stress), function)
+            follows = (value, where.faces) if follower else ()
+            return LoadVector(_axes(place, stress), function, None, *follows)
         if action == "force":
             vertex = forces.nearest(self.model.points, place)
             return LoadVector(_axes(f"vertex {vertex}", value), function)

@@ -31,6 +31,9 @@ class Wall(NamedTuple):
     """(f,) in m²."""
     normal: FloatArray
     """(3,), outward, of length one."""
+    faces: IntArray
+    """(f, k), corners counter-clockwise seen from outside: of triangles, with the middles of their
+    edges in a mesh of quadratic tetrahedra, or of quadrilaterals."""
 
 
 def wall(points: FloatArray, cells: IntArray, side: str, sheet: bool = False) -> Wall:
@@ -76,18 +79,23 @@ def wall(points: FloatArray, cells: IntArray, side: str, sheet: bool = False) ->
             cure="Choose a side where the cage is flat",
         )
     corners = points[faces[outer]]
-    areas = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    upward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(upward, axis=1)
     quadratic = cells.shape[1] == 10
-    nodes = cells[:, FACES[:, 3:]].reshape(-1, 3)[outer] if quadratic else faces[outer]
+    whole = cells[:, FACES if quadratic else FACES[:, :3]].reshape(4 * len(cells), -1)[outer]
+    nodes = whole[:, -3:]
     normal = np.zeros(3)
     normal[axis] = end
+    turned = [0, 2, 1, 5, 4, 3][: whole.shape[1]]
+    whole = np.where((upward @ normal > 0)[:, None], whole, whole[:, turned])
     if sheet:
         # By triangles, vertices with many of them would carry more than those with few: of that a
         # sheet that hardly bends makes waves.
         nodes, areas = _faces(nodes, areas, outer // (4 * TETRAHEDRA_PER_CELL))
-    return Wall(nodes, areas, normal)
+        out = points[nodes] - points[nodes].mean(axis=1, keepdims=True)
+        around = np.arctan2(out[..., (axis + 2) % 3], out[..., (axis + 1) % 3])
+        whole = np.take_along_axis(nodes, np.argsort(end * around, axis=1), axis=1)
+    return Wall(nodes, areas, normal, whole)
 
 
 def _faces(nodes: IntArray, areas: FloatArray, owner: IntArray) -> tuple[IntArray, FloatArray]:

@@ -227,6 +227,13 @@ class MeshPencil(Pencil):
         nodal = nodal.reshape(len(self._points), 3, coordinates.shape[1])
         return self.surface.vertices(nodal).reshape(len(self.free), -1)
 
+    @cached_property
+    def ways(self) -> csr_matrix:
+        """What `spread` does, as a matrix (3V, N)."""
+        if self.surface is None:
+            return self.basis.tocsr()
+        return (2 * self.surface.matrix().T @ self.basis).tocsr()
+
     def movable(self, moved: FloatArray) -> FloatArray:
         """Return of displacements, or of forces, on the vertices (3V, m) what nothing holds."""
         if self.plain:

@@ -12,6 +12,7 @@ which turning alone has none of; about an unstrained state it is Rayleigh's β K
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.body import Body, Part
 from spacemap_vtk.mechanics.factors import Solve
+from spacemap_vtk.mechanics.follower import Pressed
 
 FloatArray = NDArray[np.float64]
 
@@ -40,6 +42,15 @@ LAST, LOST = 1e-10, 1e-6
 
 #: A correction that moves less than this [m] is the last one, too.
 LEAST = 1e-15
+
+
+class Acting(NamedTuple):
+    """What acts at a time."""
+
+    push: FloatArray
+    """Forces, (N,)."""
+    pressures: FloatArray
+    """On each of what is pressed, (n,)."""
 
 
 class Step(NamedTuple):
@@ -62,8 +73,16 @@ class Step(NamedTuple):
 class Midpoint:
     """The equations of a body; forces and energies are those of a unit modulus."""
 
-    def __init__(self, body: Body, mass: sp.csr_matrix, alpha: float, beta: float) -> None:
+    def __init__(
+        self,
+        body: Body,
+        mass: sp.csr_matrix,
+        alpha: float,
+        beta: float,
+        pressed: Sequence[Pressed] = (),
+    ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
+        self.pressed = pressed
         self._least = LEAST * math.sqrt(float(mass.diagonal().sum()))
 
     def at(self, position: FloatArray) -> list[Part]:
@@ -84,7 +103,7 @@ class Midpoint:
         position: FloatArray,
         rate: FloatArray,
         parts: list[Part],
-        loads: tuple[FloatArray, FloatArray],
+        loads: tuple[Acting, Acting],
         span: float,
         guess: FloatArray,
         carried: list[FloatArray],
@@ -93,7 +112,7 @@ class Midpoint:
         # `loads` act at the start, and on the average over the span; `guess` is of the move, and
         # `carried` of the stress in the middle.
         heavy = (2 / span**2 + self.alpha / span) * self.mass
-        moving = 2 / span * (self.mass @ rate) + loads[1]
+        moving = 2 / span * (self.mass @ rate)
         least, size, first, made = self._least / span, math.inf, math.inf, 0
         move, solve = guess, None
         for _ in range(TRIES):
@@ -101,6 +120,7 @@ class Midpoint:
             stress = [self._mean(a, b, span) for a, b in zip(parts, ends, strict=True)]
             middle = [(a.gradients + b.gradients) / 2 for a, b in zip(parts, ends, strict=True)]
             left = heavy @ move - moving + self._force(parts, stress, middle)
+            left -= self._load(loads[1], position, move)
             if solve is None:
                 if made == MADE:
                     return None
@@ -112,7 +132,11 @@ class Midpoint:
                     for end, pull, mean, slope in zip(ends, carried, middle, slopes, strict=True)
                 ]
                 try:
-                    solve = self.body.unsymmetric(self.body.matrix(blocks) + heavy)
+                    tangent = self.body.matrix(blocks) + heavy
+                    for pressed, pressure in zip(self.pressed, loads[1].pressures, strict=True):
+                        if pressure:
+                            tangent -= pressure * pressed.tangent(position, move)
+                    solve = self.body.unsymmetric(tangent)
                 except SolverError:
                     return None
                 made += 1
@@ -139,7 +163,7 @@ class Midpoint:
         position: FloatArray,
         rate: FloatArray,
         parts: list[Part],
-        loads: tuple[FloatArray, FloatArray],
+        loads: tuple[Acting, Acting],
         span: float,
         move: FloatArray,
         solve: Solve,
@@ -154,9 +178,19 @@ class Midpoint:
         # than the step, whose error is bounded by how far it swings (Hosea and Shampine 1996).
         push = self._force(parts, [p.stress for p in parts], [p.gradients for p in parts])
         push += self.alpha * (self.mass @ rate) + self._viscous(parts, rate)
-        wrong = solve(self.mass @ ((later - rate) / span) + push - loads[0]) / 3
+        push -= self._load(loads[0], position, np.zeros_like(move))
+        wrong = solve(self.mass @ ((later - rate) / span) + push) / 3
         error = float(abs(self.body.basis @ wrong).max())
-        return Step(position + move, later, ends, damped, float(loads[1] @ move), error)
+        work = float(self._load(loads[1], position, move) @ move)
+        return Step(position + move, later, ends, damped, work, error)
+
+    def _load(self, loads: Acting, position: FloatArray, move: FloatArray) -> FloatArray:
+        """Return the mean forces of loads on the way from q to q + Δ."""
+        total = loads.push
+        for pressed, pressure in zip(self.pressed, loads.pressures, strict=True):
+            if pressure:
+                total = total + pressure * pressed.force(position, move)
+        return total
 
     def _mean(self, first: Part, last: Part, span: float) -> FloatArray:
         change = last.stress - first.stress

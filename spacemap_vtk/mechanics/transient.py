@@ -18,7 +18,8 @@ from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.body import Body, Part
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping
-from spacemap_vtk.mechanics.midpoint import Midpoint
+from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.mechanics.midpoint import Acting, Midpoint
 from spacemap_vtk.mechanics.motion import base_at, jump_of
 from spacemap_vtk.mechanics.timefunctions import Sine
 from spacemap_vtk.memory import require
@@ -114,15 +115,20 @@ class Stepped:
         dead = np.zeros_like(start) if forces is None else forces
         body = Body(pencil.strains, pencil.basis, start, dead, _ignore)
         mass = (model.density / model.modulus) * pencil.mass
-        self._rule = Midpoint(body, mass, damping.alpha, damping.beta)
-        self._dead = body.basis.T @ dead.ravel()
-        self._pushes = [
-            pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
-        ]
         #: Where it hangs [m], zero where it does not.
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
+        pressed = [
+            Pressed(load.faces, self.points + self.rest, pencil.ways)
+            for load in self.loads
+            if load.faces is not None
+        ]
+        self._rule = Midpoint(body, mass, damping.alpha, damping.beta, pressed)
+        self._dead = body.basis.T @ dead.ravel()
+        self._pushes = [
+            pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
+        ]
         moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
         q, v = (
             pencil.coordinates(np.reshape(field, (-1, 1)))[:, 0]
@@ -298,15 +304,17 @@ class Stepped:
         self._rows[self._count] = row
         self._count += 1
 
-    def _load(self, time: float) -> FloatArray:
-        """Return what acts at a time, after a jump that happens just then, (N,)."""
-        total = self._dead.copy()
+    def _load(self, time: float) -> Acting:
+        """Return what acts at a time, after a jump that happens just then."""
+        total, pressures = self._dead.copy(), []
         for load, push in zip(self.loads, self._pushes, strict=True):
-            if load.moves_base is None:
+            if load.faces is not None:
+                pressures.append(load.function.value(time) * load.pressure / self.model.modulus)
+            elif load.moves_base is None:
                 total += load.function.value(time) * push
             elif isinstance(load.function, Sine):
                 total += load.function.omega**2 * load.function.value(time) * push
-        return total
+        return Acting(total, np.array(pressures))
 
     def _step(self) -> None:
         """Append a state."""

@@ -147,7 +147,7 @@ class _Card(QFrame):
     def _acted(self, _index: int) -> None:
         chosen = self.action.currentData()
         if chosen != self._now.action:
-            gone = dict.fromkeys([self._now.action, "on", "at"])
+            gone = dict.fromkeys([self._now.action, "on", "at", "follower"])
             self.edited.emit(self.number, {**gone, **_BEGINNINGS[chosen]}, 0)
 
     def _removed(self) -> None:
@@ -168,7 +168,8 @@ def _keys(load: Load, declared: Loads) -> list[str]:
     place = ACTIONS[load.action]
     needed, possible = TIMES[load.time]
     times = ["time", *needed, *possible] if declared.timed else []
-    return [load.action, *([place] if place else []), *times]
+    follower = ["follower"] if load.action == "pressure" and declared.timed else []
+    return [load.action, *([place] if place else []), *follower, *times]
 
 
 def _optional(load: Load) -> tuple[str, ...]:

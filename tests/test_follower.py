@@ -1,0 +1,126 @@
+"""A pressure that follows its surface: its work, its tangent, and a strip that it bends far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from calculix import mesh
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp, trapezoid
+
+from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.mechanics import timefunctions
+from spacemap_vtk.mechanics.cage_modes import CageModes
+from spacemap_vtk.mechanics.damping import Damping
+from spacemap_vtk.mechanics.follower import Pressed
+from spacemap_vtk.mechanics.loads import traction, wall
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.places import SIDES
+from spacemap_vtk.mechanics.plates import Plate
+from spacemap_vtk.mechanics.strains import sampled_slopes
+from spacemap_vtk.mechanics.transient import Stepped
+
+FloatArray = NDArray[np.float64]
+
+
+def cage_of(model: Model) -> CageModes:
+    """Return a cage without modes."""
+    return CageModes(model, np.empty(0), np.empty((0, model.points.size)), np.empty(0))
+
+
+def box(kind: str) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return a small box of tetrahedra."""
+    bounds = (0.0, 0.02, 0.0, 0.06, 0.0, 0.01)
+    return mesh((1, 3, 1), 2, bounds) if kind == "quadratic" else lattice(bounds, (1, 3, 1))
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
+def test_where_nothing_has_moved_it_is_the_pressure_that_keeps_its_direction(kind: str) -> None:
+    points, cells = box(kind)
+    for side in SIDES:
+        where = wall(points, cells, side, kind == "sheet")
+        pressed = Pressed(where.faces, points, sp.identity(points.size, format="csr"))
+        none = np.zeros(points.size)
+        dead = traction(len(points), where, -where.normal).ravel()
+        np.testing.assert_allclose(pressed.force(none, none), dead, atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic", "sheet"])
+def test_its_tangent_is_its_derivative(kind: str) -> None:
+    points, cells = box(kind)
+    faces = wall(points, cells, "+z", kind == "sheet").faces
+    pressed = Pressed(faces, points, sp.identity(points.size, format="csr"))
+    place, move, way = np.random.default_rng(0).normal(size=(3, points.size)) / 100
+    step = 1e-4 * way
+    change = (pressed.force(place, move + step) - pressed.force(place, move - step)) / 2e-4
+    np.testing.assert_allclose(
+        pressed.tangent(place, move) @ way, change, atol=1e-8 * abs(change).max()
+    )
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic"])
+def test_the_work_of_a_constant_pressure_on_all_sides_is_what_the_volume_says(kind: str) -> None:
+    """A body that flies, turns and swells: p ΔV, whatever the step."""
+    points, cells = box(kind)
+    model = Model(points, cells, isotropic(2e4, 0.3), 300.0, np.zeros(points.shape, dtype=bool))
+    cage, pressure = cage_of(model), 2000.0
+    loads = [cage.vector("pressure", pressure, timefunctions.step(), s, True) for s in SIDES]
+    thrown = np.random.default_rng(0).normal(size=points.shape) / 10 + points @ np.eye(3)[[1, 2, 0]]
+    motion = Stepped(cage, loads, velocity=thrown, tolerance=1.0, max_step=2e-3)
+    # Exact for the determinant of a quadratic map: Keast, Comp. Meth. Appl. Mech. Eng. 55 (1986).
+    inner = np.full((4, 4), 1 / 6) + np.eye(4) / 3
+    corners = np.vstack([np.full(4, 0.25), inner])
+    weights = np.array([-0.8, 0.45, 0.45, 0.45, 0.45])
+    gradients = sampled_slopes(points, cells[:, :4])[0][:, 0]
+    sizes = sampled_slopes(points, cells[:, :4])[1][:, 0]
+
+    def volume(place: FloatArray) -> float:
+        slopes = np.broadcast_to(gradients[:, None], (len(cells), 5, 4, 3))
+        if kind == "quadratic":
+            ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]).T
+            own = (4 * corners - 1)[None, :, :, None] * slopes
+            first, second = (corners[None, :, end, None] for end in ends)
+            mid = 4 * (first * slopes[:, :, ends[1]] + second * slopes[:, :, ends[0]])
+            slopes = np.concatenate([own, mid], axis=2)
+        grown = np.linalg.det(np.einsum("tqni,tnj->tqij", slopes, place[cells]))
+        return float((grown @ weights) @ sizes)
+
+    motion.reach(0.02)
+    start, first = motion.rows[0, 5] * model.modulus, volume(points)
+    assert first == pytest.approx(0.02 * 0.06 * 0.01)
+    changes = []
+    for time in motion.rows[::4, 0]:
+        changes.append(volume(points + motion.at(time)[0]) / first - 1)
+        kinetic, strain, _, work = motion.energies(np.array([time]))[0]
+        assert work - start == pytest.approx(-pressure * first * changes[-1], abs=1e-9 * kinetic)
+        assert kinetic + strain == pytest.approx(work, rel=1e-9)
+    assert max(np.abs(changes)) > 0.05
+
+
+def test_a_strip_bends_as_the_elastica_under_a_pressure_normal_to_it() -> None:
+    """From the free end κ'' + κ³/2 = p/B: what pulls along the strip is -B κ²/2 there."""
+    length, rigidity, pressure, thickness = 0.1, 1e-5, 0.1, 1e-4
+
+    def bent(_: float, state: FloatArray) -> list[float]:
+        curvature, slope, _ = state
+        return [slope, pressure / rigidity - curvature**3 / 2, curvature]
+
+    along = np.linspace(0.0, length, 4001)
+    found = solve_ivp(bent, (0.0, length), [0.0, 0.0, 0.0], rtol=1e-10, t_eval=along)
+    angle = found.y[2, -1] - found.y[2]
+    tip = trapezoid(np.cos(angle), along), trapezoid(np.sin(angle), along)
+    assert 1.5 < angle[0] < 1.6
+
+    points, cells = lattice((0, length, 0, 0.01, -thickness / 2, thickness / 2), (48, 1, 1))
+    plane = np.diag([1.0, 1.0, 0.5])
+    plate = Plate(1e3 * plane, rigidity * plane, 500 * np.eye(2), 1e3)
+    held = np.repeat(points[:, :1] < 1e-9, 3, axis=1)
+    cage = cage_of(Model(points, cells, plate, 1000.0, held))
+    load = cage.vector("pressure", pressure, timefunctions.ramp(0.1), "-z", True)
+    motion = Stepped(cage, [load], Damping(8.0, 2e-3), tolerance=1e-3)
+    moved, rate, _ = motion.at(3.0)
+    assert abs(rate).max() < 1e-2 * length
+    end = (points + moved)[points[:, 0] > length - 1e-9].mean(axis=0)
+    np.testing.assert_allclose(end[[0, 2]], tip, atol=1e-3 * length)
