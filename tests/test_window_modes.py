@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.datasets.arrays import array_of  # noqa: E402
+from spacemap_vtk.datasets.arrays import array_of, points_of  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -121,3 +121,41 @@ def test_arrow_keys_go_from_mode_to_mode(open_scene: Any) -> None:
     window.modes.stop()
     QTest.keyClick(table, Qt.Key.Key_Down)
     assert window.modes.mode is None
+
+
+def test_a_mode_that_is_rebuilt_turns_by_a_right_angle(open_scene: Any, tmp_path: Path) -> None:
+    file = tmp_path / "strip.toml"
+    file.write_text(
+        "weave = { ends = 3, picks = 9 }\ncage = { divisions = [1, 20, 1] }\nrotation = {}\n"
+        'modal = { elements = "sheet", fixed = "+y", modes = 2 }\nresponse = {}\n'
+    )
+    window = open_scene(file)
+    assert window.modes.told.text() == "45°"
+    window.modes.amplitude.setValue(window.modes.amplitude.maximum())
+    assert window.modes.told.text() == "90°"
+    turned: list[float] = []
+    longest: list[float] = []
+
+    def measure(frame: Any) -> None:
+        if frame.swing == 0:
+            rest = points_of(frame.cage)
+            moved = rest + array_of(frame.cage.GetPointData(), "displacement", "a swing")
+            side = np.flatnonzero(rest[:, 0] == rest[0, 0])
+            side = side[np.argsort(rest[side, 1], kind="stable")]  # in pairs, through the sheet
+            steps = np.diff(moved[side].reshape(-1, 2, 3).mean(axis=1), axis=0)
+            # From the held end to the free one, which hangs along -y.
+            turned.append(float(np.degrees(np.arccos(steps[0, 1] / np.linalg.norm(steps[0])))))
+            longest.append(float(np.linalg.norm(steps, axis=1).sum() / np.ptp(rest[:, 1])))
+
+    window.director.drawn.connect(measure)
+    click_row(window, 0)
+    wait_until(lambda: len(turned) > 40)
+    # A frame need not show the very end of a swing.
+    assert 80 < max(turned) < 90.1
+    np.testing.assert_allclose(longest, 1.0, rtol=0, atol=0.005)
+    # Where turning is not rebuilt it would stretch.
+    window.modes.stop()
+    window.document.open("plain_weave")
+    wait_until(lambda: settled(window))
+    assert window.modes.amplitude.maximum() == 50
+    assert window.modes.told.text() == "15 %"

@@ -17,6 +17,8 @@ class Swing:
     amplitude: float
     #: In whole swings.
     phase: float
+    #: The largest angle that it turns by [rad], in place of that, where turning is rebuilt.
+    angle: float | None = None
 
 
 @dataclass(frozen=True)

@@ -326,6 +326,7 @@ class MainWindow(QMainWindow):
         if not (frame.coarse and self.director.held):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
+            self.modes.show_turns(self.document.scene.stage("rotation") is not None)
             self.properties.show_found("modal", measures_in(frame.cage))
         if not frame.coarse:
             self._tell(frame)

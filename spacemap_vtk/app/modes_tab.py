@@ -37,7 +37,20 @@ _SIDES = (_RIGHT, _RIGHT, _RIGHT, _LEFT)
 #: Seconds that a swing takes on the screen, whatever its frequency.
 _PERIOD = 1.2
 _TICK = 15
-
+#: Of an amplitude: the most, what it is at first, and what it means.
+_SHARES = (
+    50,
+    15,
+    (
+        "Largest displacement, in percent of the cage's longest side; with a section [rotation] "
+        "a mode is shown up to 90°"
+    ),
+)
+_ANGLES = (
+    90,
+    45,
+    "The angle by which the mode turns the cloth at most; less where it would stretch it by half",
+)
 
 #: What the tab says: with modes, without a cage, and where the motion is read from a file.
 _HINTS = (
@@ -73,15 +86,17 @@ class ModesTab(QWidget):
         self.table.setShowGrid(False)
         self.table.setAlternatingRowColors(True)
         self.amplitude = QSlider(Qt.Orientation.Horizontal)
-        self.amplitude.setRange(1, 50)
-        self.amplitude.setValue(15)
-        self.amplitude.setToolTip("Largest displacement, in percent of the cage's longest side")
+        #: The amplitude in words, and how to go further.
+        self.told = QLabel()
+        self.amplitude.valueChanged.connect(self._tell_amplitude)
+        self._turns: bool | None = None
+        self.show_turns(False)
         self.back = QPushButton("Back to the motion")
         self.back.setEnabled(False)
         self.hint = note(_HINTS[0])
         #: What swings: a sheet, with its mass and bending length, or tetrahedra.
         self.sheet = note(name="note")
-        below = row(None, QLabel("Amplitude"), (self.amplitude, 1))
+        below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
         column(self, self.hint, self.sheet, (self.table, 1), below, self.back, margins=(6, 6, 6, 6))
         self._known: Any = None
         self._mode: int | None = None
@@ -137,6 +152,17 @@ class ModesTab(QWidget):
         if self._mode is not None and self._mode >= len(values):
             self.stop()
 
+    def show_turns(self, turns: bool) -> None:
+        """Let amplitudes be angles, or not: where turning stretches, there is no large one."""
+        if turns == self._turns:
+            return
+        self._turns = turns
+        most, value, tip = _ANGLES if turns else _SHARES
+        self.amplitude.setRange(1, most)
+        self.amplitude.setValue(value)
+        self.amplitude.setToolTip(tip)
+        self._tell_amplitude()
+
     def stop(self) -> None:
         """Show the motion again."""
         if self._mode is not None:
@@ -160,7 +186,13 @@ class ModesTab(QWidget):
     def _tick(self) -> None:
         if self._mode is not None:
             phase = (time.perf_counter() - self._begun) / _PERIOD
-            self.swung.emit(Swing(self._mode, self.amplitude.value() / 100, phase))
+            value = self.amplitude.value()
+            angle = math.radians(value) if self._turns else None
+            self.swung.emit(Swing(self._mode, value / 100, phase, angle))
+
+    def _tell_amplitude(self) -> None:
+        value = self.amplitude.value()
+        self.told.setText(f"{value}°" if self._turns else f"{value} %")
 
 
 def _told(found: dict[str, Any]) -> str:

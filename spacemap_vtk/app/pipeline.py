@@ -204,4 +204,6 @@ def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
     count = len(array_of(cage.GetFieldData(), "eigenvalues", "a swing"))
     mode = min(swing.mode, count - 1)
     side = float(np.ptp(points_of(cage), axis=0).max())
-    add_shape(scene, cage, mode, swing.amplitude * side * math.sin(2 * math.pi * swing.phase))
+    now = math.sin(2 * math.pi * swing.phase)
+    angle = None if swing.angle is None else swing.angle * now
+    add_shape(scene, cage, mode, swing.amplitude * side * now, angle)

@@ -79,16 +79,24 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     return load_arrows(mover, scene.deformed_cage, time)
 
 
-def add_shape(scene: Scene, cage: vtkUnstructuredGrid, mode: int, largest: float) -> None:
-    """Move a cage by the shape of one of its modes, by so much [m] where that moves it most."""
+def add_shape(
+    scene: Scene, cage: vtkUnstructuredGrid, mode: int, largest: float, angle: float | None = None
+) -> None:
+    """Move a cage by a mode's shape, at most by so much [m], or by an angle [rad] if rebuilt."""
     data = cage.GetPointData()
     shape = array_of(data, MODE_NAME.format(mode), "a mode's shape")
-    moved = shape * (largest / (float(np.linalg.norm(shape, axis=1).max()) or 1.0))
+    shape = shape / (float(np.linalg.norm(shape, axis=1).max()) or 1.0)
+    rotation = scene.stage("rotation")
+    if angle is not None and isinstance(rotation, RotationStrain):
+        # Not each mode turns: one that strains is shown at less, strained by a third of the angle.
+        turn, strain = rotation.largest(cage, shape)
+        largest = angle / max(turn, 3 * strain)
+    moved = shape * largest
     if data.HasArray("equilibrium"):  # what hangs swings about where it hangs
         moved += array_of(data, "equilibrium", "a mode's shape")
     add_array(data, "displacement", moved)
-    if isinstance(turned := scene.stage("rotation"), RotationStrain):
-        turned.rebuild(cage)
+    if isinstance(rotation, RotationStrain):
+        rotation.rebuild(cage)
 
 
 def copied(data: Any) -> Any:

@@ -105,6 +105,23 @@ class RotationStrain(Stage):
         if len(rates) == 2:
             add_array(data, "acceleration", kernel.acceleration(linear, *rates))
 
+    def largest(self, cage: vtkUnstructuredGrid, linear: FloatArray) -> tuple[float, float]:
+        """Return by how much an element of a cage turns at most, and is strained at most.
+
+        Parameters
+        ----------
+        cage : vtkUnstructuredGrid
+            As for `rebuild`.
+        linear : ndarray of float64, shape (V, 3)
+            Displacement of a linear motion from where the cage hangs, or is undeformed [m].
+
+        Returns
+        -------
+        angle, strain : float
+            As of `RotationCoordinates.largest`.
+        """
+        return self._kernel(cage).largest(linear)
+
     def _request_update_extent(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
     ) -> None:

@@ -139,6 +139,26 @@ class RotationCoordinates:
         turn, strain = _parts(gradients)
         return self._fitted(turn @ strain @ self._rest, self._nodal + moved) - self.points
 
+    def largest(self, linear: FloatArray) -> tuple[float, float]:
+        """Return by how much an element turns at most, and is strained at most.
+
+        Parameters
+        ----------
+        linear : ndarray of float64, shape (V, 3)
+            Displacement of the linear motion [m].
+
+        Returns
+        -------
+        angle : float
+            In rad; it grows with the displacement, and so does the strain.
+        strain : float
+            Largest principal one, of either sign.
+        """
+        gradients = self._columns(self._of_nodes(linear)) @ self._inverse
+        strains = np.linalg.eigvalsh((gradients + gradients.swapaxes(1, 2)) / 2)
+        angles = np.linalg.norm(_axial(gradients), axis=1)
+        return float(angles.max()), float(abs(strains).max())
+
     def velocity(self, linear: FloatArray, rate: FloatArray) -> FloatArray:
         """Return how fast the vertices go.
 
