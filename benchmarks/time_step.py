@@ -49,7 +49,7 @@ def milliseconds(run: Callable[..., object], *arguments: object) -> float:
 def main() -> None:
     """Print the table."""
     compiled = loops("spacemap_vtk.fabric.patch_loops") is not None
-    without = "NumPy alone; pip install '.[fast]' brings loops that Numba compiles"
+    without = "NumPy alone, as there is no Numba"
     print("Large fabrics:", "loops compiled by Numba" if compiled else without)
     print(
         f"{'plain weave':<14}{'patches':>10}{'points':>12}{'set-up':>10}{'response':>10}"

@@ -4,10 +4,11 @@ NumPy and SciPy release the interpreter's lock inside their loops, so plain thre
 long as each call has some thousand elements to work on.
 
 What NumPy does to a large fabric is bound by its intermediate results, which go to memory and come
-back. A loop that Numba compiles (``pip install 'spacemap_vtk[fast]'``) keeps them in registers and
-touches each byte once. Only what is the same in every time step of a large fabric has such a loop,
-and beside it stands the NumPy code that gives the same numbers within rounding. Small fabrics never
-wait for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds.
+back: a step that reads and writes each byte once is out of its reach. A loop that Numba compiles
+keeps them in registers. So Numba comes with the program; only what is the same in every time step
+of a large fabric has such a loop, and beside it stands the NumPy code that gives the same numbers
+within rounding, for ParaView's own Python and wherever there is no Numba. Small fabrics never wait
+for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ import pytest
 from test_tessellation import random_patches
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.embedding import interpolation
+from spacemap_vtk.embedding import affine, interpolation
+from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.fabric import tessellation
@@ -23,7 +24,7 @@ pytest.importorskip("numba")
 @pytest.fixture
 def small(monkeypatch):
     """Compiled loops for small work, too."""
-    for module in (interpolation, tessellation):
+    for module in (affine, interpolation, tessellation):
         monkeypatch.setattr(module, "WORTHWHILE", 0)
 
 
@@ -150,13 +151,39 @@ def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
         np.testing.assert_allclose(made, expected, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
+def test_points_ride_as_by_arrays(monkeypatch, small, outside):
+    vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (4, 4, 1))
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-0.2, 1.2, (20_000, 3))
+    where, clamp = locate(points, vertices, tetrahedra, outside), outside == "clamp"
+    compiled, plain = both(
+        monkeypatch,
+        affine,
+        lambda: AffineInterpolation(points, where, vertices, tetrahedra, clamp),
+    )
+    shift = rng.normal(size=(len(vertices), 3))
+    for kind, error in ((np.float64, 1e-13), (np.float32, 1e-5)):
+        own = points.astype(kind)
+        moved, made = compiled.displace(own, shift)
+        assert made.dtype == moved.dtype == kind
+        np.testing.assert_allclose(made, plain.displace(own, shift)[1], rtol=0, atol=error)
+        np.testing.assert_array_equal(moved, own + made)
+    for columns in ((), (1,), (7,)):
+        values = rng.normal(size=(len(vertices), *columns))
+        np.testing.assert_allclose(compiled.apply(values), plain.apply(values), atol=1e-12)
+
+
 def test_small_work_waits_for_no_compiler(monkeypatch):
     monkeypatch.setattr(tessellation, "loops", None)  # not to be called
     monkeypatch.setattr(interpolation, "loops", None)
+    monkeypatch.setattr(affine, "loops", None)
     points, connectivity = random_patches(10, 3, 3)
     Tessellation(connectivity, (3, 3), 3).evaluate(points)
     vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
-    Interpolation(locate(vertices, vertices, tetrahedra), tetrahedra, len(vertices)).apply(vertices)
+    where = locate(vertices, vertices, tetrahedra)
+    Interpolation(where, tetrahedra, len(vertices)).apply(vertices)
+    AffineInterpolation(vertices, where, vertices, tetrahedra).apply(vertices)
 
 
 @pytest.mark.parametrize(

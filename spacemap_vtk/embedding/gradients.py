@@ -16,40 +16,6 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-def deformation_gradients(
-    vertices: NDArray[np.float64],
-    tetrahedra: NDArray[np.integer[Any]],
-    displacement: NDArray[Any],
-) -> NDArray[np.float64]:
-    """Return the gradient F of the affine map of each tetrahedron.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        At rest, in m.
-    tetrahedra : (T, 4) int
-        Vertex numbers.
-    displacement : (V, 3)
-        In m.
-
-    Returns
-    -------
-    (T, 3, 3) float64
-        dx'/dx; the identity in a flat tetrahedron, which has no map.
-    """
-    rest = vertices[tetrahedra]
-    shift = np.asarray(displacement, dtype=np.float64)[tetrahedra]
-    edges = rest[:, 1:] - rest[:, :1]  # (T, 3, 3), one edge a row
-    moved = shift[:, 1:] - shift[:, :1]
-    volume = np.linalg.det(edges)
-    size = np.abs(edges).max(axis=(1, 2))
-    flat = np.abs(volume) <= 1e-12 * size**3
-    edges[flat] = np.eye(3)
-    moved[flat] = 0.0
-    # edges F^T = moved edges
-    return np.eye(3) + np.linalg.solve(edges, moved).transpose(0, 2, 1)
-
-
 class QuadraticGradients:
     """The gradient of the map at each point in quadratic tetrahedra, where it varies.
 

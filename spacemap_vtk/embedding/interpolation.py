@@ -1,15 +1,16 @@
 """Values at the vertices of a tetrahedral mesh, carried over to points that ride along.
 
-Equation (8) of Furukawa, Kitagawa and Shimizu: four weights a point (ten in quadratic tetrahedra).
-Points of one tetrahedron take the same vertices, so that where they are many their values are one
-dense product, put back into order afterwards; elsewhere a sparse product takes all tetrahedra in
-one call. Either is bound by the memory that points and weights take, and gains by a second thread.
-Many points take neither where Numba is installed: one compiled loop does all, with no order needed.
+Equation (8) of Furukawa, Kitagawa and Shimizu, by a weight for each node of a point's tetrahedron:
+ten where it is quadratic, sixteen of the spline. One compiled loop does all of many points; a
+sparse product does few ones, and all where there is no Numba. Either is bound by the memory that
+the weights take, and gains by a second thread. Where the tetrahedra are linear none are needed (see
+`spacemap_vtk.embedding.affine`).
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -20,11 +21,13 @@ from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import shape_functions, shape_slopes
 from spacemap_vtk.memory import Recycler
-from spacemap_vtk.parallel import BLAS_SERIAL, WORTHWHILE, for_each, loops
+from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
-_MANY = 64  # points that a tetrahedron must have on average for a product of its own to pay
+
+#: Writes the values at the points of a block, (n, k), of those at the vertices, (V, k).
+_Write = Callable[[NDArray[np.float64], NDArray[Any]], None]
 
 
 class Interpolation:
@@ -74,7 +77,7 @@ class Interpolation:
         self.vertex_count = vertex_count
         self._threads = threads
         self._recycler = Recycler()
-        self._blocks: list[tuple[slice, _Product]] = []
+        self._blocks: list[tuple[slice, _Write]] = []
         many = self.point_count > WORTHWHILE
         ride = loops("spacemap_vtk.embedding.ride_loops") if many else None
         for begin in range(0, self.point_count, _BLOCK):
@@ -82,11 +85,7 @@ class Interpolation:
             weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
             if corners.shape[1] == 10 and weights.shape[1] == 4:
                 weights = quadratic_weights(weights)
-            self._blocks.append(
-                (rows, _product(weights, tetrahedron, corners, vertex_count))
-                if ride is None
-                else (rows, _Compiled(ride, weights, tetrahedron, corners))
-            )
+            self._blocks.append((rows, _writer(ride, weights, tetrahedron, corners, vertex_count)))
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
         """Interpolate.
@@ -106,18 +105,12 @@ class Interpolation:
         InputError
             There are not as many rows as vertices, or more than two axes.
         """
-        table = np.ascontiguousarray(values, dtype=np.float64)
-        if table.ndim not in (1, 2) or len(table) != self.vertex_count:
-            raise InputError(
-                f"values of shape {np.shape(values)} at the vertices of the cage",
-                allowed=f"({self.vertex_count},) or ({self.vertex_count}, k)",
-            )
-        columns = table.reshape(len(table), -1)
+        table, columns = value_table(values, self.vertex_count)
         result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
 
-        def do(block: tuple[slice, _Product]) -> None:
-            rows, product = block
-            product.write(columns, result[rows])
+        def do(block: tuple[slice, _Write]) -> None:
+            rows, write = block
+            write(columns, result[rows])
 
         for_each(self._blocks, lambda: do, self._threads)
         return result.reshape(-1, *table.shape[1:])
@@ -154,12 +147,26 @@ class Interpolation:
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
 
-        def do(block: tuple[slice, _Product]) -> None:
-            rows, product = block
-            product.displace(table, points[rows], moved[rows], shift[rows])
+        def do(block: tuple[slice, _Write]) -> None:
+            rows, write = block
+            write(table, shift[rows])
+            np.add(points[rows], shift[rows], out=moved[rows])  # while it is in the cache
 
         for_each(self._blocks, lambda: do, self._threads)
         return moved, shift
+
+
+def value_table(
+    values: ArrayLike, vertex_count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return values at vertices as they came, and as a table (V, k)."""
+    table = np.ascontiguousarray(values, dtype=np.float64)
+    if table.ndim not in (1, 2) or len(table) != vertex_count:
+        raise InputError(
+            f"values of shape {np.shape(values)} at the vertices of the cage",
+            allowed=f"({vertex_count},) or ({vertex_count}, k)",
+        )
+    return table, table.reshape(len(table), -1)
 
 
 def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float64]:
@@ -173,120 +180,31 @@ def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float
     return table
 
 
-def _product(
+def _writer(
+    ride: ModuleType | None,
     weights: NDArray[np.float64],
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
     vertex_count: int,
-) -> _Product:
-    """Prepare the product that is fastest for some points."""
-    order = np.argsort(tetrahedron, kind="stable")
-    ordered = tetrahedron[order]
-    begin = np.diff(ordered, prepend=-1) != 0
-    if np.count_nonzero(begin) * _MANY > len(ordered):
-        return _Sparse(weights, corners[tetrahedron], vertex_count)
-    begin[:: BLAS_SERIAL // (3 * corners.shape[1])] = True  # none longer than this
-    begins = np.flatnonzero(begin)
-    return _Sorted(weights[order], order, begins, corners[ordered[begins]])
+) -> _Write:
+    """Prepare some points."""
+    # Views of the location where it can be, and 32 bits for vertex numbers: what is read counts.
+    if ride is not None:
+        return partial(ride.apply, np.ascontiguousarray(weights), tetrahedron, corners)
+    from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
 
+    count, nodes = weights.shape
+    starts = np.arange(0, nodes * count + 1, nodes, dtype=np.int32)
+    matrix = csr_matrix(
+        (weights.reshape(-1), corners[tetrahedron].reshape(-1), starts),
+        shape=(count, vertex_count),
+        copy=False,
+    )
 
-class _Product(ABC):
-    """Values at the points of a block, of values at the vertices."""
+    def write(values: NDArray[np.float64], out: NDArray[Any]) -> None:
+        out[...] = matrix @ values
 
-    @abstractmethod
-    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        """Write the values at the points, (n, k), of those at the vertices, (V, k)."""
-
-    def displace(
-        self,
-        values: NDArray[np.float64],
-        points: NDArray[Any],
-        moved: NDArray[Any],
-        shift: NDArray[Any],
-    ) -> None:
-        """Write displacement and new position of the points, of displacements at the vertices."""
-        self.write(values, shift)
-        np.add(points, shift, out=moved)  # while the block is in the cache
-
-
-class _Sparse(_Product):
-    """One sparse product."""
-
-    def __init__(
-        self, weights: NDArray[np.float64], vertices: NDArray[np.int32], vertex_count: int
-    ) -> None:
-        from scipy.sparse import csr_matrix  # with all it brings: a tenth of a second
-
-        count, nodes = weights.shape
-        # A view of the location's weights, and 32 bits for vertex numbers: what is read counts.
-        starts = np.arange(0, nodes * count + 1, nodes, dtype=np.int32)
-        self._matrix = csr_matrix(
-            (weights.reshape(-1), vertices.reshape(-1), starts),
-            shape=(count, vertex_count),
-            copy=False,
-        )
-
-    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        out[...] = self._matrix @ values
-
-
-class _Sorted(_Product):
-    """A dense product for each tetrahedron, over points that are sorted by it."""
-
-    def __init__(
-        self,
-        weights: NDArray[np.float64],
-        order: NDArray[np.intp],
-        begins: NDArray[np.intp],
-        vertices: NDArray[np.int32],
-    ) -> None:
-        self._weights, self._vertices = weights, vertices
-        ends = [*begins[1:].tolist(), len(order)]
-        self._runs = [slice(begin, end) for begin, end in zip(begins.tolist(), ends, strict=True)]
-        self._place = np.empty(len(order), np.min_scalar_type(len(order) - 1))
-        self._place[order] = np.arange(len(order))
-
-    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        result = np.empty((len(self._place), values.shape[1]))
-        for run, corners in zip(self._runs, values[self._vertices], strict=True):
-            np.matmul(self._weights[run], corners, out=result[run])
-        if out.dtype == result.dtype:
-            # "clip" is the mode without a buffered copy; every place is in range
-            np.take(result, self._place, axis=0, out=out, mode="clip")
-        else:
-            out[...] = result[self._place]
-
-
-class _Compiled(_Product):
-    """One compiled loop over the points in the order that they have."""
-
-    def __init__(
-        self,
-        ride: ModuleType,
-        weights: NDArray[np.float64],
-        tetrahedron: NDArray[np.int32],
-        corners: NDArray[np.int32],
-    ) -> None:
-        self._ride = ride
-        # Views of the location where it can be, and of the one type that is compiled for.
-        self._tables = (
-            np.ascontiguousarray(weights, np.float64),
-            np.ascontiguousarray(tetrahedron, np.int32),
-            corners,
-        )
-
-    def write(self, values: NDArray[np.float64], out: NDArray[Any]) -> None:
-        self._ride.apply(*self._tables, values, out)
-
-    def displace(
-        self,
-        values: NDArray[np.float64],
-        points: NDArray[Any],
-        moved: NDArray[Any],
-        shift: NDArray[Any],
-    ) -> None:
-        """Write both in one pass."""
-        self._ride.displace(*self._tables, values, np.ascontiguousarray(points), moved, shift)
+    return write
 
 
 def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:

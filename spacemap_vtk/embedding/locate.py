@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from spacemap_vtk.embedding.background_grid import Grid
 from spacemap_vtk.embedding.frames import Frames
@@ -35,7 +35,7 @@ class Location:
     tetrahedron : (N,) int32
         Tetrahedron that each point belongs to.
     weights : (N, 4) float64
-        Weights of its corners, of sum 1; negative ones extrapolate.
+        Weights of its corners, of sum 1; negative ones extrapolate. (0, 4) where not asked for.
     is_outside : (N,) bool
         True for points outside every tetrahedron.
     outside : int
@@ -57,6 +57,7 @@ def locate(
     tetrahedra: ArrayLike,
     outside: str = "extrapolate",
     *,
+    weighted: bool = True,
     threads: int | None = None,
 ) -> Location:
     """Find the tetrahedron that each point belongs to, and the weights of its corners.
@@ -76,6 +77,8 @@ def locate(
     outside : {"extrapolate", "clamp", "error"}
         What becomes of points outside: they get the weights of their own place, some of them
         negative; or those of the nearest point of the mesh; or are refused.
+    weighted : bool, optional
+        Whether weights are kept.
     threads : int, optional
         Threads to work in; all processors if not given.
 
@@ -115,12 +118,16 @@ def locate(
         )
     given = np.asarray(points)
     single = given.dtype in (np.float32, np.float16)
-    places = _checked_points(given, "point")
-    nodes = _checked_points(vertices, "vertex of the cage")
+    places = _checked_points(given, "point", np.float32 if single else np.float64)
+    nodes = _checked_points(vertices, "vertex of the cage", np.float64)
     cells = _checked_tetrahedra(tetrahedra, len(nodes))
     epsilon = float(np.finfo(np.float32 if single else np.float64).eps)
     tetrahedron = np.empty(len(places), dtype=np.int32)
-    weights = np.empty((len(places), 4))
+    weights = np.empty((len(places) if weighted else 0, 4))
+
+    def part(which: slice | NDArray[np.intp]) -> NDArray[np.float64]:
+        return np.asarray(places[which], np.float64)  # a copy of all would be as large as they are
+
     pattern = recognise(nodes, cells)
     left: NDArray[np.intp] | None = None  # who must be searched for; None: all
     if pattern is not None:
@@ -128,7 +135,9 @@ def locate(
         def calculate() -> Callable[[int], None]:
             def do(begin: int) -> None:
                 block = slice(begin, begin + _BLOCK)
-                pattern.find(places[block], epsilon, tetrahedron[block], weights[block])
+                some = part(block)
+                rows = weights[block] if weighted else np.empty((len(some), 4))
+                pattern.find(some, epsilon, tetrahedron[block], rows)
 
             return do
 
@@ -144,9 +153,10 @@ def locate(
         def do(begin: int) -> None:
             block: Any = slice(begin, begin + _BLOCK)
             block = block if left is None else left[block]
-            tetrahedron[block] = found = grid.find(places[block])
-            # those outside get weights of some tetrahedron, and the right ones below
-            weights[block] = frames.weights(places[block], np.maximum(found, 0))
+            tetrahedron[block] = found = grid.find(part(block))
+            if weighted:
+                # those outside get weights of some tetrahedron, and the right ones below
+                weights[block] = frames.weights(part(block), np.maximum(found, 0))
 
         return do
 
@@ -160,11 +170,12 @@ def locate(
             def do(begin: int) -> None:
                 block = slice(begin, begin + _BLOCK)
                 which = missed[block]
-                owner, clamped, far = nearest.find(places[which])
+                owner, clamped, far = nearest.find(part(which))
                 tetrahedron[which], distance[block] = owner, far
-                extrapolated = frames.weights(places[which], owner)
-                clamp = (outside == "clamp") & (far > frames.distance)
-                weights[which] = np.where(clamp[:, None], clamped, extrapolated)
+                if weighted:
+                    extrapolated = frames.weights(part(which), owner)
+                    clamp = (outside == "clamp") & (far > frames.distance)
+                    weights[which] = np.where(clamp[:, None], clamped, extrapolated)
 
             return do
 
@@ -184,8 +195,8 @@ def locate(
     return Location(tetrahedron, weights, is_outside, count, largest)
 
 
-def _checked_points(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    result = np.ascontiguousarray(values, dtype=np.float64)
+def _checked_points(values: ArrayLike, what: str, kind: DTypeLike) -> NDArray[Any]:
+    result = np.ascontiguousarray(values, dtype=kind)
     if result.ndim != 2 or result.shape[1] != 3:
         raise GeometryError(f"{what} coordinates of shape {result.shape}", allowed="(N, 3)")
     finite = np.isfinite(result).all(axis=1)

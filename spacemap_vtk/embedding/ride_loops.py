@@ -32,26 +32,35 @@ def apply(
 
 
 @compiled
-def displace(
-    weights: NDArray[np.float64],
+def carry(
+    maps: NDArray[np.float64],
     tetrahedron: NDArray[np.int32],
-    corners: NDArray[np.int32],
-    displacement: NDArray[np.float64],
+    points: NDArray[Any],
+    out: NDArray[Any],
+) -> None:
+    """Write values at points, by the affine maps of tetrahedra."""
+    for point in range(len(tetrahedron)):
+        row = maps[np.intp(tetrahedron[point])]
+        x, y, z = points[point, 0] - row[0], points[point, 1] - row[1], points[point, 2] - row[2]
+        for column in range(out.shape[1]):
+            k = 3 + 4 * column
+            out[point, column] = row[k] + row[k + 1] * x + row[k + 2] * y + row[k + 3] * z
+
+
+@compiled
+def displace(
+    maps: NDArray[np.float64],
+    tetrahedron: NDArray[np.int32],
     points: NDArray[Any],
     moved: NDArray[Any],
     shift: NDArray[Any],
 ) -> None:
-    """Write displacement and new position of points."""
+    """Write displacement and new position of points, by the affine maps of tetrahedra."""
     for point in range(len(tetrahedron)):
-        cell = np.intp(tetrahedron[point])
-        x, y, z = 0.0, 0.0, 0.0
-        for k in range(weights.shape[1]):
-            weight, node = weights[point, k], np.intp(corners[cell, k])
-            x += weight * displacement[node, 0]
-            y += weight * displacement[node, 1]
-            z += weight * displacement[node, 2]
-        shift[point, 0], shift[point, 1], shift[point, 2] = x, y, z
-        # of the rounded displacement, so that the two agree to the last bit
-        moved[point, 0] = points[point, 0] + shift[point, 0]
-        moved[point, 1] = points[point, 1] + shift[point, 1]
-        moved[point, 2] = points[point, 2] + shift[point, 2]
+        row = maps[np.intp(tetrahedron[point])]
+        x, y, z = points[point, 0] - row[0], points[point, 1] - row[1], points[point, 2] - row[2]
+        for axis in range(3):
+            k = 3 + 4 * axis
+            shift[point, axis] = row[k] + row[k + 1] * x + row[k + 2] * y + row[k + 3] * z
+            # of the rounded displacement, so that the two agree to the last bit
+            moved[point, axis] = points[point, axis] + shift[point, axis]

@@ -23,10 +23,10 @@ from spacemap_vtk.datasets.arrays import (
     to_points,
 )
 from spacemap_vtk.datasets.geometry_cache import Geometry
+from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
     QuadraticGradients,
     cofactors,
-    deformation_gradients,
     turned_normals,
     vertex_averages,
 )
@@ -49,8 +49,9 @@ class BarycentricWarp(Stage):
 
     Port 0 is the object, port 1 the cage: a tetrahedral mesh with a displacement. Each point keeps
     its barycentric weights in the tetrahedron that holds it, or the weights of all ten nodes if the
-    mesh is of quadratic tetrahedra. They are computed once, and again only when points or mesh
-    change: a new displacement costs one sparse product. Normals turn with the surface.
+    mesh is of quadratic tetrahedra. That is found once, and again only when points or mesh change.
+    In a linear tetrahedron the weighted sum is an affine map, one for all its points, so that a new
+    displacement costs one pass over them. Normals turn with the surface.
 
     Notes
     -----
@@ -157,9 +158,9 @@ class BarycentricWarp(Stage):
                 f"to carry {count} points along",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
-            where = locate(
-                points_of(points).astype(np.float64, copy=False), vertices, corners, self.outside
-            )
+            # In linear tetrahedra each has one map, and a point needs no weights.
+            affine = elements.shape[1] == 4 and not self.smooth
+            where = locate(points_of(points), vertices, corners, self.outside, weighted=not affine)
             note = ""
             if where.outside:
                 note = (
@@ -169,15 +170,17 @@ class BarycentricWarp(Stage):
                         self.outside
                     ]
                 )
-            ride: Interpolation | SmoothInterpolation
+            ride: AffineInterpolation | Interpolation | SmoothInterpolation
+            places, clamp = points_of(points), self.outside == "clamp"
             if self.smooth:
-                places = points_of(points).astype(np.float64, copy=False)
-                clamp = self.outside == "clamp"
+                places = places.astype(np.float64, copy=False)
                 ride = SmoothInterpolation(places, where, vertices, corners, clamp)
+            elif affine:
+                ride = AffineInterpolation(places, where, vertices, corners, clamp)
             else:
                 ride = Interpolation(where, elements, len(vertices))
-            if elements.shape[1] == 4:  # its weights serve the gradients of quadratic cages alone
-                where = replace(where, weights=where.weights[:0])
+            if elements.shape[1] == 4:  # weights serve the gradients of quadratic cages alone
+                where = replace(where, weights=np.empty((0, 4)), is_outside=np.empty(0, np.bool_))
             kept = self._kept = _Ride(
                 settings=(self.outside, self.smooth),
                 points=Geometry(points),
@@ -213,10 +216,13 @@ def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: i
     int
         Bytes.
     """
-    # Tetrahedron, whether outside, place and displacement; weights of the corners, and those of
-    # all nodes, or of values and gradients at the corners; arrays in both precisions.
-    more = 16 if smooth else nodes if nodes > 4 else 0
-    return points * (4 + 1 + 24 + 24 + 8 * (4 + more) + 12 * columns)
+    # Place and displacement; tetrahedron; arrays in both precisions.
+    size = points * (24 + 24 + 4 + 12 * columns)
+    if nodes > 4 or smooth:
+        # Whether outside; weights of the corners, and those of all nodes, or of values and
+        # gradients at the corners.
+        size += points * (1 + 8 * (4 + (16 if smooth else nodes)))
+    return size
 
 
 @dataclass
@@ -230,7 +236,7 @@ class _Ride:
     cells: NDArray[np.int64]
     elements: NDArray[np.int64]
     location: Location
-    interpolation: Interpolation | SmoothInterpolation
+    interpolation: AffineInterpolation | Interpolation | SmoothInterpolation
     note: str
     quadratic: QuadraticGradients | None = None
 
@@ -246,15 +252,14 @@ class _Ride:
 
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
         each: NDArray[np.integer[Any]] = np.arange(len(normals))
-        if isinstance(self.interpolation, SmoothInterpolation):
-            gradients = self.interpolation.gradients(displacement)
-        elif self.elements.shape[1] > 4:
+        if isinstance(self.interpolation, Interpolation):
             if self.quadratic is None:
                 self.quadratic = QuadraticGradients(self.location, self.vertices, self.elements)
             gradients = self.quadratic.at(displacement)
         else:
-            gradients = deformation_gradients(self.vertices, self.elements, displacement)
-            each = self.location.tetrahedron
+            gradients = self.interpolation.gradients(displacement)
+            if isinstance(self.interpolation, AffineInterpolation):
+                each = self.location.tetrahedron
         return turned_normals(normals, cofactors(gradients), each)
 
 

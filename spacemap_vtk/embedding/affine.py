@@ -1,0 +1,229 @@
+"""Points that ride along with linear tetrahedra: the map of each tetrahedron is affine.
+
+Equation (8) of Furukawa, Kitagawa and Shimizu is the sum of four weights of a point times what the
+corners have. Within a tetrahedron that is one affine function of the place, so nothing is kept of a
+point but the number of its tetrahedron: 4 bytes in place of four weights, and a step reads each
+point once. The sum is over few maps, which stay in the cache.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.embedding.interpolation import displacement_table, value_table
+from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.memory import Recycler
+from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
+
+# Points that are worked on together. NumPy's share of the tables of maps stays in the cache, and
+# calls are few; a compiled loop needs neither, and is only to be shared among threads.
+_BLOCK, _COMPILED_BLOCK = 2**13, 2**17
+#: As `spacemap_vtk.embedding.frames` has it: a flatter tetrahedron has no map.
+_FLAT = 1e-12
+
+
+class AffineInterpolation:
+    """Interpolation in linear tetrahedra to fixed points, for any values at the vertices.
+
+    An affine function of the vertices is reproduced within rounding, inside and outside.
+
+    Parameters
+    ----------
+    points : (N, 3) float32 or float64
+        The points that were located, in m. They are kept, not copied.
+    location : Location
+        Where they lie; its weights are not needed.
+    vertices : (V, 3) float64
+        At rest, in m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+    clamp : bool, optional
+        Points outside move as the nearest point of the cage does; otherwise as the affine map of
+        their tetrahedron goes on.
+    threads : int, optional
+        Threads to work in; all processors if not given.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.embedding.locate import locate
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> cage, points = np.array([[0, 1, 2, 3]]), np.array([[0.5, 0.25, 0.125]])
+    >>> ride = AffineInterpolation(points, locate(points, corners, cage), corners, cage)
+    >>> ride.displace(points, corners)[0].tolist()
+    [[1.0, 0.5, 0.25]]
+    """
+
+    def __init__(
+        self,
+        points: NDArray[Any],
+        location: Location,
+        vertices: NDArray[np.float64],
+        tetrahedra: NDArray[np.integer[Any]],
+        clamp: bool = False,
+        *,
+        threads: int | None = None,
+    ) -> None:
+        self._points, self._tetrahedron = points, location.tetrahedron
+        self._cells, self._vertex_count = np.asarray(tetrahedra), len(vertices)
+        corners = vertices[self._cells]
+        self._origins = corners[:, 0]
+        edges = corners[:, 1:] - corners[:, :1]  # (T, 3, 3), one edge a row
+        size = np.abs(edges).max(axis=(1, 2), initial=0.0)
+        flat = np.abs(np.linalg.det(edges)) <= _FLAT * size**3
+        edges[flat], self._flat = np.eye(3), np.flatnonzero(flat)
+        self._edges, self._inverse = edges, np.linalg.inv(edges)
+        self._beyond = np.flatnonzero(location.is_outside) if clamp else np.empty(0, np.intp)
+        self._feet = np.empty((0, 4))
+        if len(self._beyond):
+            self._feet = locate(points[self._beyond], vertices, tetrahedra, "clamp").weights
+        self._recycler = Recycler()
+        many = len(points) > WORTHWHILE
+        self._threads = threads or (None if many else 1)  # which would cost more than they save
+        self._loops: ModuleType | None = (
+            loops("spacemap_vtk.embedding.ride_loops") if many else None
+        )
+        width = _BLOCK if self._loops is None else _COMPILED_BLOCK
+        self._blocks = [slice(begin, begin + width) for begin in range(0, len(points), width)]
+
+    def displace(
+        self, points: NDArray[Any], displacement: ArrayLike
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Move points with the mesh.
+
+        Parameters
+        ----------
+        points : (N, 3) float32 or float64
+            The points that were located, in m; or others in their places, each of which takes the
+            map of that point's tetrahedron.
+        displacement : (V, 3) array_like
+            Displacement of the vertices in m.
+
+        Returns
+        -------
+        moved : (N, 3) of the points' type
+            Points plus displacement, in m.
+        displacement : (N, 3) of the points' type
+            In m.
+
+        Raises
+        ------
+        InputError
+            The points are not as many as were located, or the displacement is not (V, 3).
+        """
+        table = displacement_table(displacement, self._vertex_count)
+        if points.shape != (len(self._tetrahedron), 3):
+            raise InputError(
+                f"points of shape {points.shape}",
+                allowed=f"({len(self._tetrahedron)}, 3): those located",
+            )
+        moved = self._recycler.empty(points.shape, points.dtype)
+        shift = self._recycler.empty(points.shape, points.dtype)
+        maps = self._maps(table)
+        write = self._writer(maps, points, shift)
+
+        def do(block: slice) -> None:
+            if self._loops is not None:
+                arrays = (points[block], moved[block], shift[block])
+                self._loops.displace(maps, self._tetrahedron[block], *arrays)
+                return
+            write(block)
+            np.add(points[block], shift[block], out=moved[block])  # while it is in the cache
+
+        for_each(self._blocks, lambda: do, self._threads)
+        if len(self._beyond):
+            shift[self._beyond] = self._at_feet(table)
+            moved[self._beyond] = points[self._beyond] + shift[self._beyond]
+        return moved, shift
+
+    def apply(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Interpolate to the points that were located.
+
+        Parameters
+        ----------
+        values : (V,) or (V, k) array_like
+            Values at the vertices, of any unit.
+
+        Returns
+        -------
+        (N,) or (N, k) float64
+            Values at the points, of the same unit.
+
+        Raises
+        ------
+        InputError
+            There are not as many rows as vertices, or more than two axes.
+        """
+        table, columns = value_table(values, self._vertex_count)
+        result = self._recycler.empty((len(self._tetrahedron), columns.shape[1]), np.float64)
+        write = self._writer(self._maps(columns), self._points, result)
+        for_each(self._blocks, lambda: write, self._threads)
+        if len(self._beyond):
+            result[self._beyond] = self._at_feet(columns)
+        return result.reshape(-1, *table.shape[1:])
+
+    def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
+        """Return the gradient F of the map of each tetrahedron.
+
+        Parameters
+        ----------
+        displacement : (V, 3) array_like
+            In m.
+
+        Returns
+        -------
+        (T, 3, 3) float64
+            dx'/dx; the identity in a flat tetrahedron, which has no map.
+        """
+        table = displacement_table(displacement, self._vertex_count)
+        return np.eye(3) + self._slopes(table).transpose(0, 2, 1)
+
+    def _slopes(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what each column gains along x, y and z, (T, 3, k)."""
+        values = columns[self._cells]
+        gained = values[:, 1:] - values[:, :1]
+        gained[self._flat] = 0.0
+        slopes = self._inverse @ gained
+        # One step of refinement: the inverse of a sliver has few digits, its edges have all.
+        slopes += self._inverse @ (gained - self._edges @ slopes)
+        return slopes
+
+    def _maps(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return first corners, each column's values there and its slopes, (T, 3 + 4k)."""
+        result = np.empty((len(self._cells), 3 + 4 * columns.shape[1]))
+        result[:, :3] = self._origins
+        each = result[:, 3:].reshape(len(result), -1, 4)
+        each[:, :, 0] = columns[self._cells[:, 0]]
+        each[:, :, 1:] = self._slopes(columns).transpose(0, 2, 1)
+        return result
+
+    def _at_feet(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values of the clamped points."""
+        corners = self._cells[self._tetrahedron[self._beyond]]
+        result: NDArray[np.float64] = np.einsum("na,nak->nk", self._feet, columns[corners])
+        return result
+
+    def _writer(
+        self, maps: NDArray[np.float64], points: NDArray[Any], out: NDArray[Any]
+    ) -> Callable[[slice], None]:
+        """Return what writes the values at a block of points."""
+        if self._loops is not None:
+            carry = self._loops.carry
+            return lambda block: carry(maps, self._tetrahedron[block], points[block], out[block])
+        # One row a coefficient, so that each operation runs over contiguous memory.
+        rows = np.ascontiguousarray(maps.T)
+
+        def write(block: slice) -> None:
+            # "clip" is the mode without a buffered copy; every number is in range
+            found = rows.take(self._tetrahedron[block], axis=1, mode="clip")
+            away = points[block].T - found[:3]
+            terms = found[3:].reshape(-1, 4, found.shape[1])
+            terms[:, 1:] *= away
+            out[block] = terms.sum(axis=1).T
+
+        return write
