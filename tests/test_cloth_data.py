@@ -12,7 +12,7 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructured
 
 from spacemap_vtk import PatchTessellator, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import add_array
-from spacemap_vtk.datasets.cloth import add_cloth, cloth_of
+from spacemap_vtk.datasets.cloth_data import add_cloth, cloth_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.threads import Threads

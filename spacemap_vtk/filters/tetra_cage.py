@@ -16,7 +16,7 @@ from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, latti
 from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.cage.tetwild import filled
 from spacemap_vtk.datasets.arrays import to_cells, to_points
-from spacemap_vtk.datasets.cloth import pass_cloth
+from spacemap_vtk.datasets.cloth_data import pass_cloth
 from spacemap_vtk.datasets.extent import bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral

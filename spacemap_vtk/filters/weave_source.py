@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
-from spacemap_vtk.datasets.cloth import add_cloth
+from spacemap_vtk.datasets.cloth_data import add_cloth
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
