@@ -353,7 +353,7 @@ def test_what_a_scene_gives_can_be_automatic_again(
         ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
         ("[weave]\npattern = ['10', '0']", ["weave.pattern", "0 and 1"]),
         ("[weave]\npattern = 'plian'", ["weave.pattern", '"plain"']),
-        ("[weave]\ndraft = 'no.wif'", ["weave.draft", "no.wif", "no such file", "(.wif)"]),
+        ("[weave]\ndraft = 'no.wif'", ["weave.draft", "no.wif", "no such file", "(.wif, "]),
         ("[modal]\npoissons_ratio = 0.5", ["modal.poissons_ratio = 0.5", "less than 0.5"]),
         ("[modal]\nfixed = 'top'", ['modal.fixed = "top"', '"+y"']),
         ("[cage]\ndivisions = [5, 5]", ["cage.divisions", "[x, y, z]"]),
@@ -428,7 +428,11 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
         (["render", "-o", "a.png"], ["needs SCENE"]),
         (
             ["render", __file__, "-o", "a.png"],
-            [__file__, "by its ending", ".toml, .wif, .vtkhdf, .vtk, .vtu"],
+            [
+                __file__,
+                "by its ending",
+                ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtkhdf, .vtk, .vtu",
+            ],
         ),
         (["render", "/", "-o", "a.png"], ["/: a folder"]),
         (["render", "plain_weave", "-o", f"{__file__}/a.png"], ["is a file, not a folder"]),

@@ -173,7 +173,7 @@ def test_what_is_drawn_is_written_by_it_too(tmp_path: Path, capsys: Any) -> None
 @pytest.mark.usefixtures("toys")
 def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
     opened, drafts = registry.opened_filters().split(";;"), registry.draft_filters()
-    assert re.search(r"\*\.wif \*\.bits .*\*\.dots", opened[0])
+    assert re.search(r"\*\.wif .*\*\.dtx .*\*\.bits .*\*\.dots", opened[0])
     assert "*.bits" in drafts
     written = registry.written_filters()
     assert written["Surface (*.xyz)"] == "surface"
@@ -181,16 +181,21 @@ def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
     # What is said of a file that nobody reads or writes.
     (tmp_path / "a.png").write_bytes(b"\x89PNG")
     assert run("render", str(tmp_path / "a.png"), "-o", "b.png") == 2
-    assert ".toml, .wif, .bits, " in capsys.readouterr().err
+    assert ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .bits, " in capsys.readouterr().err
     assert run("render", "nothing", "-o", "b.png") == 2
-    assert "a weaver's draft (.wif, .bits)" in capsys.readouterr().err
+    assert (
+        "a weaver's draft (.wif, .wifw, .plm, .dtx, .wpo, .twa, .bits)" in capsys.readouterr().err
+    )
     assert run("export", "plain_weave", "-o", "b.png") == 2
     assert ".xyz (surface or cage)" in capsys.readouterr().err
     # ParaView opens drafts and scenes by their endings; meshes it reads itself.
     xml = proxies()["WIFReader"]._pvsm_proxy_xml
     factory = ElementTree.fromstring(xml).find(".//ReaderFactory")
     assert factory is not None
-    assert factory.attrib == {"extensions": "wif bits", "file_description": "Weaver's draft"}
+    assert factory.attrib == {
+        "extensions": "wif wifw plm dtx wpo twa bits",
+        "file_description": "Weaver's draft",
+    }
 
 
 def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
@@ -202,13 +207,13 @@ def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
         done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
         return " ".join(done.stdout.replace("│", " ").split())
 
-    assert "a weaver's draft (.wif, .bits), a mesh (" in said("--help")
+    assert ".wpo, .twa, .bits), a mesh (" in said("--help")
     help = said("export", "--help")
     for part in (
         "A .vtu (patches or cage), ",
         ".xyz (surface or cage)",
         ".film (cage)",
-        ".wif or .blank (draft)",
+        ".wif, .dtx, .txt or .blank (draft)",
     ):
         assert part in help
 

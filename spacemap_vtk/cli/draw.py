@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,13 +21,16 @@ from spacemap_vtk.cli.options import (
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.output import whole_file
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
 _OUTPUT = ["--output", "-o"]
-PictureFile = Annotated[Path, Parameter(name=_OUTPUT, help=f"A {written_words('picture')} file.")]
+PictureFile = Annotated[
+    Path, Parameter(name=_OUTPUT, help=f"A {registry.written_words('picture')} file.")
+]
 
 
 def render(
@@ -60,7 +64,7 @@ def animate(
         Path,
         Parameter(
             name=_OUTPUT,
-            help=f"A {written_words('film')} file, or frames such as frames/%04d.png.",
+            help=f"A {registry.written_words('film')} file, or frames such as frames/%04d.png.",
         ),
     ],
     size: Size = None,
@@ -122,7 +126,7 @@ def export(
     scene: str,
     /,
     *,
-    output: Annotated[Path, Parameter(name=_OUTPUT, help=f"A {written_words()} file.")],
+    output: Annotated[Path, Parameter(name=_OUTPUT, help=f"A {registry.written_words()} file.")],
     what: Annotated[
         str | None,
         Parameter(
@@ -151,6 +155,56 @@ def export(
         raise
     chosen = opened(scene, set_, time=time)
     _carry_out(order, chosen, "Computing", quiet)
+
+
+def convert(
+    draft: Annotated[Path, Parameter(help=f"{registry.read_words('draft')}.")],
+    output: Annotated[Path, Parameter(help=f"A {registry.written_words('draft')} file.")],
+    /,
+    *,
+    trim: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Cut off ends in no heddle at the sides, picks without a shed before and after.",
+            show_default=False,
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn a weaver's draft into another format.
+
+    Threading, tie-up, treadling or liftplan, colours, spacings and thicknesses go from one file to
+    the other unchanged; what the new format cannot hold is told. Nothing is drawn, so that drafts
+    without room for their yarns are converted, too. A scene as a draft: "spacemap export SCENE
+    -o cloth.wif".
+
+    "spacemap convert cloth.dtx cloth.wif", "spacemap convert drawdown.png cloth.dtx"
+
+    Parameters
+    ----------
+    draft : Path
+        What is read.
+    output : Path
+        What is written: whole, or not at all.
+    """
+    from spacemap_vtk.io.draft_file import read_draft
+
+    Order("draft", output)  # refuses what cannot be written
+    known = [ending for each in registry.readers("draft") for ending in each.endings]
+    if draft.suffix.lower() not in known:
+        raise InputError(
+            f"{draft}: not a draft",
+            allowed=", ".join(known),
+            cure='Of a scene "spacemap export" makes a draft.',
+        )
+    found = read_draft(registry.existing(draft, ", ".join(known)), trim)
+    format_ = registry.writer(output, "draft")
+    with whole_file(output) as file:
+        format_.write(file, found)
+    if not quiet:
+        for text in (*found.warnings, *(format_.loses(found) if format_.loses else ())):
+            print(f"spacemap: warning: {text}", file=sys.stderr)
 
 
 def _carry_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:

@@ -40,6 +40,7 @@ COMMANDS = {
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
     "export": ("draw:export", "Write a scene's data for other programs."),
+    "convert": ("draw:convert", "Turn a weaver's draft into another format."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),
     "info": ("tell:info", "Print the figures of a fabric, or of an object."),

@@ -169,6 +169,8 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
     content = data() if format_.times else next(data())[1]
     if not format_.times:
         tell(1, steps)
+        for text in format_.loses(content) if format_.loses else ():
+            scene.warn(text)
     with _file(order, whole) as file:
         format_.write(file, content)
     tell(steps, steps)

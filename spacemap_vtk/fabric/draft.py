@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.drawdown import as_drawdown, floats, from_matrix, repeat, rows, tile
-from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.fabric.loom_edit import tiled
 from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
 from spacemap_vtk.fabric.threads import Lengths, along
@@ -74,6 +74,23 @@ class DraftThreads:
             colors=None if self.colors is None else np.resize(self.colors, (count, 3)),
         )
 
+    def cut(self, part: slice) -> DraftThreads:
+        """Return the same of some threads.
+
+        Parameters
+        ----------
+        part : slice
+            Which.
+
+        Returns
+        -------
+        DraftThreads
+            What is said of each thread is cut.
+        """
+        values = {name: getattr(self, name) for name in ("spacing", "thickness", "colors")}
+        own = {name: value[part] for name, value in values.items() if np.ndim(value)}
+        return replace(self, **own)
+
 
 @dataclass(frozen=True, eq=False)
 class Draft:
@@ -131,6 +148,32 @@ class Draft:
         """Ends and picks."""
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
+    def trimmed(self) -> Draft:
+        """Cut off what its edges have no use of.
+
+        Returns
+        -------
+        Draft
+            Without the ends at its sides that are in no heddle, and the picks at its beginning and
+            end that have no shed; itself, if there are none, or no loom says so.
+        """
+        loom = self.loom
+        if loom is None:
+            return self
+        ends, picks = _used(loom.threading), _used(loom.sheds())
+        drawdown = self.drawdown[picks, ends]
+        if drawdown.shape == self.drawdown.shape:
+            return self
+        lifted = None if loom.liftplan is None else loom.liftplan[picks]
+        loom = replace(
+            loom,
+            threading=loom.threading[ends],
+            treadling=loom.treadling[picks],
+            liftplan=lifted,
+        )
+        warp, weft = self.warp.cut(ends), self.weft.cut(picks)
+        return replace(self, drawdown=drawdown, loom=loom, warp=warp, weft=weft)
+
     def loom_for(self, drawdown: NDArray[np.bool_]) -> Loom:
         """Return the loom for a cloth.
 
@@ -149,3 +192,9 @@ class Draft:
             if np.array_equal(loom.drawdown(), drawdown):
                 return loom
         return Loom.from_drawdown(drawdown)
+
+
+def _used(rows: Rows) -> slice:
+    """Return where rows that say something begin and end."""
+    used = [index for index, row in enumerate(rows) if row]
+    return slice(used[0], used[-1] + 1) if used else slice(None)

@@ -70,10 +70,17 @@ class WeaveSource(Stage):
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
         None,
-        "A draft in place of the pattern: a WIF; a text (.txt, .csv), a row of 0 and 1 for each "
-        "pick, the first pick first; or a black-and-white picture (.png and others), a pixel for "
-        "each crossing, black where the end lies over the pick, the first pick at the bottom.",
+        "A draft in place of the pattern: a WIF, or one of Fiberworks (.dtx), WeavePoint (.wpo) or "
+        "TempoWeave (.twa); a text (.txt, .csv), a row of 0 and 1 for each pick, the first pick "
+        "first; or a black-and-white picture (.png and others), a pixel for each crossing, black "
+        "where the end lies over the pick, the first pick at the bottom.",
         automatic="no draft",
+    )
+    trim = Flag(
+        False,
+        "Cut off ends in no heddle at a draft's sides, and picks without a shed at its beginning "
+        "and end.",
+        when={"draft": ()},
     )
     ends = Integer(
         None,
@@ -370,14 +377,14 @@ class WeaveSource(Stage):
                 allowed=read_words("draft"),
             )
         if self._read is None or self._read[0] != self._stamp:
-            self._read = self._stamp, read_draft(self.draft)
+            self._read = self._stamp, read_draft(self.draft, self.trim)
         return self._read[1]
 
     @property
     def _stamp(self) -> tuple[Any, ...]:
-        """The draft's file, and when it was written."""
+        """The draft's file, when it was written, and whether it is trimmed."""
         there = self.draft is not None and self.draft.is_file()
-        return self.draft, self.draft.stat().st_mtime_ns if there else 0
+        return self.draft, self.draft.stat().st_mtime_ns if there else 0, self.trim
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""

@@ -91,6 +91,8 @@ class Writer:
     times: bool
     #: Refuses a file, before any work is done for it, where a library is missing.
     require: Callable[[Path], None] | None
+    #: Tells what of the data the format cannot hold, in sentences.
+    loses: Callable[[Any], list[str]] | None
 
     def check(self, path: Path) -> None:
         """Refuse a file that cannot be written here."""
@@ -129,6 +131,7 @@ def writes(
     holds: tuple[str, ...],
     times: bool = False,
     require: Callable[[Path], None] | None = None,
+    loses: Callable[[Any], list[str]] | None = None,
 ) -> Callable[[_F], _F]:
     """Register a function of a path and data as the writer of files of some endings."""
 
@@ -136,7 +139,7 @@ def writes(
 
     def register(function: _F) -> _F:
         _builtin()
-        _writers.append(Writer(endings, label, holds, function, times, require))
+        _writers.append(Writer(endings, label, holds, function, times, require, loses))
         return function
 
     return register

@@ -24,6 +24,7 @@ from collections.abc import Sequence
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom, Rows
+from spacemap_vtk.io.draft_bytes import MAX_CROSSINGS, loose_threads
 from spacemap_vtk.io.wif_text import (
     MAX_LENGTH,
     MAX_NUMBER,
@@ -37,9 +38,6 @@ from spacemap_vtk.io.wif_text import (
     numbers,
 )
 from spacemap_vtk.io.wif_threads import read_colors, read_lengths
-
-#: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
-MAX_CROSSINGS = 2**24
 
 # What a section of lists says: entry and numbers by thread or treadle.
 _Found = dict[int, tuple[Entry, tuple[int, ...]]]
@@ -272,21 +270,6 @@ def _is_rising(text: WifText) -> bool:
 
 
 def _note_floats(text: WifText, loom: Loom, threading: _Found, picks: _Found, section: str) -> None:
-    """Warn of ends in no heddle and of picks without a shed, which cross the whole cloth."""
-    # What nothing moves stays below a rising shed, and above a sinking one.
-    unmoved, other = ("under", "over") if loom.rising else ("over", "under")
-    for name, rows, found, where, lack in (
-        ("end", loom.threading, threading, "THREADING", f"no heddle, {unmoved} every pick"),
-        ("pick", loom.sheds(), picks, section, f"no shed, {other} every end"),
-    ):
-        loose = [index for index, row in enumerate(rows, start=1) if not row]
-        if loose:
-            line = found[loose[0]][0].line if loose[0] in found else text.line(where)
-            which = (
-                f"{name} {loose[0]} floats" if len(loose) == 1 else f"{name}s {_some(loose)} float"
-            )
-            text.notes.add(line, f"{which} across the cloth: in {lack}")
-
-
-def _some(items: Sequence[int]) -> str:
-    return ", ".join(map(str, items[:8])) + (f" and {len(items) - 8} more" if items[8:] else "")
+    for name, first, what in loose_threads(loom):
+        found, where = (threading, "THREADING") if name == "end" else (picks, section)
+        text.notes.add(found[first][0].line if first in found else text.line(where), what)

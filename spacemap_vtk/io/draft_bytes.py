@@ -1,0 +1,70 @@
+"""What reading a draft's file has in common, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.io.wif_text import MAX_LENGTH
+
+#: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
+MAX_CROSSINGS = 2**24
+
+
+def content(path: Path) -> bytes:
+    """Read a file that is no longer than a draft can be."""
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_LENGTH + 1)
+    except (OSError, ValueError) as error:  # a ValueError is a path with a null character
+        raise unreadable(error) from None
+    if len(data) > MAX_LENGTH:
+        raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes")
+    return data
+
+
+def unreadable(error: Exception) -> InputError:
+    """Return the error for a file that the system does not give."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return InputError(f"the draft can't be read ({reason})", cure="Check the name of the file")
+
+
+def check_size(ends: int, picks: int) -> None:
+    """Refuse more crossings than a draft can have."""
+    if ends * picks > MAX_CROSSINGS:
+        raise SizeError(
+            f"a cloth of {ends} x {picks} yarns is too large",
+            allowed=f"up to {MAX_CROSSINGS} crossings",
+            cure="Cut it to one repeat",
+        )
+
+
+#: What `loose_threads` says of all of them.
+LOOSE = "across the cloth: in no"
+
+
+def loose_threads(loom: Loom) -> Iterator[tuple[str, int, str]]:
+    """Yield end or pick, the number of the first, and what is said, of what nothing moves."""
+    # What nothing moves stays below a rising shed, and above a sinking one.
+    unmoved, other = ("under", "over") if loom.rising else ("over", "under")
+    for name, rows, lack in (
+        ("end", loom.threading, f"heddle, {unmoved} every pick"),
+        ("pick", loom.sheds(), f"shed, {other} every end"),
+    ):
+        loose = [index for index, row in enumerate(rows, start=1) if not row]
+        if loose:
+            which = (
+                f"{name} {loose[0]} floats" if len(loose) == 1 else f"{name}s {_some(loose)} float"
+            )
+            yield name, loose[0], f"{which} {LOOSE} {lack}"
+
+
+def loose_notes(loom: Loom) -> list[str]:
+    """Return what `loose_threads` says, by itself."""
+    return [text for _, _, text in loose_threads(loom)]
+
+
+def _some(items: Sequence[int]) -> str:
+    return ", ".join(map(str, items[:8])) + (f" and {len(items) - 8} more" if items[8:] else "")

@@ -1,0 +1,125 @@
+"""Drafts of WeavePoint (.wpo), read as far as their layout is known.
+
+Bytes, whole numbers of two of them with the high one first:
+
+======  ===========================================================================================
+byte    what
+======  ===========================================================================================
+0       123
+1       version; 7 at present
+2       100: liftplan, 101: a treadle a pick, 102: several
+4, 5    shafts, treadles
+7       0: a rising shed
+9, 10   ends and picks in a length: a centimetre where byte 17 is 1, an inch where it is 0
+13, 15  numbers (two bytes) of ends and picks that there is room for
+24 on   threading, warp colours, weft colours: a number (two bytes), and so many bytes each; the
+        tie-up, a mask of shafts for each treadle; the treadling as the threading, or the number of
+        picks and a mask of treadles, or of shafts, for each; 66 bytes; a number of colours and
+        their red, green and blue, of 255, or of 63 up to version 3.
+======  ===========================================================================================
+
+A mask has as few bytes as hold a bit for each, the low byte first. What follows (notes, and a
+list of yarns) is not read.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.draft import Draft, DraftThreads
+from spacemap_vtk.fabric.loom import Loom, Rows
+from spacemap_vtk.io.draft_bytes import check_size, content, loose_notes
+from spacemap_vtk.io.registry import truncated
+
+_ID, _LIFTPLAN, _SINGLE, _SEVERAL = 123, 100, 101, 102
+_HEAD, _NEWEST = 24, 7
+_CURE = "Export the draft as WIF from WeavePoint"
+
+
+def read_wpo(path: Path) -> Draft:
+    """Read a draft of WeavePoint."""
+    data = content(path)
+    if data[:1] != bytes([_ID]):
+        what = "it does not begin as one of WeavePoint"
+        raise InputError(what, allowed="a .wpo file", cure=_CURE)
+    try:
+        return _read(_Bytes(data), path.stem)
+    except IndexError:
+        raise truncated(path) from None
+
+
+class _Bytes:
+    def __init__(self, data: bytes) -> None:
+        self.data, self.at = data, 0
+
+    def take(self, count: int) -> bytes:
+        if self.at + count > len(self.data):
+            raise IndexError
+        self.at += count
+        return self.data[self.at - count : self.at]
+
+    def number(self) -> int:
+        return int.from_bytes(self.take(2), "big")
+
+    def numbers(self) -> list[int]:
+        return list(self.take(self.number()))
+
+    def masks(self, bits: int, count: int) -> Rows:
+        width = -(-bits // 8)
+        masks = (int.from_bytes(self.take(width), "little") for _ in range(count))
+        return tuple(tuple(k + 1 for k in range(bits) if mask >> k & 1) for mask in masks)
+
+
+def _read(data: _Bytes, title: str) -> Draft:
+    head = data.take(_HEAD)
+    version, kind, shafts, treadles = head[1], head[2], head[4], head[5]
+    if kind not in (_LIFTPLAN, _SINGLE, _SEVERAL):
+        raise InputError("the kind of its treadling is not known", value=kind, cure=_CURE)
+    warnings = []
+    if version > _NEWEST:
+        warnings.append(f"version {version} of WeavePoint's files is read as {_NEWEST}")
+    threading = _ones(data.numbers())
+    colors = data.numbers(), data.numbers()
+    tieup: Rows = ()
+    if kind != _LIFTPLAN:
+        tieup = data.masks(shafts, treadles)
+    if kind == _SINGLE:
+        picks = _ones(data.numbers())
+    else:
+        picks = data.masks(shafts if kind == _LIFTPLAN else treadles, data.number())
+    room = int.from_bytes(head[13:15], "big"), int.from_bytes(head[15:17], "big")
+    size = max(room[0], len(threading)), max(room[1], len(picks))
+    check_size(*size)
+    threading, picks = (
+        (*rows, *[()] * (count - len(rows)))
+        for rows, count in zip((threading, picks), size, strict=True)
+    )
+    loom = Loom(
+        threading=threading,
+        tieup=tieup,
+        treadling=() if kind == _LIFTPLAN else picks,
+        liftplan=picks if kind == _LIFTPLAN else None,
+        rising=head[7] == 0,
+        shafts=shafts,
+        treadles=0 if kind == _LIFTPLAN else treadles,
+    )
+    data.take(66)
+    table = np.frombuffer(data.take(3 * data.take(1)[0]), np.uint8).reshape(-1, 3)
+    if version < 4:
+        table = np.minimum(table.astype(np.uint16) * 255 // 63, 255).astype(np.uint8)
+    length = 0.01 if head[17] == 1 else 0.0254
+    warp, weft = (
+        DraftThreads(
+            spacing=length / sett if sett else None,
+            colors=None if not used or max(used) >= len(table) else table[np.resize(used, count)],
+        )
+        for sett, used, count in zip(head[9:11], colors, size, strict=True)
+    )
+    return Draft(loom.drawdown(), loom, warp, weft, title, warnings=(*warnings, *loose_notes(loom)))
+
+
+def _ones(numbers: list[int]) -> Rows:
+    return tuple((number,) if number else () for number in numbers)
