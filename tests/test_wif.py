@@ -414,6 +414,21 @@ def test_a_warning_is_given_once_with_the_count():
     )
 
 
+def test_all_that_is_odd_about_the_head_is_one_line():
+    bare = parse_wif(changed(dict.fromkeys(range(1, 12))))
+    assert bare.warnings == (
+        "line 1: there is no [WIF]; read as version 1.1; there is no [CONTENTS]",
+    )
+    other = parse_wif(changed({2: None, 7: None, 8: None, 9: "TREADLING=1\nNOTES=1\nTEXT=1"}))
+    assert len(other.warnings) == 1
+    assert other.warnings[0].startswith(
+        "line 1: there is no Version; read as 1.1; [CONTENTS] lists"
+    )
+    assert (
+        "[NOTES] and 1 more, not there; [CONTENTS] does not list [THREADING]" in other.warnings[0]
+    )
+
+
 def test_units_of_nobody_are_inches():
     draft = parse_wif(changed({19: None, 24: None}))
     assert draft.warp.spacing == 0.1 * 0.0254

@@ -98,32 +98,37 @@ def _missing(text: WifText, what: str, section: str = "") -> InputError:
 
 
 def _check_head(text: WifText) -> None:
-    """Note what is wrong with [WIF] and [CONTENTS], which say nothing that is needed."""
-    notes = text.notes
+    """Note in one line what is wrong with [WIF] and [CONTENTS], which say nothing needed."""
+    found: list[tuple[int, str]] = []
     if "WIF" not in text.sections:
-        notes.add(1, "there is no [WIF]; read as version 1.1")
+        found.append((1, "there is no [WIF]; read as version 1.1"))
     else:
         version = text.entry("WIF", "version")
         value = version.value if version else ""
         if decimal(value) != decimal("1.1"):
-            line = text.line("WIF", key="version")
             what = f'Version "{value[:40]}" is' if value else "there is no Version;"
-            notes.add(line, f"{what} read as 1.1")
-    if "CONTENTS" not in text.sections:
-        notes.add(1, "there is no [CONTENTS]")
-        return
-    listed = set()
-    for entry in text.sections["CONTENTS"].entries.values():
-        name = entry.key.upper()
-        if boolean(entry.value):
-            listed.add(name)
-            if name not in text.sections:
-                what = f"[CONTENTS] lists [{name[:40]}], which is not there"
-                notes.add(entry.line, what, "contents lists")
-    for name, section in text.sections.items():
-        if name not in listed | {"WIF", "CONTENTS"} and not name.startswith("PRIVATE"):
-            what = f"[CONTENTS] does not list [{name[:40]}], which is there"
-            notes.add(section.line, what, "contents omits")
+            found.append((text.line("WIF", key="version"), f"{what} read as 1.1"))
+    contents = text.sections.get("CONTENTS")
+    if contents is None:
+        found.append((1, "there is no [CONTENTS]"))
+    else:
+        entries = contents.entries.values()
+        listed = {entry.key.upper(): entry.line for entry in entries if boolean(entry.value)}
+        there = {
+            name: section.line
+            for name, section in text.sections.items()
+            if name not in ("WIF", "CONTENTS") and not name.startswith("PRIVATE")
+        }
+        lacking = {name: line for name, line in listed.items() if name not in text.sections}
+        for names, lines, what in (
+            (list(lacking), lacking, "[CONTENTS] lists {}, not there"),
+            ([name for name in there if name not in listed], there, "[CONTENTS] does not list {}"),
+        ):
+            if names:
+                more = f" and {len(names) - 1} more" if names[1:] else ""
+                found.append((lines[names[0]], what.format(f"[{names[0][:40]}]{more}")))
+    if found:
+        text.notes.add(min(line for line, _ in found), "; ".join(what for _, what in found))
 
 
 def _read_loom(text: WifText) -> Loom:
