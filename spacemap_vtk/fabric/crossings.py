@@ -1,0 +1,161 @@
+"""Crossings of a cloth in a row, each with what its two yarns have to exchange crimp with."""
+
+from __future__ import annotations
+
+from math import inf, isfinite, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.crimp_energy import Array, CrimpEnergy, bend, taut_height
+from spacemap_vtk.fabric.drawdown import repeat
+
+#: Least angle at rest (rad) that a yarn is bent from: a straight one would be rigid.
+_STRAIGHT = 0.01
+
+
+class Crossings(NamedTuple):
+    """Crossings in a row: arrays (2, n), families first, or (n,)."""
+
+    own: Array
+    """Spacing, where the yarn changes side; 0 for one that never does."""
+    flat: Array
+    """What of it is flat."""
+    floats: Array
+    """Length of floats for each such gap."""
+    length: Array
+    """Of the yarn in the gap at rest, less the flat."""
+    whole: Array
+    """The same with flat and floats."""
+    spacing: Array
+    loose: Array
+    """Whether the yarn never changes side."""
+    theta: Array
+    """At rest."""
+    tension: Array
+    """EA over the whole length; over 1 N for yarns that do not stretch."""
+    hinge: Array
+    """B over the angle at rest, where known, else 1 over it."""
+    jam: Array
+    """Stretch at which the yarn of its own length has no straight part."""
+    most: Array
+    """Its height there: it has no greater one."""
+    full: Array
+    """(n,) D at rest."""
+    floor: Array
+    """(n,) Least D."""
+    rest: Array
+    """(n,) h1 at rest."""
+    contact: Array
+    """(n,) k_D over D at rest; 0 where contact is hard."""
+
+    def some(self, which: NDArray) -> Crossings:
+        return Crossings(*(array[..., which] for array in self))
+
+    def asked(self, stretch: Array) -> tuple[Array, Array]:
+        """Return the room for the gap's arcs, and the length that its yarn has for it."""
+        return (
+            np.maximum(self.own * stretch - self.flat, 0.0),
+            self.length + self.floats * (1.0 - stretch),
+        )
+
+    def held(self, stretch: Array) -> tuple[Array, Array]:
+        """Return the stretch at which crossings stand, and heights that D at rest allows there."""
+        room, length = self.asked(stretch)
+        full = np.broadcast_to(self.full, room.shape)
+        height = taut_height(room, length, full)
+        # a yarn that is jammed leaves the other one no less than this
+        needed = np.clip(full - height[::-1], 0.0, self.most)
+        own = np.where(self.own > 0.0, self.own, 1.0)
+        jam = (np.sqrt(needed * (2.0 * full - needed)) + self.flat) / own
+        jam = np.where(self.own > 0.0, np.minimum(jam, self.jam), -inf)
+        jammed = stretch < jam
+        return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
+
+    def energy(self, hinged: bool) -> CrimpEnergy:
+        """Return the crossings' energy, with or without bending."""
+        hinge = self.hinge if hinged else np.zeros_like(self.hinge)
+        tension = np.where(self.loose, 0.0, self.tension)
+        return CrimpEnergy(tension, self.contact, hinge, self.theta, self.full)
+
+    def bending(self) -> CrimpEnergy:
+        """Return the energy of bending alone, which decides where yarns are slack."""
+        zero = np.zeros_like(self.hinge)
+        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.full)
+
+
+def crossings(
+    cloth: Cloth, tension: Array, contact: float, bending: tuple[float, float], flattest: float
+) -> tuple[Crossings, Array]:
+    """Return the crossings of a cloth, and the area of each."""
+    (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
+    full = np.add.outer(weft.diameter, warp.diameter)
+    rest = np.array(cloth.shares)[:, None, None] * full
+    along = _around(weft.spacing, cloth.families[0].crossed)
+    across = _around(warp.spacing, cloth.families[1].crossed)
+
+    def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Array:
+        """Put what picks are to the warp, and ends to the weft, at all crossings."""
+        result = np.empty(shape)
+        result[0], result[1] = np.asarray(of_picks)[:, None], of_ends
+        return result
+
+    spacing = each(along, across)
+    # thick among thin, a crossing that is repeated may be tighter than any gap of the cloth
+    flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
+    floats = np.empty(shape)
+    floats[0], floats[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
+    loose = np.isinf(floats)
+    # such a yarn bends nowhere: a gap that is always wide, for a length that is never reached
+    floats, own = np.where(loose, 0.0, spacing * floats), np.where(loose, 0.0, spacing)
+    flat = np.where(loose, -10.0 * full, flat)
+    gap = bend(own - flat, rest, full)
+    length = np.where(loose, 1e3 * full, gap.length)
+    whole = np.where(loose, spacing, length + flat + floats)
+    stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
+    hinge = np.where(loose, 0.0, stiffness / np.maximum(gap.theta, _STRAIGHT))
+    hard = not isfinite(contact)
+    jam, most = _jam(own, flat, floats, length, full)
+    pull = np.where(np.isinf(tension), 1.0, tension) / whole
+    family = own, flat, floats, length, whole, spacing, loose, gap.theta, pull, hinge, jam, most
+    single = (
+        full,
+        full * (1.0 if hard else flattest),
+        rest[0],
+        np.zeros_like(full) if hard else contact / full,
+    )
+    return (
+        Crossings(*(array.reshape(2, -1) for array in family), *(one.ravel() for one in single)),
+        np.multiply.outer(along, across),
+    )
+
+
+def _jam(own: Array, flat: Array, floats: Array, length: Array, full: Array) -> tuple[Array, Array]:
+    """Return stretch and height at which a yarn of its own length has no straight part left."""
+    stretch = np.ones_like(own)
+    # its floats give it more length as they get shorter: convex, and Newton's method comes down
+    for _ in range(30 if floats.any() else 2):
+        angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
+        rest = own * stretch - flat - full * np.sin(angle)
+        stretch -= rest / np.where(own > 0.0, own + floats * np.cos(angle), inf)
+    angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
+    return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
+
+
+def _floats(drawdown: NDArray[np.bool_]) -> Array:
+    """Return the gaps without a change of side for each gap with one, of each column's yarn."""
+    period = repeat(drawdown)[1]
+    line = drawdown[:period]
+    changes = np.count_nonzero(line != np.roll(line, 1, axis=0), axis=0)
+    with np.errstate(divide="ignore"):
+        share: Array = (period - changes) / changes
+    return share
+
+
+def _around(spacing: Array, alone: float) -> Array:
+    """Return the mean spacing on both sides of each yarn."""
+    if not len(spacing):
+        return np.array([alone])
+    return 0.5 * (np.append(spacing, spacing[-1]) + np.append(spacing[0], spacing))

@@ -1,0 +1,384 @@
+"""Crimp interchange: yarns that keep their length, or their tension, where the cloth is stretched.
+
+Where space stretches by lambda_w along the warp and lambda_f along the weft, a crossing has new
+spacings, and two unknowns: h1, the crimp height of the warp, and D, twice the distance of the axes
+(h2 = D - h1). Each crossing is taken as if it were repeated all over the cloth: were neighbours
+coupled by the rise between them, heights that alternate from crossing to crossing would cost
+nothing, and the problem had no single answer.
+
+- In a gap where a yarn changes side it is as long as Peirce says; flats of what it crosses, and
+  floats, are straight. Floats are shared out evenly over the gaps with a change of side in the
+  repeat of the drawdown, so that a repeat of each yarn is as long as it should be.
+- Yarns pull and do not push: what is longer than its room is slack. What touches can only be
+  pressed together, down to the least D, where fibres lie as close as they can.
+- Yarns that do not stretch are the limit of stiff ones: first lengths, then contact, then bending.
+  Where both are slack bending decides; where both are pulled the crossing flattens as little as
+  lengths allow; at the least D they strain, by least squares.
+- A jam is where a yarn has no straight part left while it is still slack. Space cannot press
+  the crossing any further: it holds at the stretch at which that happens.
+
+Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; S.
+Kawabata, M. Niwa, H. Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile
+Inst. 64 (1973) 21, for the balance of tensions and the pressed crossing.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import inf, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.crimp_energy import (
+    Array,
+    CrimpEnergy,
+    bend,
+    both_taut,
+    derivatives,
+    jam_height,
+    least,
+)
+from spacemap_vtk.fabric.crossings import Crossings, crossings
+
+#: Share of a section that fibres fill where they lie as close as they can, in hexagons.
+CLOSEST = pi / (2.0 * sqrt(3.0))
+#: A yarn shorter than its length by more than this share of it is slack.
+_SLACK = 1e-9
+
+
+class YarnMechanics(NamedTuple):
+    """What yarns resist with."""
+
+    tension: ArrayLike = (inf, inf)
+    """EA of warp and weft in N, or of each at each crossing, (2, picks, ends); inf for both: they
+    do not stretch."""
+    contact: float = 0.0
+    """Stiffness k_D of crossings in N: inf is hard."""
+    bending: tuple[float, float] = (0.0, 0.0)
+    """B of warp and weft, in N m2."""
+    flattest: float = 0.6 / CLOSEST
+    """Least D over D at rest: packing over `CLOSEST`; 1 for hard contact."""
+
+
+class CrimpState(NamedTuple):
+    """What crossings do; arrays are (picks, ends), or (2, picks, ends) for warp and weft."""
+
+    height: Array
+    """(2, ...) Distances of the axes from the mid-surface, h1 / 2 and h2 / 2, in metres."""
+    distance: Array
+    """D = h1 + h2, in metres."""
+    theta: Array
+    """(2, ...) Peirce's angle, in radians."""
+    crimp: Array
+    """(2, ...) Of the axes, over the stretched space, floats included."""
+    strain: Array
+    """(2, ...) Of the yarns, at least 0."""
+    contact: Array
+    """Force that presses the yarns together, in N; 0 where neither EA nor k_D is known."""
+    slack: NDArray[np.bool_]
+    """(2, ...) Whether the yarn is longer than its room."""
+    jammed: NDArray[np.bool_]
+    """(2, ...) Whether the crossing holds against the stretch along warp or weft."""
+    stretch: Array
+    """(2, ...) The stretches at which it stands: those asked for, or those at which it jams."""
+
+
+class Forces(NamedTuple):
+    """Energy of crossings, and its derivatives by the stretches along warp and weft."""
+
+    energy: Array
+    """(picks, ends) J"""
+    force: Array
+    """(2, picks, ends) J; over `Interchange.cell` these are forces per width of cloth at rest."""
+    tangent: Array
+    """(2, 2, picks, ends) J; h1 and D follow the stretch."""
+
+
+class Interchange:
+    """The crossings of a cloth, ready to be stretched.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        At rest: any weave, diameters, spacings and sections.
+    yarns : YarnMechanics
+        What its yarns resist with; by default they do not stretch.
+
+    Raises
+    ------
+    GeometryError
+        There is no room for the yarns at rest.
+    InputError
+        Yarns that cannot be.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> crossings = Interchange(cloth)
+    >>> state = crossings.solve(np.broadcast_to([[[1.02]], [[0.97]]], (2, 2, 2)))
+    >>> bool(state.strain.max() < 1e-9), round(float(state.height[0, 0, 0] / 0.25e-3), 4)
+    (True, 0.4714)
+    """
+
+    def __init__(self, cloth: Cloth, yarns: YarnMechanics | None = None) -> None:
+        cloth.check()
+        yarns = YarnMechanics() if yarns is None else yarns
+        self.shape = cloth.drawdown.shape
+        tension = _tension(yarns, self.shape)
+        self._stretches = bool(np.isfinite(tension).all())
+        self._hinged = any(yarns.bending)
+        self._contact = yarns.contact
+        #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
+        self.cell: Array
+        self._cells, self.cell = crossings(cloth, tension, *yarns[1:])
+
+    def solve(self, stretch: ArrayLike, start: CrimpState | None = None) -> CrimpState:
+        """Return what the crossings do.
+
+        Parameters
+        ----------
+        stretch : (2, picks, ends) array_like
+            Stretches of space along warp and weft at each crossing, 1 at rest.
+        start : CrimpState, optional
+            That of a stretch nearby, of this cloth: yarns that stretch are found sooner.
+
+        Returns
+        -------
+        CrimpState
+            Continuous in the stretch, finite for every finite stretch.
+        """
+        cells, some, back = self._alike(stretch)
+        near = None
+        if start is not None and self._stretches:
+            near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
+        held, h, d = self._find(cells, some, near)
+        heights = np.stack([h, d - h])
+        room, length = cells.asked(held)
+        gap = bend(room, heights, d)
+        over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
+        axis = cells.spacing + cells.floats
+        crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
+        contact = 2.0 * cells.contact * (cells.full - d)
+        if self._stretches:
+            free = cells.energy(self._hinged)._replace(contact=np.zeros_like(d))
+            contact = 2.0 * np.maximum(derivatives(free, room, length, h, d).slope[-1], 0.0)
+        return CrimpState(
+            *(
+                np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
+                for array in (
+                    0.5 * heights,
+                    d,
+                    gap.theta,
+                    np.where(cells.loose, 0.0, crimp),
+                    np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
+                    contact,
+                    over < -_SLACK * cells.whole,
+                    held > some,
+                    held,
+                )
+            )
+        )
+
+    def forces(self, stretch: ArrayLike, start: CrimpState | None = None) -> Forces:
+        """Return the crossings' energy and its derivatives by the stretch.
+
+        Parameters
+        ----------
+        stretch : (2, picks, ends) array_like
+            As for `solve`.
+        start : CrimpState, optional
+            As for `solve`.
+
+        Returns
+        -------
+        Forces
+            The exact second derivatives, with h1 and D eliminated. A crossing that is jammed has
+            those of the stretch at which it holds.
+
+        Raises
+        ------
+        InputError
+            The yarns do not stretch, so that there is no energy.
+        """
+        if not self._stretches:
+            raise InputError(
+                "yarns that do not stretch take any force",
+                key="tension",
+                allowed="a finite EA of warp and weft",
+                cure="Give the yarns a tension, such as their modulus times their section",
+            )
+        cells, some, back = self._alike(stretch)
+        near = None
+        if start is not None:
+            near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
+        held, h, d = self._find(cells, some, near)
+        energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
+        found = derivatives(energy, room, length, h, d, (cells.own, cells.floats))
+        tangent, (gh, gd) = found.curve[:2, :2].copy(), found.slope[2:]
+        mixed, inner = found.curve[:2, 2:], found.curve[2:, 2:]
+        # what is held by a bound does not follow; at rest, where nothing pushes, all does
+        little = 1e-9 * energy.tension.max(axis=0) * cells.full
+        fixed = ((d <= cells.floor) & (gd > little)) | ((d >= cells.full) & (gd < -little))
+        fixed |= cells.floor >= cells.full
+        up = np.minimum(jam_height(room, np.broadcast_to(d, room.shape)), d)
+        bound = ((h >= up[0]) & (gh < -little)) | ((d - h >= up[1]) & (gh > little))
+        free = np.stack([~bound, ~fixed])
+        inner = np.where(free[:, None] & free, inner, 0.0)
+        inner[[0, 1], [0, 1]] += ~free
+        mixed = np.where(free, mixed, 0.0)
+        determinant = inner[0, 0] * inner[1, 1] - inner[0, 1] ** 2
+        safe = np.abs(determinant) > 1e-14 * np.abs(inner[0, 0] * inner[1, 1])
+        by = np.where(safe, 1.0 / np.where(safe, determinant, 1.0), 0.0)
+        inverse = by * np.stack(
+            [np.stack([inner[1, 1], -inner[0, 1]]), np.stack([-inner[0, 1], inner[0, 0]])]
+        )
+        tangent -= np.einsum("ian,abn,jbn->ijn", mixed, inverse, mixed)
+        # yarns that never change side are straight
+        pull = np.where(cells.loose, cells.tension, 0.0)
+        over = np.maximum(held - 1.0, 0.0) * cells.spacing
+        force = found.slope[:2] + pull * over * cells.spacing
+        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
+        value = found.value + (0.5 * pull * over**2).sum(axis=0)
+        return Forces(
+            *(
+                np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
+                for array in (value, force, tangent)
+            )
+        )
+
+    def jam_border(self, count: int = 64) -> Array:
+        """Return the border of the stretches that the first crossing can reach.
+
+        Parameters
+        ----------
+        count : int
+            Points on each of its three parts: the weft jams, both do, the warp does.
+
+        Returns
+        -------
+        (2, 3 * count) ndarray
+            Stretches along warp and weft, from the most weft to the most warp.
+        """
+        cell = self._cells.some(np.zeros(count, np.int64))
+        most = cell.most[:, 0]
+        full, flat, own = cell.full[0], cell.flat[:, :1], np.maximum(cell.own[:, :1], 1e-300)
+        share = np.linspace(0.0, 1.0, count)
+        # where both are slack, neither has a straight part
+        warp = max(full - most[1], 0.0) + share * (most[0] - max(full - most[1], 0.0))
+        both = np.stack([warp, full - warp])
+        corner = (np.sqrt(both * (2.0 * full - both)) + flat) / own
+        parts = [corner]
+        for family in (0, 1):
+            # from there on the one is pulled straight and the other jams
+            line = np.zeros((2, count))
+            straight = (cell.length + cell.flat + cell.floats) / (cell.own + cell.floats)
+            line[family] = np.linspace(cell.jam[family, 0], 1.1 * straight[family, 0], count)
+            line[1 - family] = cell.held(line)[0][1 - family]
+            parts.append(line)
+        return np.concatenate([parts[2][:, ::-1], parts[0], parts[1]], axis=1)
+
+    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64]]:
+        """Return crossings, their stretches, and which of them each one of the cloth is."""
+        asked = np.asarray(stretch, np.float64)
+        if asked.shape != (2, *self.shape):
+            raise InputError(
+                f"stretches of shape {asked.shape}",
+                key="stretch",
+                allowed=f"(2, {self.shape[0]}, {self.shape[1]})",
+            )
+        asked = asked.reshape(2, -1)
+        if np.ptp(asked, axis=1).max() <= 1e-14:
+            first, back = self._kinds
+            return self._cells.some(first), asked[:, first], back
+        return self._cells, asked, np.arange(asked.shape[1])
+
+    @cached_property
+    def _kinds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """First crossing of each kind, and the kind of each crossing."""
+        c = self._cells
+        rows = np.concatenate([c.own, c.flat, c.floats, c.tension, c.full[None]])
+        _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
+        return first, back.ravel()
+
+    def _find(
+        self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
+    ) -> tuple[Array, Array, Array]:
+        """Return the stretch at which crossings stand, h1 and D."""
+        held, most = cells.held(stretch)
+        room, length = cells.asked(held)
+        full, floor = cells.full, cells.floor
+        # both as heights that yarns reach at the distance of rest
+        slack = most.sum(axis=0) >= full
+        h = np.clip(cells.rest, full - most[1], np.maximum(most[0], full - most[1]))
+        h = np.where(slack, h, full * most[0] / np.maximum(most.sum(axis=0), 1e-300))
+        d = full.copy()
+        if self._stretches and self._hinged:
+            d = np.where(slack, full, np.clip(most.sum(axis=0), floor, full))
+            near = (np.where(slack, h, most[0]), d) if start is None else start
+            free = np.broadcast_to(full, room.shape)
+            return held, *least(cells.energy(True), room, length, near, free, (floor, full))
+
+        def settle(
+            which: Array, energy: CrimpEnergy, bounds: Array, low: Array, high: Array
+        ) -> None:
+            if which.any():
+                near = h[which], d[which]
+                h[which], d[which] = least(
+                    energy.some(which),
+                    room[:, which],
+                    length[:, which],
+                    near,
+                    bounds[:, which],
+                    (low[which], high[which]),
+                )
+
+        settle(slack, cells.bending(), most, full, full)
+        free, pulled = np.broadcast_to(full, room.shape), ~slack
+        if self._stretches:
+            if start is None:
+                d = np.where(pulled, np.clip(most.sum(axis=0), floor, full), d)
+                h = np.where(pulled, np.minimum(most[0], d), h)
+            else:
+                h, d = (np.where(pulled, new, old) for new, old in zip(start, (h, d), strict=True))
+            settle(pulled, cells.energy(False), free, floor, full)
+            return held, h, d
+        flat = pulled & (floor < full)
+        if flat.any():
+            heights = both_taut(room[:, flat], length[:, flat], most[:, flat], floor[flat])
+            d[flat] = np.clip(heights.sum(axis=0), floor[flat], full[flat])
+            h[flat] = heights[0] * d[flat] / heights.sum(axis=0)
+        settle(pulled & (d <= floor), cells.energy(False), free, floor, floor)
+        return held, h, d
+
+
+def _tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Array:
+    """Return EA at each crossing, and refuse yarns that cannot be."""
+    tension = np.asarray(yarns.tension, np.float64)
+    tension = tension if tension.ndim == 3 else tension.reshape(-1)[:, None, None]
+    for key, values, right, allowed in (
+        ("tension", tension, tension > 0.0, "more than 0 N"),
+        ("contact", yarns.contact, yarns.contact >= 0.0, "from 0 N on"),
+        (
+            "bending",
+            yarns.bending,
+            np.isfinite(yarns.bending) & (np.array(yarns.bending) >= 0.0),
+            "from 0 N m2 on",
+        ),
+        ("flattest", yarns.flattest, 0.0 < yarns.flattest <= 1.0, "more than 0, up to 1"),
+    ):
+        if not np.all(right):
+            raise InputError("no yarn is so", key=key, value=values, allowed=allowed)
+    if np.isinf(tension).any() and not np.isinf(tension).all():
+        raise InputError(
+            "some yarns stretch and some do not",
+            key="tension",
+            allowed="a finite EA of all, or inf for all",
+            cure="Give the stiff ones a large EA",
+        )
+    return np.broadcast_to(tension, (2, *shape))
