@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
+from scipy.special import ellipk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import GRAVITY
 
@@ -148,10 +150,43 @@ def a_cloth_let_go(scene: Scene) -> None:
     assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
 
 
+def a_banner_that_swings_far(scene: Scene) -> None:
+    length, small = 0.26, report.modes(scene)["modes"][0]["frequency_hz"]
+    fall = math.sqrt(GRAVITY / length)
+    chain, bar = ZEROS[0] / (4 * math.pi) * fall, math.sqrt(1.5) / (2 * math.pi) * fall
+    assert chain < small < bar
+    given, times = loaded_cage(scene), np.linspace(0.3, 2.0, 341)
+    longer, largest = {}, {}
+    for name in MOTIONS:
+        take_motion(scene, name, given)
+        scene.update_stage(scene.deforming, 0.0)
+        motion = scene.deforming.motion
+        rest = motion.points[:, 0]
+        hinge, end = rest < rest.min() + 1e-6, rest > rest.max() - 1e-6
+        angles = []
+        for time in times:
+            moved = motion.points + motion.at(time)[0]
+            across, _, down = moved[end].mean(axis=0) - moved[hinge].mean(axis=0)
+            angles.append(math.degrees(math.atan2(across, -down)))
+        turned = np.array(angles)
+        (first, _, third) = np.flatnonzero(turned[:-1] * turned[1:] < 0)[:3]
+        longer[name] = (times[third] - times[first]) * small
+        largest[name] = abs(turned[first:third]).max()
+    # A pendulum's, from steps alone; what is left is how it bends.
+    swing = math.radians(largest["transient"])
+    assert largest["transient"] == pytest.approx(75, abs=1.5)
+    assert longer["transient"] == pytest.approx(
+        2 * ellipk(math.sin(swing / 2) ** 2) / math.pi, rel=0.025
+    )
+    assert longer["transient"] > 1.08
+    assert longer["rotation"] == pytest.approx(1, rel=0.025) == longer["response"]
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "cantilever_test": peirces_cantilever,
     "catenary": a_hammocks_catenary,
     "curtain": a_curtains_pendulums,
     "drape": a_drape,
     "let_go": a_cloth_let_go,
+    "swing": a_banner_that_swings_far,
 }

@@ -98,13 +98,22 @@ def storyboard(
         str | None,
         Parameter(help="Times in s, separated by commas; by default over the first mode's period."),
     ] = None,
+    motions: Annotated[
+        str | None,
+        Parameter(
+            help="What moves it, in a row each, by the same loads, damping and start: response "
+            "(by modes), rotation (modes, their turning rebuilt), transient (by steps), separated "
+            "by commas; by default as the scene says."
+        ),
+    ] = None,
     size: Size = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
     """Draw a motion as the paper's figure 6 does.
 
-    The cage (a) above, the fabric (b) below, time to the right.
+    The cage (a) above, the fabric (b) below, time to the right. With --motions the same scene moved
+    in several ways, one below the other.
 
     Parameters
     ----------
@@ -118,6 +127,7 @@ def storyboard(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
     order.times = () if times is None else _times(times)
+    order.motions = () if motions is None else _motions(motions)
     order.size = chosen.view.size if size else None
     _carry_out(order, chosen, "Drawing columns", quiet)
 
@@ -211,6 +221,17 @@ def _carry_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
     with progress(scene, doing, quiet) as tell:
         carry_out(order, scene, tell)
     tell_warnings(scene, quiet)
+
+
+def _motions(text: str) -> list[str]:
+    from spacemap_vtk.scenes.motions import MOTIONS
+
+    names = [word.strip() for word in text.split(",")]
+    if unknown := [name for name in names if name not in MOTIONS]:
+        raise InputError(
+            "no such motion", key="--motions", value=unknown[0], allowed=", ".join(MOTIONS)
+        )
+    return names
 
 
 def _times(text: str) -> list[float]:

@@ -48,6 +48,9 @@ class Order:
     panels: Sequence[str] = ()
     #: Where a picture or film is seen from; by default as the scene says.
     place: Viewpoint | None = None
+    #: What moves a storyboard's scene, row by row: keys of `spacemap_vtk.scenes.motions.MOTIONS`;
+    #: none: as the scene says, its cage above its fabric.
+    motions: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         if self.what in _STILLS:
@@ -109,9 +112,12 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
 
 
 def _storyboard(order: Order, scene: Scene, tell: Tell) -> Image:
-    from spacemap_vtk.draw.sheets import storyboard, swing_times
+    from spacemap_vtk.draw.sheets import motions_board, storyboard, swing_times
 
-    return storyboard(scene, order.times or swing_times(scene), order.size, tell)
+    times = order.times or swing_times(scene)
+    if order.motions:
+        return motions_board(scene, order.motions, times, order.size, tell)
+    return storyboard(scene, times, order.size, tell)
 
 
 def _shapes(_order: Order, scene: Scene, tell: Tell) -> Image:

@@ -24,6 +24,8 @@ from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
+#: Points that span a motion, (n, 3), and the ends of its scale.
+Extent = tuple[NDArray[np.float64], Span | None]
 
 #: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
 _OBJECT_RELIEF = 0.03
@@ -57,6 +59,9 @@ class Picture:
         What each panel shows, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
     place : Viewpoint, optional
         Where the camera stands; by default where the scene says.
+    extent : tuple, optional
+        What the camera takes in and the ends of the scale, where that is more than the scene's
+        present motion, see `over_motion`.
 
     Raises
     ------
@@ -73,6 +78,7 @@ class Picture:
         size: tuple[int, int] | None = None,
         show: Sequence[str] = (),
         place: Viewpoint | None = None,
+        extent: Extent | None = None,
     ) -> None:
         prepare_offscreen()  # a machine that cannot draw need not solve
         self._place = place
@@ -81,7 +87,7 @@ class Picture:
         require_picture(scene, width * height, len(times))
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
-        extent, self._span = _over_motion(scene, times)
+        room, self._span = extent or over_motion(scene, times)
         self._relief = _relief(scene)
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
@@ -89,7 +95,7 @@ class Picture:
         self._cut = cut_of(scene.view, scene.polygons)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths, strict=True):
-            self.panels.append(self._panel(scene, panel, (w, height), extent))
+            self.panels.append(self._panel(scene, panel, (w, height), room))
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -180,7 +186,7 @@ class Picture:
             panel.window.close()
 
 
-def _over_motion(scene: Scene, times: Sequence[float]) -> tuple[NDArray[np.float64], Span | None]:
+def over_motion(scene: Scene, times: Sequence[float]) -> Extent:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]

@@ -17,16 +17,19 @@ from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.draw.camera import aim, set_background
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.picture import Picture, over_motion
 from spacemap_vtk.draw.shading import averaged
-from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
+from spacemap_vtk.draw.surface_actor import SurfaceActor, natural_span, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.mechanics.realm import realm
 from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
@@ -69,22 +72,67 @@ def storyboard(
         columns.append(np.concatenate([cage, fabric]))
         tell(count, len(times))
     picture.close()
-    return _labelled(np.concatenate(columns, axis=1), times)
+    return _labelled(np.concatenate(columns, axis=1), ["(a)", "(b)"], times)
 
 
-def _labelled(image: NDArray[np.uint8], times: Sequence[float]) -> NDArray[np.uint8]:
-    """Add the rows' letters on the left and the columns' times below."""
+def motions_board(
+    scene: Scene,
+    motions: Sequence[str],
+    times: Sequence[float],
+    size: tuple[int, int] | None,
+    tell: Callable[[int, int], object],
+) -> NDArray[np.uint8]:
+    """Draw a scene as it moves in several ways, one below the other, time from left to right."""
+    width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
+    given, cell = loaded_cage(scene), (width // len(times), height // len(motions))
+    tell(0, 2 * len(motions))
+    extents = []
+    for count, name in enumerate(motions, 1):
+        take_motion(scene, name, given)
+        extents.append(over_motion(scene, times))
+        tell(count, 2 * len(motions))
+    clouds, spans = zip(*extents, strict=True)
+    ends = np.array([span for span in spans if span is not None])
+    extent = np.concatenate(clouds), natural_span(ends) if ends.size else None
+    show = "both" if scene.view.show == "side by side" else scene.view.show
+    picture = Picture(scene, times, cell, [show], extent=extent)
+    rows, labels = [], []
+    for count, name in enumerate(motions, 1):
+        take_motion(scene, name, given)
+        rows.append(np.concatenate([picture.draw(time) for time in times], axis=1))
+        share = 100 * _stretch(scene, times)
+        told = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
+        labels.append(f"{MOTIONS[name][1]}\n\nlengths change\nby {told} %")
+        tell(len(motions) + count, 2 * len(motions))
+    picture.close()
+    return _labelled(np.concatenate(rows), labels, times)
+
+
+def _stretch(scene: Scene, times: Sequence[float]) -> float:
+    """Return by how much edges of a cage change their length at some times at most."""
+    model, motion = model_of(scene.deformed_cage), scene.deforming.motion
+    assert motion is not None
+    rest = motion.points if model.displacement is None else motion.points + model.displacement
+    return realm(motion, rest, times, surface=model.pencil.surface).stretch
+
+
+def _labelled(
+    image: NDArray[np.uint8], rows: Sequence[str], times: Sequence[float]
+) -> NDArray[np.uint8]:
+    """Add what the rows are on the left and the columns' times below."""
     height, width = image.shape[:2]
-    size = max(14, height // 32)
+    size = max(14, height // (16 * len(rows)))
     font = ImageFont.load_default(size)
-    sheet = Image.new("RGB", (width + 3 * size, height + 2 * size), _PAPER)
-    sheet.paste(Image.fromarray(image), (3 * size, 0))
+    pen = ImageDraw.Draw(Image.new("RGB", (1, 1)))
+    left = size + max(pen.multiline_textbbox((0, 0), text, font)[2] for text in rows)
+    sheet = Image.new("RGB", (round(left) + width, height + 2 * size), _PAPER)
+    sheet.paste(Image.fromarray(image), (round(left), 0))
     pen = ImageDraw.Draw(sheet)
-    for row, letter in enumerate("ab"):
-        middle = height // 4 + row * height // 2
-        pen.text((1.5 * size, middle), f"({letter})", _INK, font, anchor="mm")
+    for row, text in enumerate(rows):
+        middle = (row + 0.5) * height / len(rows)
+        pen.multiline_text((left / 2, middle), text, _INK, font, anchor="mm", align="center")
     for column, time in enumerate(times):
-        middle = 3 * size + (column + 0.5) * width / len(times)
+        middle = left + (column + 0.5) * width / len(times)
         pen.text(
             (middle, height + size),
             format_quantity(float(f"{time:.4g}"), "s"),

@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 from spacemap_vtk.mechanics.elements import EDGES
 from spacemap_vtk.mechanics.kinematics import MeanGradient, largest_rotation
 from spacemap_vtk.mechanics.response import Motion
-from spacemap_vtk.mechanics.shell import LegGradient
+from spacemap_vtk.mechanics.shell import LegGradient, MidSurface
 
 FloatArray = NDArray[np.float64]
+
+#: The sides of a quadrilateral.
+_SIDES = ((0, 1), (1, 2), (2, 3), (3, 0))
 
 
 class Realm(NamedTuple):
@@ -23,7 +26,7 @@ class Realm(NamedTuple):
     rotation: float
     """Half the curl of the displacement from rest, of a tetrahedron [rad]."""
     stretch: float
-    """Change of an edge's length, as a share of it."""
+    """Change of an edge's length, of a sheet on its mid-surface, as a share of it."""
     volume: float
     """Change of a tetrahedron's volume, as a share of it."""
 
@@ -44,6 +47,7 @@ def realm(
     rest: FloatArray,
     times: Iterable[float],
     gradient: MeanGradient | LegGradient | None = None,
+    surface: MidSurface | None = None,
 ) -> Realm:
     """Return what a motion does at most over some times.
 
@@ -57,6 +61,8 @@ def realm(
         In s.
     gradient : MeanGradient or LegGradient, optional
         Of displacements from rest; by default that of each tetrahedron.
+    surface : MidSurface, optional
+        Of the sheet that the cage is.
 
     Returns
     -------
@@ -65,17 +71,26 @@ def realm(
     """
     cells = motion.cells
     gradient = MeanGradient(rest, cells) if gradient is None else gradient
+    edges = cells[:, EDGES] if surface is None else surface.quads[:, _SIDES]
     # Each once. Not `np.unique`, whose imports the window's first picture would wait for.
-    one, other = np.sort(cells[:, EDGES].reshape(-1, 2), axis=1).T
+    one, other = np.sort(edges.reshape(-1, 2), axis=1).T
     keys = np.sort(one * len(rest) + other)
-    edges = np.stack(np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest)), axis=1)
-    length = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
+    first, last = np.divmod(keys[np.diff(keys, prepend=-1) > 0], len(rest))
+
+    def lengths(vertices: FloatArray) -> FloatArray:
+        nodes = vertices if surface is None else surface.nodal(vertices)
+        return np.asarray(np.linalg.norm(nodes[last] - nodes[first], axis=1))
+
+    before = lengths(rest)
     most = Realm(0.0, 0.0, 0.0)
     for time in times:
         moved = motion.points + motion.at(time)[0]
         tensor = gradient.of(moved - rest)
-        grown = np.linalg.norm(moved[edges[:, 1]] - moved[edges[:, 0]], axis=1) / length
         swollen = np.linalg.det(tensor.transpose(2, 0, 1) + np.eye(3))
-        now = largest_rotation(tensor), abs(grown - 1).max(), abs(swollen - 1).max()
+        now = (
+            largest_rotation(tensor),
+            abs(lengths(moved) / before - 1).max(),
+            abs(swollen - 1).max(),
+        )
         most = Realm(*(max(a, float(b)) for a, b in zip(most, now, strict=True)))
     return most

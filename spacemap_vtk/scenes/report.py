@@ -133,7 +133,8 @@ def last_motion(scene: Scene) -> dict[str, Any] | None:
     rest = response.points + response.rest
     samples = max(FEWEST, min(SAMPLES, LOOKED_AT // len(response.cells)))
     times = np.linspace(0.0, mover.duration, samples)
-    found = realm(response, rest, times, response.modes.gradient)
+    surface = response.modes.model.pencil.surface
+    found = realm(response, rest, times, response.modes.gradient, surface)
     return {
         "largest_rotation_deg": math.degrees(found.rotation),
         "largest_stretch": found.stretch,

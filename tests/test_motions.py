@@ -1,0 +1,111 @@
+"""One scene moved by modes, by modes whose turning is rebuilt, and by steps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
+from spacemap_vtk.scenes.scene import Scene
+
+CAGE = {
+    "weave": {"ends": 3, "picks": 7},
+    "cage": {"divisions": [1, 4, 1]},
+    "modal": {"elements": "sheet", "youngs_modulus": 2e4, "density": 300, "fixed": "+y"},
+}
+SHARED = {
+    "damping_pairs": [[10, 0.05], [300, 0.2]],
+    "gravity": [0.0, -9.8, 0.0],
+    "initial_velocity": [0.0, 0.0, 0.02],
+    "loads": [{"pressure": 0.5, "on": "-z", "time": "pulse", "length": "5 ms"}],
+}
+
+
+def moved(scene: Scene, time: float = 0.012) -> Any:
+    scene.update(time)
+    return array_of(scene.deformed_cage.GetPointData(), "displacement", "a test").copy()
+
+
+@pytest.mark.parametrize("begin", ["response", "transient"])
+def test_it_is_what_a_scene_file_would_say(begin: str) -> None:
+    scene = Scene({**CAGE, begin: SHARED})
+    given = loaded_cage(scene)
+    for name, (sections, _) in [*MOTIONS.items(), *reversed(MOTIONS.items())]:
+        take_motion(scene, name, given)
+        written = Scene({**CAGE, sections[0]: SHARED, **{key: {} for key in sections[1:]}})
+        assert [stage.section for stage in scene.stages] == [s.section for s in written.stages]
+        np.testing.assert_array_equal(moved(scene), moved(written))
+    assert scene.modal.executions == 1
+
+
+def test_damping_ratios_become_those_of_two_modes() -> None:
+    scene = Scene({**CAGE, "response": {"damping_ratio": [0.04, 0.1]}})
+    take_motion(scene, "transient", loaded_cage(scene))
+    (told,) = [text for text in scene.warnings if "damping_ratio" in text]
+    assert "first and the last mode" in told
+    modes = report.modes(scene)["modes"]
+    assert modes[0]["damping_ratio"] == pytest.approx(0.04)
+    assert modes[-1]["damping_ratio"] == pytest.approx(0.1)
+
+
+def test_what_does_not_carry_over_is_told() -> None:
+    scene = Scene({**CAGE, "transient": {"held": "-y"}})
+    take_motion(scene, "response", loaded_cage(scene))
+    assert any("[transient] holds" in text for text in scene.warnings)
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    return int(ended.value.code or 0)
+
+
+def test_a_storyboard_has_a_row_for_each(tmp_path: Path) -> None:
+    file = tmp_path / "board.png"
+    board = [
+        "storyboard",
+        "swing",
+        "--times",
+        "0,0.3,1",
+        "--size",
+        "300x240",
+        "-q",
+        "-o",
+        str(file),
+    ]
+    assert run(*board, "--motions", "response,rotation,transient") == 0
+    pixels = np.asarray(Image.open(file)).astype(int)
+    rows = pixels[:240, -300:].reshape(3, 80, 3, 100, 3).swapaxes(1, 2)
+    strange = np.ptp(rows, axis=-1) > 40  # the background is pale
+    drawn = strange.mean(axis=(2, 3))
+    assert drawn.min() > 0.005
+    # At first all are alike; stretched, what moves by modes covers more.
+    assert abs(rows[:, 0] - rows[0, 0]).max() < 30
+    assert drawn[0, 1] > 1.5 * drawn[1:, 1].max()
+    # Late in the second swing modes are ahead of steps, rebuilt or not.
+    assert abs(strange[1, 2] ^ strange[2, 2]).sum() > strange[2, 2].sum()
+
+
+@pytest.mark.parametrize(
+    ("scene", "motions", "told"),
+    [
+        ("swing", "response,jumps", ["--motions", "jumps", "response, rotation, transient"]),
+        ("calculix_fabric", "response", ["[response] or [transient]"]),
+    ],
+)
+def test_other_motions_are_refused(
+    scene: str, motions: str, told: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "board.png"
+    assert run("storyboard", scene, "-o", str(file), "-q", "--motions", motions) == 2
+    message = capsys.readouterr().err
+    for word in told:
+        assert word in message
+    assert not file.exists()
