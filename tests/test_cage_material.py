@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, connect
+from spacemap_vtk import ModalSolver, ObjectSource, TetraCage, WeaveSource, connect
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.interchange import YarnMechanics
+from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
-from spacemap_vtk.mechanics.plates import homogeneous
+from spacemap_vtk.mechanics.plates import data_sheet, homogeneous
 
 H = 3e-4
+#: EA [N], hard contact, and B [N m²] of a cotton of 30 tex.
+COTTON = YarnMechanics((90.0, 90.0), np.inf, (2e-9, 2e-9))
+LEVER = Path(__file__).parents[1] / "scenes" / "objects" / "lever.stl"
 
 
 def parts(plate):
@@ -200,3 +207,56 @@ def test_measures_for_other_elements_are_told():
     connect(WeaveSource(ends=20, picks=20), TetraCage(divisions=(2, 2, 1)), made)
     text = 'modal.thickness does not count: the cage is a sheet; elements = "tetrahedra"'
     assert any(text in told for told in made.update().warnings)
+
+
+def test_a_sheet_is_as_stiff_as_the_yarns_of_the_weave_in_it():
+    made = ModalSolver(elements="sheet", material="yarns", modes=1)
+    made.yarns = COTTON
+    weave = WeaveSource()
+    connect(weave, TetraCage(), made)
+    made.update()
+    plate = cloth_stiffness(weave.cloth, COTTON)
+    found = made.measures(made.output)
+    assert found == data_sheet(plate, fabric_figures(weave.cloth)["areal_mass"])
+    field = made.output.GetFieldData()
+    np.testing.assert_allclose(
+        vtk_to_numpy(field.GetArray("membrane_stiffness")).reshape(3, 3), plate.membrane
+    )
+    # what was measured goes before it
+    made.bending_rigidity = "20 uN.m"
+    assert made.measures(made.output).bending_rigidity == pytest.approx((2e-5, 2e-5))
+    assert made.measures(made.output).tensile_rigidity == found.tensile_rigidity
+
+
+def test_yarns_run_the_solver_again_where_they_count():
+    made = ModalSolver(elements="sheet", modes=1)
+    made.yarns = COTTON
+    connect(WeaveSource(), TetraCage(), made)
+    made.update()
+    made.yarns = COTTON._replace(bending=(3e-9, 3e-9))
+    assert made.update().executions == 1
+    made.material = "yarns"
+    assert made.update().executions == 2
+    made.yarns = COTTON._replace(bending=(3e-9, 3e-9))
+    assert made.update().executions == 2
+    made.yarns = COTTON
+    assert made.update().executions == 3
+
+
+def test_what_yarns_need_to_make_a_sheet_is_told():
+    made = ModalSolver(material="yarns")
+    with pytest.raises(InputError, match=r"nobody has said what the yarns resist.*spacemap info"):
+        made.check()
+    made.yarns = COTTON
+    made.check()
+    connect(WeaveSource(), cage := TetraCage(divisions=(2, 2, 2)), made)
+    with pytest.raises(InputError, match="yarns make a sheet, and this cage is none"):
+        made.update()
+    cage.divisions, made.elements = (2, 2, 1), "sheet"
+    made.yarns = YarnMechanics()
+    with pytest.raises(InputError, match=r"tension.*no sheet without it"):
+        made.update()
+    made.yarns = COTTON
+    connect(ObjectSource(file=LEVER), cage, made)
+    with pytest.raises(InputError, match="there is no weave in the cage"):
+        made.update()

@@ -35,9 +35,9 @@ class Crossings(NamedTuple):
     theta: Array
     """At rest."""
     tension: Array
-    """EA over the whole length; over 1 N for yarns that do not stretch."""
+    """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
     hinge: Array
-    """B over the angle at rest, where known, else 1 over it."""
+    """B over the angle at rest, where known, else 1 over it; a crossing's part of it."""
     jam: Array
     """Stretch at which the yarn of its own length has no straight part."""
     most: Array
@@ -115,10 +115,12 @@ def crossings(
     length = np.where(loose, 1e3 * full, gap.length)
     whole = np.where(loose, spacing, length + flat + floats)
     stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
-    hinge = np.where(loose, 0.0, stiffness / np.maximum(gap.theta, _STRAIGHT))
+    # of a gap with its floats so much falls to each crossing
+    part = np.where(loose, 1.0, own / np.where(loose, 1.0, own + floats))
+    hinge = np.where(loose, 0.0, part * stiffness / np.maximum(gap.theta, _STRAIGHT))
     hard = not isfinite(contact)
     jam, most = _jam(own, flat, floats, length, full)
-    pull = np.where(np.isinf(tension), 1.0, tension) / whole
+    pull = part * np.where(np.isinf(tension), 1.0, tension) / whole
     family = own, flat, floats, length, whole, spacing, loose, gap.theta, pull, hinge, jam, most
     single = (
         full,

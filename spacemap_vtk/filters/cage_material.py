@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.interchange import YarnMechanics
+from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
@@ -20,6 +23,8 @@ from spacemap_vtk.units import GRAVITY
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
 DENSITY = 300.0
 
+#: The material that is what the yarns of the weave in the cage make it.
+WOVEN = "yarns"
 #: The materials that the moduli and ratios of each kind are for.
 _ISOTROPIC = {"material": ("isotropic",)}
 _ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
@@ -81,10 +86,11 @@ class CageMaterial(Stage):
     )
     material = Choice(
         "isotropic",
-        "Kind of the cage's material: isotropic, orthotropic along the fabric, or a measured "
-        "fabric, whose moduli, ratios and density count where they are not given, and of a sheet "
-        'its bending, too (see "spacemap materials").',
-        ["isotropic", "orthotropic", *FABRICS],
+        "Kind of the cage's material: isotropic, orthotropic along the fabric, a sheet as stiff as "
+        "the yarns of the weave in it make it (see the section [yarns]), or a measured fabric, "
+        "whose moduli, ratios and density count where they are not given, and of a sheet its "
+        'bending, too (see "spacemap materials"). What is given of a sheet goes before both.',
+        ["isotropic", "orthotropic", WOVEN, *FABRICS],
     )
     youngs_modulus = Real(
         1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0, when=_ISOTROPIC
@@ -150,7 +156,8 @@ class CageMaterial(Stage):
             trade="gf/cm",
             above=0.0,
         ),
-        automatic="Young's modulus times the cage's thickness, or a measured fabric's",
+        automatic="Young's modulus times the cage's thickness, or a measured fabric's, or the "
+        "yarns'",
         group="Sheet",
         when=_SHEET,
     )
@@ -161,8 +168,8 @@ class CageMaterial(Stage):
         unit="N/m",
         trade="gf/cm.deg",
         above=0.0,
-        automatic="the shear modulus times the cage's thickness, or a measured fabric's; of an "
-        "isotropic sheet from tensile_rigidity, where that is given",
+        automatic="the shear modulus times the cage's thickness, or a measured fabric's, or the "
+        "yarns'; of an isotropic sheet from tensile_rigidity, where that is given",
         group="Sheet",
         when=_SHEET,
     )
@@ -185,7 +192,7 @@ class CageMaterial(Stage):
             above=0.0,
         ),
         automatic="Young's modulus times the cube of the cage's thickness over 12, or a measured "
-        "fabric's",
+        "fabric's, or the yarns'",
         group="Sheet",
         when=_SHEET,
     )
@@ -210,7 +217,8 @@ class CageMaterial(Stage):
         unit="N.m",
         trade="gf.cm2/cm",
         above=0.0,
-        automatic="a measured fabric's, or a homogeneous sheet's, as where bending is given",
+        automatic="a measured fabric's, or the yarns', or a homogeneous sheet's, as where bending "
+        "is given",
         group="Sheet",
         when=_SHEET,
     )
@@ -226,32 +234,72 @@ class CageMaterial(Stage):
         when=_SHEET,
     )
 
+    #: What the yarns resist of the weave in the cage; None where nobody has said.
+    _yarns: YarnMechanics | None = None
+
+    @property
+    def yarns(self) -> YarnMechanics | None:
+        """What the yarns of the weave in the cage resist, for the material "yarns"."""
+        return self._yarns
+
+    @yarns.setter
+    def yarns(self, value: YarnMechanics | None) -> None:
+        before, self._yarns = self._yarns, value
+        alike = value is before
+        if value is not None and before is not None:
+            alike = alike or all(map(np.array_equal, value, before))
+        if not alike and self.material == WOVEN:
+            self.Modified()
+
     def check(self) -> None:
         """Check the material."""
-        self.constants(1.0)
+        if self.material != WOVEN or self.elements == "tetrahedra":
+            self.constants(1.0)
         if self.elements != "tetrahedra":
-            self.plate(1.0)
+            self.plate(1.0) if self.material != WOVEN else self._mechanics()
 
     def constants(self, extent: float) -> tuple[FloatArray, float]:
         """Return elasticity along x, y and z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
         # A measured fabric's are spread over the extent of the cage along z [m].
+        if self.material == WOVEN:
+            raise InputError(
+                "yarns make a sheet, and this cage is none",
+                key="material",
+                value=WOVEN,
+                cure='Set [cage] divisions such as [20, 20, 1], and elements = "sheet".',
+            )
         given = self._given()
         return self._solid(given, given.get("thickness", extent))
 
     def plate(
-        self, thickness: float, normal: int = 2, woven: float | None = None
+        self,
+        thickness: float,
+        normal: int = 2,
+        woven: float | None = None,
+        cloth: Cloth | None = None,
     ) -> tuple[Plate, float]:
         """Return what the sheet that a cage is resists, and its mass per area [kg/m²]."""
         # What nobody measured is that of the homogeneous plate as thick as the cage [m]; `woven` is
-        # the mass per area of the weave in it. For `normal` see `homogeneous`.
+        # the mass per area of the weave in it, which is `cloth`. For `normal` see `homogeneous`.
         given = self._given()
         elasticity, density = self._solid(given, thickness)
         fabric = FABRICS.get(self.material)
         mass = given.get("areal_mass", density * thickness)
         if woven is not None and fabric is None and not {"areal_mass", "density"} & given.keys():
             mass = woven
-        own = homogeneous(elasticity, thickness, normal if fabric is None else 2)
-        if fabric is not None:
+        if self.material == WOVEN:
+            if cloth is None:
+                raise InputError(
+                    "there is no weave in the cage",
+                    key="material",
+                    value=WOVEN,
+                    cure="Put a [weave] in it, or choose another material.",
+                )
+            own = cloth_stiffness(cloth, self._mechanics())
+        elif fabric is None:
+            own = homogeneous(elasticity, thickness, normal)
+        else:
+            own = homogeneous(elasticity, thickness)
             own = replace(fabric.sheet, membrane=own.membrane)
         shear = self.shear_rigidity
         if shear is None and self.material != "isotropic":
@@ -285,6 +333,18 @@ class CageMaterial(Stage):
         if kind in cls.parameter(name).when.get("elements", kind):
             return ""
         return "the cage is a sheet" if sheet else "the cage is no sheet"
+
+    def _mechanics(self) -> YarnMechanics:
+        """Return what the yarns resist, or say how to give it."""
+        if self._yarns is None:
+            raise InputError(
+                "nobody has said what the yarns resist",
+                key="material",
+                value=WOVEN,
+                cure="Add a section [yarns] with tension and bending; in ParaView enter the "
+                'figures that "spacemap info" prints of a scene that has one.',
+            )
+        return self._yarns
 
     def _given(self) -> dict[str, Any]:
         """Return the constants and measures that are given by name, or say which do not count."""

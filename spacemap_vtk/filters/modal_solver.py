@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
+from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
@@ -170,7 +171,7 @@ class ModalSolver(FittedCage):
         if sheet is None:
             material, density = self.constants(extent)
         else:
-            material, mass = self.plate(sheet.thickness, sheet.normal, _woven(grid))
+            material, mass = self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth_of(grid))
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         made = vertices, elements, material, density, held, self.mass == "lumped"
@@ -218,7 +219,8 @@ class ModalSolver(FittedCage):
         sheet = self._sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
             return None
-        return data_sheet(*self.plate(sheet.thickness, sheet.normal, _woven(grid)))
+        made = self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth_of(grid))
+        return data_sheet(*made)
 
     def _sheet(self, vertices: FloatArray, elements: NDArray[np.int64]) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""

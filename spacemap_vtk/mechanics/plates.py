@@ -228,7 +228,18 @@ def data_sheet(plate: Plate, areal_mass: float) -> DataSheet:
 
 
 def stiff_across(plate: Plate) -> Plate:
-    """Return a plate that keeps its thickness, and its normals upright, as fabrics are taken to."""
+    """Return a plate that keeps its thickness, and its normals upright, as fabrics are taken to.
+
+    Parameters
+    ----------
+    plate : Plate
+        Whose membrane and bending count.
+
+    Returns
+    -------
+    Plate
+        That resists across as much as in its plane.
+    """
     # By the stiffer of warp and weft: of the membrane's own size, so that no digit is lost to it.
     # Of a shape sin(x/L) a normal leans by D/(A L²) of the slope: measured fabrics', in folds of
     # L = 1 cm, by 1 % at most.

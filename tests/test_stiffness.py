@@ -1,0 +1,177 @@
+"""From yarns to cloth: stiffness against closed forms, rods and published moduli."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric import pattern_names
+from spacemap_vtk.fabric.axes import axis_points
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.interchange import YarnMechanics
+from spacemap_vtk.fabric.stiffness import cloth_stiffness
+from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.mechanics.plates import data_sheet, strips
+
+#: Cotton of 30 tex: EA [N] and B [N m²].
+EA, B = 90.0, 2e-9
+
+
+def woven(pattern="plain", *, d=(0.25e-3, 0.25e-3), p=(0.5e-3, 0.5e-3), size=24, **more):
+    repeat = pattern_names.named(pattern)
+    drawdown = np.tile(repeat, [-(-size // n) for n in repeat.shape])[:size, :size]
+    warp, weft = (Threads(diameter=thick, spacing=apart) for thick, apart in zip(d, p, strict=True))
+    return Cloth(drawdown=drawdown, warp=warp, weft=weft, **more)
+
+
+def cotton(tension=(EA, EA), bending=(B, B), contact=np.inf):
+    return YarnMechanics(tension, contact, bending)
+
+
+def by_hand(cloth, yarns):
+    """Return the (2, 2) stiffness of plain cloth per width [N/m], warp first.
+
+    Of springs: both lengths, both angles, the contact. dl = cosθ dp + sinθ dh + (θ - sinθ) dD and
+    s dθ = -sinθ dp + cosθ dh + (1 - cosθ) dD are the differentials of Peirce's equations.
+    """
+    spacing = cloth.weft.spacing, cloth.warp.spacing
+    stiffness = np.zeros((4, 4))
+    for k, family in enumerate(cloth.families):
+        theta, s, length, _ = family.crimp
+        sin, cos = np.sin(theta), np.cos(theta)
+        dh, dd = np.array([[0, 0, 1, 0], [0, 0, -1, 1]][k]), np.array([0, 0, 0, 1])
+        dp = spacing[k] * np.eye(4)[k]
+        stretch = cos * dp + sin * dh + (theta - sin) * dd
+        turn = (-sin * dp + cos * dh + (1 - cos) * dd) / s
+        stiffness += yarns.tension[k] / length * np.outer(stretch, stretch)
+        stiffness += hinge(cloth, yarns, k) * np.outer(turn, turn)
+    stiffness[3, 3] += min(yarns.contact, 1e9) / cloth.diameter_sum
+    outer, mixed, inner = stiffness[:2, :2], stiffness[:2, 2:], stiffness[2:, 2:]
+    return (outer - mixed @ np.linalg.solve(inner, mixed.T)) / np.prod(spacing)
+
+
+def hinge(cloth, yarns, k):
+    """Return moment over angle [N m] at rest, of an energy (B/D) (θ - θ0)²/θ0."""
+    return 2 * yarns.bending[k] / (cloth.diameter_sum * float(cloth.families[k].crimp.theta))
+
+
+@pytest.mark.parametrize("contact", [np.inf, 9.0, 0.0])
+@pytest.mark.parametrize("crimp_height", [None, 0.2e-3])
+def test_stretch_is_that_of_springs_in_peirces_geometry(contact, crimp_height):
+    cloth = woven(d=(0.2e-3, 0.3e-3), p=(0.55e-3, 0.6e-3), crimp_height=crimp_height)
+    yarns = cotton((90.0, 60.0), (2e-9, 4e-9), contact)
+    found = cloth_stiffness(cloth, yarns).membrane[:2, :2][::-1, ::-1]
+    np.testing.assert_allclose(found, by_hand(cloth, yarns), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("p1", "expected"), [(0.5e-3, 1.0), (0.75e-3, 0.33760)])
+def test_yarns_that_hardly_stretch_exchange_crimp(p1, expected):
+    """Initial Poisson's ratio p2 tan θ2 / (p1 tan θ1); a strip resists by bending alone."""
+    cloth, yarns = woven(p=(p1, 0.5e-3)), cotton((1e9, 1e9))
+    plate = cloth_stiffness(cloth, yarns)
+    assert data_sheet(plate, 0.1).poissons_ratio_in_plane == pytest.approx(expected, abs=6e-6)
+    # dp2 turns the warp by dp2/(s1 sin θ1), and the weft by dp2 cot θ1/(s2 cos θ2)
+    (t1, s1, *_), (t2, s2, *_) = (family.crimp for family in cloth.families)
+    turns = 1 / (s1 * np.sin(t1)), 1 / (s2 * np.cos(t2) * np.tan(t1))
+    warp = sum(hinge(cloth, yarns, k) * turn**2 for k, turn in enumerate(turns))
+    assert strips(plate.membrane)[0] == pytest.approx(warp * 0.5e-3 / p1, rel=1e-5)
+
+
+@pytest.mark.parametrize("pattern", ["plain", "twill 2/2", "satin 5/2"])
+def test_a_pull_both_ways_is_resisted_by_tension(pattern):
+    """Balanced cloth, hard contact: both yarns strain alike, and heights stay."""
+    cloth, p = woven(pattern, size=40), 0.5e-3
+    theta, _, length, _ = cloth.families[0].crimp
+    floats = {"plain": 0.0, "twill 2/2": 1.0, "satin 5/2": 1.5}[pattern]  # to a change of side
+    yarn = length + floats * p
+    strain = (np.cos(theta) + floats) * p / yarn
+    expected = EA / p * strain * (np.cos(theta) + floats) / (1 + floats)
+    membrane = cloth_stiffness(cloth, cotton(bending=(1e-15, 1e-15))).membrane
+    assert membrane[:2, :2].sum(axis=1) == pytest.approx(expected, rel=1e-6)
+    # and one way, sides free, not at all: exchange is a mechanism
+    assert max(strips(membrane)) < 1e-5 * expected
+
+
+@pytest.mark.parametrize("ratio", [0.95, 1.0, 1.2, 1.5, 2.0])
+def test_a_strip_stretches_as_leaf_and_kandil_have_it(ratio):
+    """12 B p2/(p1 l1³ sin²θ1) (1 + l1³ cos²θ1/(l2³ cos²θ2)), within a factor of two.
+
+    "The Initial Load-extension Behaviour of Plain-woven Fabrics", J. Textile Inst. 71 (1980) 1: of
+    sawteeth that bend all along, where Peirce's yarns bend in their arcs.
+    """
+    cloth, yarns = woven(p=(0.5e-3 * ratio,) * 2), cotton((1e9, 1e9))
+    theta, _, length, _ = cloth.families[0].crimp
+    published = 24 * B / (length**3 * np.sin(theta) ** 2)
+    found = strips(cloth_stiffness(cloth, yarns).membrane)[0]
+    assert 1.0 < found / published < 2.1
+
+
+@pytest.mark.parametrize("pattern", ["plain", "twill 2/2", "satin 5/2"])
+def test_cloth_bends_as_its_yarns_do_along_their_axes(pattern):
+    cloth = woven(pattern, d=(0.2e-3, 0.3e-3), p=(0.5e-3, 0.6e-3), exact=True)
+    plate = cloth_stiffness(cloth, cotton(bending=(B, 3 * B)))
+    points, owner = axis_points(cloth, 64)
+    for family, (stiffness, rigidity) in enumerate(
+        zip(strips(plate.bending), (B, 3 * B), strict=True)
+    ):
+        total, along = 0.0, 1 - family
+        edge = 0.5 * np.ptp(cloth.yarns[along].position) * (1 + 1e-9)
+        for yarn in range(24):
+            line = points[owner == 24 * family + yarn]
+            line = line[abs(line[:, along]) <= edge]
+            length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+            total += rigidity * np.ptp(line[:, along]) / length
+        width = 24 * cloth.threads[family].spacing
+        assert stiffness == pytest.approx(total / width, rel=2e-4)
+    assert plate.bending[0, 1] == 0.0
+
+
+def test_a_square_cloth_bends_alike_in_all_directions():
+    bending = cloth_stiffness(woven(), cotton()).bending
+    for angle in np.linspace(0, np.pi, 7):
+        c, s = np.cos(angle), np.sin(angle)
+        curved = np.array([c * c, s * s, 2 * c * s])
+        assert curved @ bending @ curved == pytest.approx(bending[0, 0], rel=1e-12)
+
+
+def test_shear_bends_rods_between_crossings():
+    """By Castigliano: a rod whose ends keep their directions leans by V/(B P) ∫ r² ds."""
+    cloth = woven(d=(0.2e-3, 0.3e-3), p=(0.5e-3, 0.6e-3), exact=True)
+    found = data_sheet(cloth_stiffness(cloth, cotton(bending=(B, 3 * B))), 0.1).shear_rigidity
+    points, owner = axis_points(cloth, 256)
+    soft = 0.0
+    for family, rigidity in enumerate((B, 3 * B)):
+        along, crossed = 1 - family, cloth.yarns[1 - family].position
+        line = points[owner == 24 * family + 12]
+        line = line[(line[:, along] >= crossed[11]) & (line[:, along] <= crossed[12])]
+        middle = 0.5 * (line[1:] + line[:-1]) - 0.5 * (line[0] + line[-1])
+        step = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        lean = (step * (middle**2).sum(axis=1)).sum() / (rigidity * np.ptp(crossed[11:13]))
+        soft += lean * cloth.threads[family].spacing
+    # the yarn is taken for as long as it is, and straight
+    assert found == pytest.approx(1 / soft, rel=0.06)
+    assert found < 1 / soft
+
+
+def test_a_float_is_one_beam():
+    cloth = woven("satin 5/2", size=50)
+    length = float(cloth.families[0].crimp.length)
+    cubes = 2 * length**3 + (3 * 0.5e-3) ** 3
+    one = 12 * B * 5 * 0.5e-3 / cubes / 0.5e-3
+    found = data_sheet(cloth_stiffness(cloth, cotton()), 0.1).shear_rigidity
+    assert found == pytest.approx(0.5 * one, rel=0.05)  # floats are cut at the edges
+    assert found < 0.3 * data_sheet(cloth_stiffness(woven(), cotton()), 0.1).shear_rigidity
+
+
+def test_yarns_that_make_no_sheet_are_refused():
+    for yarns, key in (
+        (YarnMechanics(bending=(B, B)), "tension"),
+        (cotton(bending=(B, 0)), "bend"),
+    ):
+        with pytest.raises(InputError, match=f"{key}.*no sheet without it"):
+            cloth_stiffness(woven(), yarns)
+    wide = woven()
+    lone = Cloth(drawdown=wide.drawdown[:1], warp=wide.warp, weft=wide.weft)
+    with pytest.raises(InputError, match="24 x 1 yarns"):
+        cloth_stiffness(lone, cotton())
