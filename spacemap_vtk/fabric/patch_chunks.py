@@ -221,9 +221,14 @@ class Bicubic:
         self._curve = np.stack((bernstein(3, t), bernstein_derivative(3, t)))
 
     def evaluate(
-        self, chunk: Chunk, points: Floats, scale: float, positions: Floats, normals: Floats
+        self,
+        chunk: Chunk,
+        points: Floats,
+        scale: float,
+        positions: Floats,
+        normals: Floats | None = None,
     ) -> NDArray[np.int64]:
-        """Write the points of a chunk and their unit normals."""
+        """Write the points of a chunk and their unit normals, or the points alone."""
         kind = positions.dtype
         curve = self._curve.copy()
         curve[1] /= scale
@@ -235,7 +240,7 @@ class Bicubic:
             kind.type(1 / scale),
             kind.type(SUSPECT),
             positions.reshape(-1),
-            normals.reshape(-1),
+            None if normals is None else normals.reshape(-1),
             suspects,
         )
         return suspects[:count]
@@ -244,11 +249,11 @@ class Bicubic:
         self, chunk: Chunk, columns: NDArray[Any], origin: Floats, values: Floats
     ) -> None:
         """Write an array of the control points, carried over to the points of a chunk."""
-        rows = columns[chunk.rows]
-        if rows.dtype.kind != "f":  # each type more is compiled anew
-            rows = rows.astype(values.dtype)
+        if columns.shape[1] == 3:  # as places are, each patch from its own first control point
+            self.evaluate(chunk, columns, 1.0, values)
+            return
         self._loops.interpolate(
-            np.ascontiguousarray(rows),
+            np.ascontiguousarray(columns[chunk.rows]),
             origin,
             chunk.gather,
             self._curve.astype(values.dtype),

@@ -31,10 +31,10 @@ def evaluate(
     per_size: Any,
     suspect: Any,
     positions: NDArray[Any],
-    normals: NDArray[Any],
+    normals: NDArray[Any] | None,
     suspects: NDArray[np.int64],
 ) -> int:
-    """Write the points of some patches and their unit normals."""
+    """Write the points of some patches and their unit normals, if these are asked for."""
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
     count, steps, found = gather.shape[1], curve.shape[1], 0
     # In the points' own precision, as long as the numbers are large: all first control points,
@@ -61,23 +61,25 @@ def evaluate(
             line = net[place & 3, (place >> 2) * _ROW :]
             for lane in range(_ROW):
                 line[lane] = other[lane] - first[lane]
-        limit[:] = 0  # from the size of a patch: its other corners as seen from the first
-        for along, across in ((3, 0), (0, 3), (3, 3)):
-            corner = net[along, across * _ROW :]
-            for axis in range(3):
-                for patch in range(_GROUP):
-                    length = corner[axis * _GROUP + patch] * per_size
-                    limit[patch] += length * length
-        for patch in range(_GROUP):
-            limit[patch] *= suspect
-            limit[patch] *= limit[patch]
+        if normals is not None:
+            limit[:] = 0  # from the size of a patch: its other corners as seen from the first
+            for along, across in ((3, 0), (0, 3), (3, 3)):
+                corner = net[along, across * _ROW :]
+                for axis in range(3):
+                    for patch in range(_GROUP):
+                        length = corner[axis * _GROUP + patch] * per_size
+                        limit[patch] += length * length
+            for patch in range(_GROUP):
+                limit[patch] *= suspect
+                limit[patch] *= limit[patch]
         for i in range(steps):
             b0, b1, b2, b3 = curve[0, i, 0], curve[0, i, 1], curve[0, i, 2], curve[0, i, 3]
             d0, d1, d2, d3 = curve[1, i, 0], curve[1, i, 1], curve[1, i, 2], curve[1, i, 3]
             for lane in range(4 * _ROW):
                 p0, p1, p2, p3 = net[0, lane], net[1, lane], net[2, lane], net[3, lane]
                 lines[i, lane] = b0 * p0 + b1 * p1 + b2 * p2 + b3 * p3
-                slopes[i, lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
+                if normals is not None:
+                    slopes[i, lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
         for j in range(steps):
             b0, b1, b2, b3 = curve[0, j, 0], curve[0, j, 1], curve[0, j, 2], curve[0, j, 3]
             d0, d1, d2, d3 = curve[1, j, 0], curve[1, j, 1], curve[1, j, 2], curve[1, j, 3]
@@ -90,8 +92,17 @@ def evaluate(
                     q2, q3 = q[lane + 2 * _ROW], q[lane + 3 * _ROW]
                     # the origin last: the sum of the others is small, and keeps its digits
                     point[lane] = (b0 * p0 + b1 * p1 + b2 * p2 + b3 * p3) + origin[lane]
-                    du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
-                    dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
+                    if normals is not None:
+                        du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
+                        dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
+                at = (j * steps + i) * count + start
+                for patch in range(width):
+                    to = 3 * (at + patch)
+                    positions[to] = point[patch]
+                    positions[to + 1] = point[_GROUP + patch]
+                    positions[to + 2] = point[2 * _GROUP + patch]
+                if normals is None:
+                    continue
                 for patch in range(_GROUP):
                     ux, uy, uz = du[patch], du[_GROUP + patch], du[2 * _GROUP + patch]
                     vx, vy, vz = dv[patch], dv[_GROUP + patch], dv[2 * _GROUP + patch]
@@ -103,7 +114,6 @@ def evaluate(
                         y * over,
                         z * over,
                     )
-                at = (j * steps + i) * count + start
                 small = 0
                 for patch in range(_GROUP):
                     small += square[patch] <= limit[patch]
@@ -112,11 +122,6 @@ def evaluate(
                         if square[patch] <= limit[patch]:
                             suspects[found] = at + patch
                             found += 1
-                for patch in range(width):
-                    to = 3 * (at + patch)
-                    positions[to] = point[patch]
-                    positions[to + 1] = point[_GROUP + patch]
-                    positions[to + 2] = point[2 * _GROUP + patch]
                 for patch in range(width):
                     to = 3 * (at + patch)
                     normals[to] = du[patch]

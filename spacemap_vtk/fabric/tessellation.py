@@ -251,6 +251,8 @@ class Tessellation:
         origins = np.tile(origin, (most + 1, 1))
 
         bicubic = self.bicubic if rational is None else None
+        if bicubic is not None and columns.dtype.kind != "f":
+            columns = columns.astype(kind)  # each type more is compiled anew
 
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)
