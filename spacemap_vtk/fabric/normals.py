@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 _INSIDE = 1e-3
 # Rounding of an area element, next to the square of the patch's size.
 _NOTHING = 1e-12
+# Places that take as long to prepare as to evaluate, which happens again at each step of a motion.
+_FEW = 1000
 
 
 def robust_normals(
@@ -87,6 +90,19 @@ def _area_element(
 
 def _basis(degree: int, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return Bernstein polynomials and their derivatives, each (degree + 1, n)."""
+    if len(t) > _FEW:
+        return _made_basis(degree, t)
+    return _kept_basis(degree, t.tobytes())
+
+
+@lru_cache(maxsize=32)
+def _kept_basis(degree: int, t: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return _made_basis(degree, np.frombuffer(t))  # the same places at each step of a motion
+
+
+def _made_basis(
+    degree: int, t: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     # The places stand at a few parameters, where they are on a regular grid.
     few, which = np.unique(t, return_inverse=True)
     return bernstein(degree, few).T[:, which], bernstein_derivative(degree, few).T[:, which]
