@@ -14,6 +14,7 @@ from spacemap_vtk.errors import SpacemapWarning
 if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
     from spacemap_vtk.filters.base import connect
+    from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
     from spacemap_vtk.filters.modal_response import ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver
     from spacemap_vtk.filters.motion_reader import MotionReader
@@ -28,6 +29,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "BarycentricWarp",
+    "CrimpInterchange",
     "ModalResponse",
     "ModalSolver",
     "MotionReader",
@@ -53,6 +55,7 @@ FILTERS = {
     "TransientResponse": "spacemap_vtk.filters.transient_response",
     "MotionReader": "spacemap_vtk.filters.motion_reader",
     "RotationStrain": "spacemap_vtk.filters.rotation_strain",
+    "CrimpInterchange": "spacemap_vtk.filters.crimp_interchange",
     "BarycentricWarp": "spacemap_vtk.filters.barycentric_warp",
     "PatchTessellator": "spacemap_vtk.filters.patch_tessellator",
 }

@@ -49,6 +49,17 @@ UNITS: dict[str, dict[str, float]] = {
         "gf.cm": _GF * 1e-2,
         "gf.cm2/cm": _GF * 1e-2,
     },
+    # What a yarn resists bending with, and stretching with over its count.
+    "N.m2": {
+        "N.m2": 1.0,
+        "uN.m2": 1e-6,
+        "µN.m2": 1e-6,
+        "N.mm2": 1e-6,
+        "mN.mm2": 1e-9,
+        "cN.cm2": 1e-6,
+        "gf.cm2": _GF * 1e-4,
+    },
+    "N.m/kg": {"N.m/kg": 1.0, "N/tex": 1e6, "cN/tex": 1e4, "cN/dtex": 1e5, "gf/den": _GF * 9e6},
     "kg/m2": {"kg/m2": 1.0, "g/m2": 1e-3, "gsm": 1e-3, "oz/yd2": 0.028349523125 / 0.9144**2},
     "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "kN": 1e3},
     "N/m3": {"N/m3": 1.0, "kN/m3": 1e3, "MN/m3": 1e6, "N/cm3": 1e6, "N/mm3": 1e9},
@@ -99,6 +110,8 @@ def format_quantity(value: float, unit: str) -> str:
         "1/m": ("/m", "/cm"),
         "N/m": ("N/m", "kN/m"),
         "N.m": ("µN.m", "mN.m", "N.m"),
+        "N.m2": ("mN.mm2", "N.mm2", "N.m2"),
+        "N.m/kg": ("cN/tex", "N/tex"),
         "kg/m2": ("g/m2", "kg/m2"),
     }
     best, size = unit, 1.0

@@ -257,7 +257,7 @@ def test_every_stage_of_the_table_says_what_it_is() -> None:
 def updated() -> dict[str, Stage]:
     """Every stage of the table, run."""
     root = Path(__file__).parent.parent / "scenes"
-    swing = Scene(SMALL | {"response": {}, "rotation": {}})
+    swing = Scene(SMALL | {"response": {}, "rotation": {}, "yarns": {}})
     swing.update(time=0.1)
     stepped = Scene(SMALL | {"transient": {"max_step": 1e-4}})
     stepped.update(time=0.001)

@@ -23,6 +23,10 @@ from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
 
 #: What their names begin with.
 _PREFIX = "cloth_"
+#: Point arrays of yarns that were laid anew: where the ring of each control point stands in the
+#: cage [m], and how the point lies from where the cage carries that [m].
+FOOT, OFFSET = "foot", "interchange"
+
 _DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
 
 

@@ -19,13 +19,14 @@ Source: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (19
 from __future__ import annotations
 
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.axis import Axes, crossing_heights
 from spacemap_vtk.fabric.bezier import rational_handles
-from spacemap_vtk.fabric.peirce import solve
+from spacemap_vtk.fabric.peirce import Crimp, solve
 from spacemap_vtk.fabric.threads import Yarns
 
 #: Longer arcs are split: one cubic misses the radius by 2.4e-5 at this angle, 2.7e-4 at 90 degrees.
@@ -33,6 +34,32 @@ LONGEST_ARC = pi / 3
 #: Below this angle (rad) an arc is left out. Its patches would be slivers, and the straight cubic
 #: that takes their place is off by less than this times the height.
 FLAT = 1e-7
+
+
+class Gaps(NamedTuple):
+    """What lies between neighbouring crossings, past the last one, and on flats, of some yarns."""
+
+    # Of all yarns in one row where it is the same; their own rows where space has been stretched.
+
+    bounds: NDArray[np.float64]
+    """(yarns or 1, gaps + 1) Places along the yarn where gaps meet, before space was stretched."""
+    spacing: NDArray[np.float64]
+    """(yarns or 1, gaps) Their lengths along the yarn, as stretched."""
+    height: NDArray[np.float64]
+    """(yarns, gaps + 1) The axes' at the bounds."""
+    arc: NDArray[np.float64]
+    """(yarns, gaps + 1) Radii of the arcs there."""
+    stretch: NDArray[np.float64]
+    """(yarns or 1, gaps) Of space along the yarn."""
+
+
+class Plan(NamedTuple):
+    """Into which parts the gaps of some yarns are cut, whatever becomes of their heights."""
+
+    pieces: NDArray[np.int64]
+    """(yarns, gaps) Parts of each of the two arcs."""
+    straight: NDArray[np.bool_]
+    """(yarns, gaps) Whether there is one between the arcs."""
 
 
 def arc_axes(
@@ -45,29 +72,48 @@ def arc_axes(
 ) -> Axes:
     """Lay axes that run arc - straight - arc between crossings."""
     arc, height = crossing_heights(upper, own, crossed, share)
-    position, room = crossed.position, crossed.spacing
+    gaps = gaps_of(crossed, arc, height, overhang)
+    return lay_gaps(0.5 * own.diameter, own.position, gaps, exact)
+
+
+def gaps_of(
+    crossed: Yarns,
+    arc: NDArray[np.float64],
+    height: NDArray[np.float64],
+    overhang: float,
+    stretch: NDArray[np.float64] | None = None,
+) -> Gaps:
+    """Return the gaps of yarns from what is known at their crossings, (yarns, crossings)."""
+    # Yarns past their last crossing, and flats, keep their length however space is stretched.
+    size = np.ones((1, len(crossed.position))) if stretch is None else stretch
+    between = 0.5 * (size[:, 1:] + size[:, :-1])
+    position = np.broadcast_to(crossed.position, size.shape)
+    inner = crossed.spacing * between
     half = 0.5 * crossed.flat
-    ends = position[0] - overhang, position[-1] + overhang
+    first, last = (
+        position[:, :1] - overhang / size[:, :1],
+        position[:, -1:] + overhang / size[:, -1:],
+    )
     if crossed.aspect > 1.0:
         # straight over each flat; a yarn may be cut on the first and on the last
         flat = crossed.flat.copy()
         flat[[0, -1]] -= np.maximum(half[[0, -1]] - overhang, 0.0) * (1 + (len(flat) == 1))
-        position = np.stack([position - half, position + half], axis=1).ravel()
-        position[[0, -1]] = np.maximum(position[0], ends[0]), np.minimum(position[-1], ends[1])
-        inner = np.empty(len(position) - 1)
-        inner[::2], inner[1::2] = flat, room - half[1:] - half[:-1]
-        height, arc = np.repeat(height, 2, axis=1), np.repeat(arc, 2, axis=1)
-    else:
-        inner = room
-    past = np.maximum(overhang - half[[0, -1]], 0.0)
-    return lay(
-        radius=0.5 * own.diameter,
-        lateral=own.position,
-        bounds=np.concatenate([ends[:1], position, ends[1:]]),
-        spacing=np.concatenate([past[:1], inner, past[1:]]),
+        room = np.maximum(inner - half[1:] - half[:-1], 0.0)
+        step = half / size
+        position = np.stack([position - step, position + step], axis=2).reshape(len(size), -1)
+        position[:, :1] = np.maximum(position[:, :1], first)
+        position[:, -1:] = np.minimum(position[:, -1:], last)
+        inner, both = np.empty((2, len(size), position.shape[1] - 1))
+        inner[:, ::2], inner[:, 1::2] = flat, room
+        both[:, ::2], both[:, 1::2] = size, between
+        height, arc, between = np.repeat(height, 2, axis=1), np.repeat(arc, 2, axis=1), both
+    past = np.broadcast_to(np.maximum(overhang - half[[0, -1]], 0.0), (len(size), 2))
+    return Gaps(
+        bounds=np.concatenate([first, position, last], axis=1),
+        spacing=np.concatenate([past[:, :1], inner, past[:, 1:]], axis=1),
         height=np.pad(height, ((0, 0), (1, 1)), mode="edge"),
         arc=np.pad(arc, ((0, 0), (1, 1)), mode="edge"),
-        exact=exact,
+        stretch=np.concatenate([size[:, :1], between, size[:, -1:]], axis=1),
     )
 
 
@@ -81,17 +127,63 @@ def lay(
     exact: bool = False,
 ) -> Axes:
     """Cut axes into parts, from what is known at the bounds of their gaps."""
-    # A gap is what lies between neighbouring crossings, or past the last one, or on a flat.
-    # Peirce's formulas hold in each with the sum of the radii of its two arcs for D.
-    rise = np.diff(height, axis=1)
-    crimp = solve(spacing, np.abs(rise), arc[:, :-1] + arc[:, 1:])
+    one = np.ones((1, len(spacing)))
+    return lay_gaps(radius, lateral, Gaps(bounds[None], spacing[None], height, arc, one), exact)
+
+
+def plan_of(gaps: Gaps, exact: bool) -> Plan:
+    """Return into which parts gaps are cut."""
+    return _plan(_bends(gaps), gaps.spacing, exact)
+
+
+def _bends(gaps: Gaps) -> Crimp:
+    # Peirce's formulas hold in each gap with the sum of the radii of its two arcs for D.
+    rise = np.abs(np.diff(gaps.height, axis=1))
+    return solve(gaps.spacing, rise, gaps.arc[:, :-1] + gaps.arc[:, 1:])
+
+
+def _plan(crimp: Crimp, spacing: NDArray[np.float64], exact: bool) -> Plan:
     flat = crimp.theta < FLAT
     # one rounding above 60 degrees is 60 degrees: jammed square cloth
     longest = 2.0 * LONGEST_ARC if exact else LONGEST_ARC
     pieces = np.where(flat, 0, np.ceil(crimp.theta / longest - 1e-9).astype(np.int64))
-    straight = np.where(flat, spacing, crimp.straight)
-    has_straight = (straight > 0.0).astype(np.int64)
-    count = (2 * pieces + has_straight).ravel()
+    return Plan(pieces, np.where(flat, spacing, crimp.straight) > 0.0)
+
+
+def _fit(gaps: Gaps, plan: Plan) -> NDArray[np.float64]:
+    """Return by which factor arcs are tighter than a plan's where a gap has no room for them."""
+    # Two arcs alone fit where (D - h)^2 + p^2 = D^2. Without a straight they must fit, wider ones
+    # too, for they are all that there is.
+    p, h = gaps.spacing, np.abs(np.diff(gaps.height, axis=1))
+    both = 2.0 * h * (gaps.arc[:, :-1] + gaps.arc[:, 1:])
+    fit = np.divide(p * p + h * h, both, out=np.full(h.shape, np.inf), where=both > 0.0)
+    longest = np.where(plan.straight | (plan.pieces == 0), 1.0, np.inf)
+    return np.where(np.isfinite(fit), np.minimum(fit, longest), 1.0)
+
+
+def lay_gaps(
+    radius: NDArray[np.float64],
+    lateral: NDArray[np.float64],
+    gaps: Gaps,
+    exact: bool = False,
+    plan: Plan | None = None,
+) -> Axes:
+    """Cut axes into parts; by a plan, so that their number is that of other heights."""
+    height, rise = gaps.height, np.diff(gaps.height, axis=1)
+    bounds = np.broadcast_to(gaps.bounds, height.shape)
+    spacing, stretch = (np.broadcast_to(x, rise.shape) for x in (gaps.spacing, gaps.stretch))
+    begin, end = gaps.arc[:, :-1], gaps.arc[:, 1:]
+    if plan is None:
+        crimp = _bends(gaps)
+        plan = _plan(crimp, spacing, exact)
+    else:
+        fit = _fit(gaps, plan)
+        begin, end = fit * begin, fit * end
+        crimp = solve(spacing, np.abs(rise), begin + end)
+    pieces, alone = plan.pieces, plan.pieces == 0
+    straight = np.where(alone, spacing, crimp.straight)
+    lengths = np.where(alone, crimp.length, crimp.straight)
+    count = (2 * pieces + plan.straight).ravel()
 
     gap = np.repeat(np.arange(count.size), count)
     step = np.arange(gap.size) - (np.cumsum(count) - count)[gap]
@@ -107,17 +199,17 @@ def lay(
     # each arc is measured from the crossing that it belongs to, seen inwards from it
     inwards = np.where(second, -1.0, 1.0)
     owner = column + second
-    bend = arc[row, owner]
-    along = bounds[owner] + inwards * bend * np.sin(tilt)
+    bend = np.where(second, end.ravel()[gap], begin.ravel()[gap])
+    along = bounds[row, owner] + inwards * bend * np.sin(tilt) / stretch.ravel()[gap]
     z = height[row, owner] + inwards * sign * bend * 2.0 * np.sin(0.5 * tilt) ** 2
     turn = np.where(is_straight, 0.0, theta / np.maximum(m, 1))
-    length = np.where(is_straight, straight.ravel()[gap], bend * turn)
+    length = np.where(is_straight, lengths.ravel()[gap], bend * turn)
     curvature = np.where(is_straight, 0.0, inwards * sign / bend)
     if exact:
         handle, weight = rational_handles(turn)
     else:
         handle, weight = 4.0 / 3.0 * np.tan(0.25 * turn), np.ones(1)
-    reach = np.where(is_straight, length / 3.0, handle * bend)
+    reach = np.where(is_straight, straight.ravel()[gap] / 3.0, handle * bend)
 
     parts = count.reshape(rise.shape).sum(axis=1)
     last = np.cumsum(parts) + np.arange(len(parts))
@@ -132,7 +224,7 @@ def lay(
         radius,
         lateral,
         parts,
-        along=with_last(along, bounds[-1]),
+        along=with_last(along, bounds[:, -1]),
         height=with_last(z, height[:, -1]),
         angle=with_last(sign * tilt, 0.0),
         length=length,

@@ -82,6 +82,12 @@ class Tubes(NamedTuple):
     aspect: float
     """Width of the section over its height."""
 
+    @property
+    def ends(self) -> NDArray[np.int64]:
+        """(2 lines,) First and last ring of each line."""
+        last = 3 * np.cumsum(self.parts) + np.arange(len(self.parts))
+        return np.stack([last - 3 * self.parts, last], axis=1).ravel()
+
 
 class Swept(NamedTuple):
     """Tubes as patches."""
@@ -240,6 +246,19 @@ def _fill_weights(plan: _Plan, weights: Floats) -> None:
     np.multiply(along[:, None], plan.shape.weight, out=weights.reshape(-1, plan.shape.size))
 
 
+def span_caps(tubes: Tubes, closing: Cap, points: Floats, new: Floats) -> NDArray[np.int64]:
+    """Write the inner points of a bundle's caps; return the points that they start at."""
+    rings = tubes.first + tubes.ring * tubes.ends
+    # the first end looks back: there the cap is turned over, lower for upper
+    turned = np.arange(len(rings))[:, None] % 2 == 0
+    lower = rings[:, None] + np.where(turned, closing.upper, closing.lower)
+    upper = rings[:, None] + np.where(turned, closing.lower, closing.upper)
+    own = new.reshape(len(rings), 2, -1, 3)
+    own[:, 0] = (2.0 * points[lower] + points[upper]) / 3.0
+    own[:, 1] = (points[lower] + 2.0 * points[upper]) / 3.0
+    return lower
+
+
 def _fill_caps(
     plan: _Plan,
     closing: Cap,
@@ -249,16 +268,9 @@ def _fill_caps(
     patches: NDArray[np.int64],
 ) -> None:
     """Close both ends of every line of a bundle, first end and last in turn."""
-    parts, size = plan.lines.parts, plan.shape.size
-    last = 3 * np.cumsum(parts) + np.arange(len(parts))
-    rings = plan.tubes.first + size * np.stack([last - 3 * parts, last], axis=1).ravel()
-    # the first end looks back: there the cap is turned over, lower for upper
-    turned = np.arange(len(rings))[:, None] % 2 == 0
-    lower = rings[:, None] + np.where(turned, closing.upper, closing.lower)
-    upper = rings[:, None] + np.where(turned, closing.lower, closing.upper)
-    own = points[new].reshape(len(rings), 2, -1, 3)
-    own[:, 0] = (2.0 * points[lower] + points[upper]) / 3.0
-    own[:, 1] = (points[lower] + 2.0 * points[upper]) / 3.0
+    size = plan.shape.size
+    rings = plan.tubes.first + size * plan.tubes.ends
+    lower = span_caps(plan.tubes, closing, points, points[new])
     if weights is not None:
         weights[new].reshape(len(rings), 2, -1)[:] = weights[lower][:, None]
     # the table of a turned cap is that of the ring upside down

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
@@ -22,6 +23,7 @@ from spacemap_vtk.datasets.arrays import (
     to_array,
     to_points,
 )
+from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET
 from spacemap_vtk.datasets.geometry_cache import Geometry
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
@@ -94,18 +96,25 @@ class BarycentricWarp(Stage):
     )
 
     _kept: _Ride | None = None
+    _feet: vtkPolyData | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             output.ShallowCopy(inputs[0])  # a process with nothing to do
             return
-        prepared = self._prepared(inputs[0], inputs[1])
+        riding = self._riding(inputs[0])
+        prepared = self._prepared(riding, inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
-        moved, displacement = prepared.interpolation.displace(points_of(inputs[0]), field)
+        moved, displacement = prepared.interpolation.displace(points_of(riding), field)
         output.ShallowCopy(inputs[0])
-        output.SetPoints(to_points(moved))
         data = output.GetPointData()
+        if riding is not inputs[0]:
+            moved += array_of(data, OFFSET, "BarycentricWarp")
+            displacement = moved - points_of(inputs[0])
+            for name in (FOOT, OFFSET):
+                data.RemoveArray(name)
+        output.SetPoints(to_points(moved))
         normals = data.GetNormals()
         if normals is not None:
             turned = prepared.turned(vtk_to_numpy(normals), field)
@@ -116,6 +125,18 @@ class BarycentricWarp(Stage):
         for name in self.carried.replace(",", " ").split():
             values = self._at_vertices(inputs[1], prepared, name)
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
+
+    def _riding(self, points: vtkPointSet) -> vtkPointSet:
+        """Return what rides in the cage: the points, or the feet on which yarns stand in it."""
+        feet = points.GetPointData().GetArray(FOOT)
+        if feet is None or not points.GetPointData().HasArray(OFFSET):
+            return points
+        # taking them for points marks them as changed: only once
+        if self._feet is None or self._feet.GetPoints().GetData() is not feet:
+            self._feet, places = vtkPolyData(), vtkPoints()
+            places.SetData(feet)
+            self._feet.SetPoints(places)
+        return self._feet
 
     def _at_vertices(
         self, cage: vtkUnstructuredGrid, prepared: _Ride, name: str

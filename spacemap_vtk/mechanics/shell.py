@@ -127,7 +127,20 @@ def layer(points: FloatArray, cells: IntArray) -> Layer | None:
 
 
 def mid_surface(points: FloatArray, cells: IntArray) -> MidSurface | None:
-    """Return the mid-surface of a one-layer lattice, whole or carved; None of any other mesh."""
+    """Return the mid-surface of a one-layer lattice, whole or carved.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Tetrahedra.
+
+    Returns
+    -------
+    MidSurface or None
+        A quadrilateral for each hexahedron, in their order; None of any other mesh.
+    """
     # It lies across the thinnest axis along which no two hexahedra meet.
     corners = _corners(cells)
     if corners is None or 2 * len(corners) >= len(points):  # of a sheet, P pairs have E < P

@@ -1,0 +1,118 @@
+"""How a deformed mesh stretches and turns a plane that is embedded in it: two columns of F.
+
+In a sheet of one layer these are the slopes of its mid-surface: the tetrahedra of a hexahedron lie
+on its upper or on its lower side, and where the sheet bends each shows the strain of that side.
+Elsewhere they are those of quadratics that are fitted to the vertices around each vertex.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
+from spacemap_vtk.cage.split import mended
+from spacemap_vtk.cage.split_quadratic import TETRAHEDRON, split_quadratic
+from spacemap_vtk.embedding.affine import AffineInterpolation
+from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.locate import Location, locate
+from spacemap_vtk.embedding.smooth import vertex_gradients
+from spacemap_vtk.mechanics.shell import mid_surface
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Steps of Newton's rule to a place in a quadrilateral: one in a parallelogram, and few in others.
+_STEPS = 5
+
+
+class PlaneSlopes:
+    """What unit vectors along x and y become at places in a mesh.
+
+    Parameters
+    ----------
+    places : (N, 3) float64
+        In m.
+    vertices : (V, 3) float64
+        Of the mesh at rest, in m.
+    elements : (T, 4) or (T, 10) int
+        Linear or quadratic tetrahedra.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.cage.lattice import lattice
+    >>> vertices, cells = lattice([0, 2, 0, 2, 0, 1], [2, 2, 1])
+    >>> bent = vertices[:, [0]] ** 2 * [0, 0, 1.0]
+    >>> PlaneSlopes(np.array([[0.5, 0.7, 0.5]]), vertices, cells).at(bent).tolist()
+    [[[1.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]]]
+    """
+
+    def __init__(self, places: Floats, vertices: Floats, elements: NDArray[Any]) -> None:
+        cells = np.asarray(elements, np.int64)
+        self._surface = mid_surface(vertices, cells)
+        if self._surface is not None and self._surface.normal != 2:
+            self._surface = None
+        if cells.shape[1] > 4:
+            cells = mended(vertices, split_quadratic(cells, TETRAHEDRON))[0].astype(np.int64)
+        if self._surface is None:
+            where = locate(places, vertices, cells, weighted=False)
+            gradients = vertex_gradients(vertices, cells)
+            self._at_vertices = [gradients[axis::3] for axis in range(2)]
+            self._ride = AffineInterpolation(places, where, vertices, cells)
+        else:
+            where = locate(places, vertices, cells)
+            self._along = _of_quads(places, where, vertices, *self._surface[:2])
+
+    def at(self, displacement: NDArray[Any]) -> Floats:
+        """Return both vectors at each place.
+
+        Parameters
+        ----------
+        displacement : (V, 3)
+            Of the vertices, in m.
+
+        Returns
+        -------
+        (2, N, 3) float64
+            First what a unit vector along x has become, then along y.
+        """
+        field = np.asarray(displacement, np.float64)
+        if self._surface is None:
+            columns = np.concatenate([slope @ field for slope in self._at_vertices], axis=1)
+            grown = self._ride.apply(columns).reshape(-1, 2, 3).swapaxes(0, 1)
+        else:
+            upper, lower = field[self._surface.pairs.T]
+            middle = 0.5 * (upper + lower)
+            grown = np.stack([ride.apply(middle) for ride in self._along])
+        return np.eye(3)[:2, None] + grown
+
+
+def _of_quads(
+    places: Floats, where: Location, vertices: Floats, pairs: Ints, quads: Ints
+) -> list[Interpolation]:
+    """Return what makes slopes along x and y out of the middles of a sheet's pairs."""
+    quad = (where.tetrahedron // TETRAHEDRA_PER_CELL).astype(np.int32)
+    upper, lower = vertices[pairs.T]
+    corners = (0.5 * (upper + lower))[quads][quad, :, :2]
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    at = np.zeros((len(places), 2))
+    for step in range(_STEPS):
+        one = 1.0 + at[:, None] * signs
+        slopes = 0.25 * signs * one[:, :, ::-1]  # (N, 4, 2) by ξ and η
+        jacobian = np.einsum("nac,nai->nci", corners, slopes)
+        if step < _STEPS - 1:
+            found = 0.25 * np.einsum("nac,na->nc", corners, one.prod(axis=2))
+            away = np.linalg.solve(jacobian, (places[:, :2] - found)[:, :, None])[:, :, 0]
+            at += away
+    along = np.einsum("nai,nic->cna", slopes, np.linalg.inv(jacobian))
+    return [
+        Interpolation(
+            replace(where, tetrahedron=quad, weights=np.ascontiguousarray(weights)),
+            quads,
+            len(pairs),
+        )
+        for weights in along
+    ]

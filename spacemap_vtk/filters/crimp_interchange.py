@@ -1,0 +1,208 @@
+"""CrimpInterchange: yarns that keep their length where space is stretched, and trade crimp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
+from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_of
+from spacemap_vtk.datasets.geometry_cache import Geometry
+from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.axes import ALL
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.interchange import CrimpState, Interchange
+from spacemap_vtk.fabric.partition import share_of
+from spacemap_vtk.fabric.recrimp import Recrimp
+from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
+from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
+
+Floats = NDArray[np.float64]
+
+#: Strain of yarns that are meant to keep their length, from which on it is told.
+_STRAIN = 0.01
+#: How far points may be from those of their cloth, over its size: the precision of float32.
+_APART = 1e-5
+
+
+class CrimpInterchange(YarnParameters):
+    """Let yarns keep their length where the cage stretches the space they are in.
+
+    Port 0 is the weave, port 1 the cage that moves. An embedded yarn would stretch with its space
+    and be squeezed aside; real ones straighten along the pull and bend the more across it. At each
+    crossing the stretches along warp and weft are found, and the crimp heights and the distance of
+    the axes that go with them; the yarns' axes are laid anew through these by Peirce's arcs, and
+    BarycentricWarp carries them. Sections turn with the cloth and stay as they are, but for what
+    yarns that are pressed together flatten.
+
+    Notes
+    -----
+    The points of the output are those of the input, and two point arrays say what becomes of them:
+    ``foot`` is where a control point's ring stands in the plane between warp and weft,
+    ``interchange`` how the point lies from where the cage takes that.
+
+    Examples
+    --------
+    >>> from spacemap_vtk import CrimpInterchange
+    >>> CrimpInterchange(inextensible=False, modulus="500 cN/tex").modulus
+    5000000.0
+    """
+
+    section = "yarns"
+    role = "crimp"
+    inputs = ("vtkPointSet", "vtkUnstructuredGrid")
+    takes = ("object", "cage")
+    provides: ClassVar = {
+        FOOT: Provided("point", "m"),
+        OFFSET: Provided("point", "m"),
+        "crimp": Provided("cell"),
+        "yarn_strain": Provided("cell"),
+        "contact_force": Provided("cell", "N"),
+        "jammed": Provided("cell"),
+    }
+    whole_inputs = (1,)
+    input_names = ("Input", "Cage")
+    output_type = SAME_AS_INPUT
+
+    _kept: _Woven | None = None
+    #: Of what has been told: an animation would say it again with every frame's numbers.
+    _told: set[str] | None = None
+
+    def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
+        """Find the crossings' heights, and lay the yarns through them."""
+        output.ShallowCopy(inputs[0])
+        if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
+            return  # a process with nothing to do
+        kept = self._prepared(inputs[0], inputs[1])
+        field = array_of(inputs[1].GetPointData(), "displacement", "CrimpInterchange, on port 1,")
+        slopes = kept.slopes.at(field)
+        rings, ends = len(kept.recrimp.feet), kept.recrimp.warp_rings
+        # a unit vector along a warp yarn becomes the second, along a weft yarn the first
+        stretch = np.sqrt(np.einsum("anc,anc->an", slopes[::-1, rings:], slopes[::-1, rings:]))
+        stretch = stretch.reshape(2, *kept.cloth.drawdown.shape)
+        state = kept.crossings.solve(stretch)
+        along = np.concatenate([slopes[1, :ends], slopes[0, ends:rings]])
+        normal = np.cross(slopes[0, :rings], slopes[1, :rings])
+        size = np.sqrt(np.einsum("rc,rc->r", normal, normal))
+        normal /= np.where(size > 0.0, size, 1.0)[:, None]
+        data = output.GetPointData()
+        data.AddArray(kept.foot)
+        offsets = kept.recrimp.vectors(state.height, stretch, along, normal)
+        add_array(data, OFFSET, offsets.astype(kept.precision, copy=False))
+        weights = kept.recrimp.weights(state.height, stretch)
+        if weights is not None:
+            data.SetRationalWeights(to_array(weights, "RationalWeights"))
+        nearest = kept.recrimp.crossing
+        for name, values in (
+            ("crimp", state.crimp),
+            ("yarn_strain", state.strain),
+            ("contact_force", np.stack([state.contact, state.contact])),
+            ("jammed", state.jammed),
+        ):
+            kind = np.uint8 if name == "jammed" else np.float32
+            add_array(output.GetCellData(), name, values.astype(kind).ravel()[nearest])
+        self._tell_of(state, stretch)
+
+    def _tell_of(self, state: CrimpState, stretch: Floats) -> None:
+        """Tell what jams, what hangs slack, and what has to strain."""
+        count = state.distance.size
+        if (jammed := state.jammed.any(axis=0)).any():
+            pressed = np.where(state.jammed, stretch, np.inf)
+            family, pick, end = np.unravel_index(int(np.argmin(pressed)), pressed.shape)
+            self._tell_once(
+                "jam",
+                f"{jammed.sum()} of {count} crossings jam: yarns there have no room left to bend, "
+                f"worst at end {end + 1} and pick {pick + 1}, where space along the "
+                f"{FAMILIES[family]} is {pressed.min():.3g} of what it was",
+            )
+        if (slack := state.slack.any(axis=0) & ~jammed).any():
+            self._tell_once(
+                "slack",
+                f"at {slack.sum()} of {count} crossings yarns are longer than their room: they "
+                "lie slack, as their bending decides",
+            )
+        if self.inextensible and (worst := float(state.strain.max())) > _STRAIN:
+            family, pick, end = np.unravel_index(int(np.argmax(state.strain)), state.strain.shape)
+            self._tell_once(
+                "strain",
+                f"space leaves yarns no crimp to give: the {FAMILIES[family]} strains by up to "
+                f"{100.0 * worst:.3g} %, most at end {end + 1} and pick {pick + 1}",
+            )
+
+    def _tell_once(self, kind: str, text: str) -> None:
+        """Add to `warnings`; to Python's own warnings the first time alone."""
+        if self._told is None:
+            self._told = set()
+        if kind in self._told:
+            self._said.add(text)
+        self._told.add(kind)
+        self.warn(text)
+
+    def _prepared(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Woven:
+        kept = self._kept
+        settings = *self.settings.values(), *self.piece
+        if kept is not None and kept.settings == settings and kept.serves(weave, cage):
+            return kept
+        cloth = cloth_of(weave)
+        if cloth is None:
+            raise InputError(
+                "the data on port 0 do not say what cloth they are",
+                allowed="a weave, from WeaveSource or from a file of what it made",
+                cure="Leave [yarns] out: other objects have no yarns that could trade crimp",
+            )
+        if cloth.axis != "arcs":
+            raise InputError(
+                f'axes by "{cloth.axis}" hold no distance between yarns that could be kept',
+                allowed='axis = "arcs" of [weave]',
+            )
+        share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
+        recrimp = Recrimp(cloth, share)
+        points = points_of(weave)
+        woven = recrimp.points
+        if len(woven) != len(points) or abs(woven - points).max() > _APART * abs(woven).max():
+            raise InputError(
+                "the points on port 0 are not where their cloth has been woven",
+                cure="Connect WeaveSource itself, and move what comes after the warp",
+            )
+        ends, picks = (yarns.position for yarns in cloth.yarns)
+        crossings = np.zeros((cloth.drawdown.size, 3))
+        crossings[:, 0], crossings[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
+        places = np.concatenate([recrimp.feet, crossings])
+        precision = points.dtype.type
+        self._kept = _Woven(
+            settings=settings,
+            weave=Geometry(weave),
+            cage=Geometry(cage),
+            cloth=cloth,
+            recrimp=recrimp,
+            crossings=Interchange(cloth, self.yarns(cloth)),
+            slopes=PlaneSlopes(places, points_of(cage).astype(np.float64), elements_of(cage)),
+            foot=to_array(recrimp.spread(recrimp.feet).astype(precision), FOOT),
+            precision=precision,
+        )
+        return self._kept
+
+
+@dataclass
+class _Woven:
+    """What depends on the weave, the cage at rest and the yarns alone."""
+
+    settings: tuple[Any, ...]
+    weave: Geometry
+    cage: Geometry
+    cloth: Cloth
+    recrimp: Recrimp
+    crossings: Interchange
+    slopes: PlaneSlopes
+    foot: vtkDataArray
+    precision: Any
+
+    def serves(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> bool:
+        return self.weave.matches(weave) and self.cage.matches(cage)

@@ -1,0 +1,115 @@
+"""What yarns resist with, as a stage is told."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.interchange import YarnMechanics
+from spacemap_vtk.fabric.yarn import section_factor
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.cage_material import WarpAndWeft
+from spacemap_vtk.parameters import Flag, Real
+
+#: What counts for yarns that stretch.
+_ELASTIC = {"inextensible": (False,)}
+
+
+class YarnParameters(Stage):
+    """A stage that knows what yarns resist with."""
+
+    inextensible = Flag(
+        True,
+        "Yarns keep their length: where the cloth is pulled they give their crimp, and then "
+        "flatten each other; what neither gives is yarn strain, which is shown and told. False: "
+        "they stretch, and trade crimp, as their stiffnesses say.",
+    )
+    tension = WarpAndWeft(
+        Real(
+            None,
+            "Force EA by which a yarn would be stretched to twice its length: the slope of its "
+            "tensile test, force over strain. One value, or one for the warp and one for the weft.",
+            unit="N",
+            above=0.0,
+        ),
+        automatic="from the modulus",
+        when=_ELASTIC,
+    )
+    modulus = WarpAndWeft(
+        Real(
+            None,
+            'The yarn\'s modulus over its count, in place of the tension: "500 cN/tex" of a spun '
+            "cotton, some 250 of a wool, 10000 of a glass. One value, or one for the warp and one "
+            "for the weft; each yarn's EA is this times its own count.",
+            unit="N.m/kg",
+            above=0.0,
+        ),
+        automatic="from the tension",
+        when=_ELASTIC,
+    )
+    contact = Real(
+        None,
+        "Force by which yarns at a crossing would be pressed to nothing, were they springs: the "
+        "slope of force over the share of the thickness that they lose.",
+        unit="N",
+        minimum=0.0,
+        automatic="none: crossings flatten as the yarns need",
+    )
+    flattest = Real(
+        YarnMechanics().flattest,
+        "Least distance of the axes at a crossing, over that of the yarns as woven: where fibres "
+        "lie as close as they can. 1: crossings are hard, and do not flatten.",
+        above=0.0,
+        maximum=1.0,
+    )
+    bending = WarpAndWeft(
+        Real(
+            None,
+            "Bending rigidity B of a yarn: moment over curvature. It decides how slack yarns lie. "
+            "One value, or one for the warp and one for the weft.",
+            unit="N.m2",
+            minimum=0.0,
+        ),
+        automatic="none: they bend alike",
+    )
+
+    def yarns(self, cloth: Cloth) -> YarnMechanics:
+        """Return what the yarns of a cloth resist with; a modulus is for their counts."""
+        rest = YarnMechanics(
+            contact=self.contact or 0.0,
+            bending=WarpAndWeft.pair(self.bending) or (0.0, 0.0),
+            flattest=self.flattest,
+        )
+        if self.inextensible:
+            return rest
+        tension, modulus = WarpAndWeft.pair(self.tension), WarpAndWeft.pair(self.modulus)
+        if tension is not None and modulus is not None:
+            raise InputError(
+                "there are a tension and a modulus, and each follows from the other",
+                key="tension",
+                value=tension[0],
+                cure="Leave out one of the two",
+            )
+        if tension is not None:
+            return rest._replace(tension=tension)
+        if modulus is None:
+            raise InputError(
+                "yarns that stretch need to resist it",
+                key="tension",
+                allowed='a force as "50 N", or modulus = "500 cN/tex"',
+                cure="Give one of the two, or leave inextensible true",
+            )
+        if cloth.density is None:
+            raise InputError(
+                "a modulus is for a yarn count, and this cloth does not say how heavy yarns are",
+                key="modulus",
+                value=modulus[0],
+                cure="Give the tension instead",
+            )
+        each = np.empty((2, *cloth.drawdown.shape))
+        for number, (yarns, size) in enumerate(zip(cloth.yarns, modulus, strict=True)):
+            area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
+            force = size * cloth.density * area
+            each[number] = force[:, None] if number else force
+        return rest._replace(tension=each)
