@@ -529,7 +529,7 @@ def test_a_broken_file_is_named_once(
         ("[object]\nfile = '.'", ["object.file: ", "a folder"]),
         ("[object]\nfile = 'a.bin'", ["object.file: ", "a.bin: no mesh, by its ending", ".stl"]),
         ("[object]\nfile = 'tri.ply'\ntexture = 'a.vtu'", ["object.texture: ", "no picture"]),
-        ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif)"]),
+        ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif, "]),
         ("[cage]\nmethod = 'file'", ["cage.file: ", "needs a file"]),
         ("[cage]\nmethod = 'file'\nfile = 'no.vtu'", ["cage.file: ", "no.vtu: no such file"]),
         ("[cage]\nmethod = 'file'\nfile = 'tri.ply'", ["cage.file: ", "no volume mesh", "tetwild"]),

@@ -286,7 +286,7 @@ def test_thick_yarns_are_flattened() -> None:
     # Kemp: p less the flat stands for p, so at the limit (p - width + b) / 2b = sqrt(3) / 2
     limit = (cloth.warp.spacing - width) / (sqrt(3) - 1)
     assert cloth.warp.diameter == pytest.approx(THICKNESS_SHARE * limit, rel=1e-8)
-    assert "flattened to 0.8467 mm" in cloth.warnings[0]
+    assert "flattened to 0.9526 mm" in cloth.warnings[0]
 
 
 def test_thick_yarns_are_refused() -> None:
@@ -382,7 +382,7 @@ def test_a_draft_is_read_once_until_it_changes(
 
     reads = []
     real = module.read_draft
-    monkeypatch.setattr(module, "read_draft", lambda path: reads.append(1) or real(path))
+    monkeypatch.setattr(module, "read_draft", lambda *given: reads.append(1) or real(*given))
     file = wif(tmp_path)
     source = WeaveSource(draft=file)
     first = source.cloth

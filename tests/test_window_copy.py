@@ -99,7 +99,7 @@ def test_what_is_automatic_again_is_said(open_scene: Any) -> None:
 def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
     draft = library.folder() / "32-shaft_twill.wif"
     window = open_scene(str(draft), wait=False)
-    window.document.set("weave", "thick_yarns", "flatten")
+    window.document.set("weave", "thick_yarns", "scale")
     line = copied(window, "Copy as command line")
     assert str(draft.resolve()) in line
-    assert 'weave.thick_yarns="flatten"' in line
+    assert 'weave.thick_yarns="scale"' in line

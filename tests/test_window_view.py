@@ -24,6 +24,7 @@ from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 
 from spacemap_vtk.draw.camera import CAMERAS  # noqa: E402
 from spacemap_vtk.draw.surface_actor import scale_share  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
 
 
@@ -221,6 +222,22 @@ def test_every_camera_is_another_picture(open_scene: Any) -> None:
     assert all(np.abs(a - b).max() > 60 for a, b in pairwise(pictures))
     window.tools.orthographic.trigger()
     assert np.abs(image(window) - pictures[-1]).max() > 60
+
+
+def test_the_face_has_no_perspective(open_scene: Any) -> None:
+    window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
+    camera, parallel = window.view.plotter.camera, window.tools.orthographic
+    assert camera.GetParallelProjection()
+    assert parallel.isChecked()
+    seen = image(window)
+    assert (seen.std(axis=2) > 15).mean() > 0.4  # of the picture's width the cloth takes its share
+    window.tools.cameras["front"].trigger()
+    assert not camera.GetParallelProjection()
+    assert not parallel.isChecked()
+    window.tools.cameras["face"].trigger()
+    assert parallel.isChecked()
+    parallel.trigger()
+    assert not camera.GetParallelProjection()
 
 
 def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:

@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Viewpoint, aim
+from spacemap_vtk.draw.camera import FLAT, Viewpoint, aim
 from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, moved_points, rest_of
@@ -42,6 +42,8 @@ class View3D(QWidget):
     picks_changed = Signal(list)
     #: The mouse has moved the plane that cuts: its normal and origin.
     clipped = Signal(object, object)
+    #: A preset has taken the perspective away, or given it back.
+    flattened = Signal(bool)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -168,10 +170,15 @@ class View3D(QWidget):
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
+        flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
         aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0)
+        if flat or (was_flat and name is not None):
+            camera.SetParallelProjection(flat)
+            self.flattened.emit(flat)
+        if not flat:
+            # The scale of a parallel projection that shows as much as the perspective does.
+            camera.SetParallelScale(_half_height(camera))
         self._aimed = name, self.place
-        # The scale of a parallel projection that shows as much as the perspective does.
-        camera.SetParallelScale(_half_height(camera))
         self.render()
 
     def zoom(self, factor: float) -> None:

@@ -101,6 +101,7 @@ class ViewBar(QToolBar):
         tip = "Parallel projection (O)"
         self.orthographic = action(self, "Orthographic", None, "O", tip, checkable=True)
         self.orthographic.toggled.connect(view.set_orthographic)
+        view.flattened.connect(self._flattened)
         cameras.addAction(self.orthographic)
         tip = "Cut it open with a plane; the mouse moves it (X)"
         self.clip = action(self, "Clip", self._clip, "X", tip, checkable=True)
@@ -166,6 +167,11 @@ class ViewBar(QToolBar):
 
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
+
+    def _flattened(self, on: bool) -> None:
+        self.orthographic.blockSignals(True)  # the camera is so already
+        self.orthographic.setChecked(on)
+        self.orthographic.blockSignals(False)
 
     def _hang(self, on: bool) -> None:
         self.hung.emit(on)

@@ -74,6 +74,23 @@ class DraftThreads:
             colors=None if self.colors is None else np.resize(self.colors, (count, 3)),
         )
 
+    def side_by_side(self, spacing: float) -> DraftThreads:
+        """Fill the threads' spaces with them, where nothing is said of their thickness.
+
+        Parameters
+        ----------
+        spacing : float
+            In m, where nothing is said of the spaces, too.
+
+        Returns
+        -------
+        DraftThreads
+            With a thickness.
+        """
+        if self.thickness is not None:
+            return self
+        return replace(self, thickness=spacing if self.spacing is None else self.spacing)
+
     def cut(self, part: slice) -> DraftThreads:
         """Return the same of some threads.
 

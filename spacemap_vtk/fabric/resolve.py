@@ -118,6 +118,9 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
         Its size, yarns and colours, whether or not there is room for them: see `Cloth.check`.
     """
     ends, picks = asked.ends or draft.size[0], asked.picks or draft.size[1]
+    if asked.thick_yarns == "flatten" and draft.loom is not None:  # of a file, not a pattern
+        warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
+        draft = replace(draft, warp=warp, weft=weft)
     cloth = Cloth(
         drawdown=tile(draft.drawdown, ends, picks),
         warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR),

@@ -19,7 +19,7 @@ from spacemap_vtk.units import format_quantity
 #: Such yarns are drawn this share of the thickest (or, flattened, the highest) feasible.
 THICKNESS_SHARE = 0.85
 #: A flattened yarn is at most this share of its spacing wide, so that others can pass beside it.
-WIDTH_SHARE = 0.8
+WIDTH_SHARE = 0.9
 #: Thinner than this share of the draft's thickness is no mending.
 _LEAST = 1e-3
 
@@ -45,7 +45,9 @@ def scaled(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
 
 def flattened(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
-    if _feasible(cloth):
+    if _feasible(cloth) or any(
+        _share(threads) < _LEAST for threads, mine in zip(cloth.threads, thick, strict=True) if mine
+    ):
         return cloth, ""
 
     def at(height: float) -> Cloth:
@@ -81,10 +83,14 @@ def _changed(cloth: Cloth, thick: Thick, change: Callable[[Threads], Threads]) -
 
 def _width(threads: Threads) -> Lengths:
     """Return how wide a flattened yarn is: its thickness, as far as others can pass beside it."""
+    return np.asarray(_share(threads) * threads.aspect * np.asarray(threads.diameter))
+
+
+def _share(threads: Threads) -> float:
+    """Return what of its thickness a flattened yarn keeps as its width."""
     thickness = threads.aspect * np.asarray(threads.diameter)
     between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
-    room = np.min(np.asarray(threads.spacing) / between)
-    return np.asarray(min(1.0, WIDTH_SHARE * float(room)) * thickness)
+    return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
 
 
 def _feasible(cloth: Cloth) -> bool:

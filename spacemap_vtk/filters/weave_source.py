@@ -182,7 +182,8 @@ class WeaveSource(Stage):
     thick_yarns = Choice(
         "scale",
         "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
-        "of the feasible limit, flatten them, or refuse the draft.",
+        "of the feasible limit (round, and a net), flatten them (as cloth: they fill their "
+        "spacing, also where the draft gives no thickness), or refuse the draft.",
         ["scale", "flatten", "refuse"],
         when={"draft": ()},
     )

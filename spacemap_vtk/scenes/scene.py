@@ -493,7 +493,11 @@ def values_of(path: Path, name: str = "") -> dict[str, Any]:
     """Return what a scene, a draft or a mesh says, as a scene file would that calls it `name`."""
     kind = registry.kind_of(path)
     if kind == "draft":
-        return {"weave": {"draft": name or str(path)}}
+        # as its weaver sees it: the face, flat, its yarns side by side
+        return {
+            "weave": {"draft": name or str(path), "thick_yarns": "flatten"},
+            "view": {"camera": "face"},
+        }
     if kind == "mesh":
         return {"object": {"file": name or str(path)}}
     return registry.read(path, "scene")

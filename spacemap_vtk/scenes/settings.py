@@ -52,8 +52,10 @@ class View(Parameterised):
     )
     camera = Choice(
         "three-quarter",
-        "Where it is seen from. lying: z is up, as of cloth on a table.",
-        ["three-quarter", "front", "side", "top", "lying"],
+        "Where it is seen from. lying: z is up, as of cloth on a table. face: from the front "
+        "without perspective, filling the picture; of fine cloth that is far longer, "
+        "pictures show the beginning.",
+        ["three-quarter", "front", "side", "top", "lying", "face"],
     )
     size = Vector(
         (1280, 960),
