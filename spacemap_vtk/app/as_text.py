@@ -12,7 +12,7 @@ from typing import Any
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import Scene, values_of
+from spacemap_vtk.scenes.scene import Scene
 
 
 def as_command(document: Document, time: float) -> str:
@@ -21,7 +21,7 @@ def as_command(document: Document, time: float) -> str:
     name = "plain_weave" if document.source is None else str(document.source)
     words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
     before, here = Scene.read(name), document.scene
-    was_written, written = values_of(library.find(name)), document.values
+    was_written, written = library.values_of(library.find(name)), document.values
     for section, part in here.parts.items():
         for key, parameter in part.parameters.items():
             value = getattr(part, key)

@@ -19,7 +19,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.scene import Scene, values_of
+from spacemap_vtk.scenes.scene import Scene
 
 #: A longer list is written with a line for each value.
 _LINE = 8
@@ -77,7 +77,7 @@ class Document(QObject):
             text = path.read_text(encoding="utf-8")
         else:
             # A new scene of the draft: what Scene.read makes of it is not yet a text.
-            text = tomlkit.dumps({"title": read.title, **values_of(path)})
+            text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
         own = scene and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
         self._replace(text, path.parent, read)

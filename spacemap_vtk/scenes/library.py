@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import opened_words
+from spacemap_vtk.io import registry
 
 
 def folder() -> Path:
@@ -51,6 +52,20 @@ def find(scene: str | Path) -> Path:
 
     raise InputError(
         f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
-        allowed=f"{opened_words()}, or one of {', '.join(names())}",
+        allowed=f"{registry.opened_words()}, or one of {', '.join(names())}",
         cure=suggestion(str(scene), names()),
     )
+
+
+def values_of(path: Path, name: str = "") -> dict[str, Any]:
+    """Return what a scene, a draft or a mesh says, as a scene file would that calls it `name`."""
+    kind = registry.kind_of(path)
+    if kind == "draft":
+        # as its weaver sees it: the face, flat, its yarns side by side
+        return {
+            "weave": {"draft": name or str(path), "thick_yarns": "flatten"},
+            "view": {"camera": "face"},
+        }
+    if kind == "mesh":
+        return {"object": {"file": name or str(path)}}
+    return registry.read(path, "scene")

@@ -34,7 +34,6 @@ from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.io import registry
 from spacemap_vtk.parameters import Parameterised, suggestion
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
@@ -125,7 +124,7 @@ class Scene:
             If the file is missing, is no TOML, or holds what a scene does not know.
         """
         path = library.find(scene)
-        return cls(values_of(path, path.name), path)
+        return cls(library.values_of(path, path.name), path)
 
     def part(self, cls: type[P]) -> P:
         """Return what the section of a class configures.
@@ -487,17 +486,3 @@ class Scene:
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise
-
-
-def values_of(path: Path, name: str = "") -> dict[str, Any]:
-    """Return what a scene, a draft or a mesh says, as a scene file would that calls it `name`."""
-    kind = registry.kind_of(path)
-    if kind == "draft":
-        # as its weaver sees it: the face, flat, its yarns side by side
-        return {
-            "weave": {"draft": name or str(path), "thick_yarns": "flatten"},
-            "view": {"camera": "face"},
-        }
-    if kind == "mesh":
-        return {"object": {"file": name or str(path)}}
-    return registry.read(path, "scene")
