@@ -19,7 +19,9 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.surface_actor import (
     RAMP,
+    SurfaceActor,
     fit_scale,
+    natural_span,
     rgb,
     scale_bar,
     scale_share,
@@ -214,7 +216,7 @@ def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None
             shown.append(image[len(image) - 1 - int(y / 2), int(x / 2)])
         picture.close()
         stops = np.array([rgb(stop) for stop in RAMP])
-        at = numbers[flat] / numbers.max() * (len(RAMP) - 1)
+        at = numbers[flat] / natural_span(numbers)[1] * (len(RAMP) - 1)
         scale = np.stack([np.interp(at, range(len(RAMP)), stops[:, c]) for c in range(3)], axis=1)
         if color == "own":
             scale = np.broadcast_to(np.array(scene.view.object_color) / 255, scale.shape)
@@ -259,3 +261,24 @@ def test_what_hangs_shows_how_far_and_how_strongly_it_is_pulled() -> None:
     scene.update(0.0)
     assert "equilibrium" not in scene.colorings
     assert not vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("displacement")).any()
+
+
+@pytest.mark.parametrize(
+    ("largest", "end"), [(0.0312, 0.04), (7.3e-4, 8e-4), (1.0, 1.0), (1.2, 2.0), (96.0, 100.0)]
+)
+def test_a_scale_ends_at_a_round_number(largest: float, end: float) -> None:
+    assert natural_span(np.array([0.0, largest])) == (0.0, pytest.approx(end, rel=1e-9))
+
+
+def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
+    scene = Scene({"weave": {"ends": 4, "picks": 4}, "response": {}, "yarns": {}})
+    plain = set(Scene({"weave": {}, "response": {}}).colorings)
+    added = {"crimp", "yarn_strain", "contact_force", "jammed"}
+    assert set(scene.colorings) - plain == added
+    scene.update(time=0.0)
+    crimp = measure(scene.polygons, "crimp")
+    assert crimp is not None
+    assert crimp == pytest.approx(scene.weave.cloth.families[0].crimp.crimp, rel=1e-4)
+    actor = SurfaceActor()
+    assert actor.show(scene.polygons, "jammed") is None
+    assert actor.GetMapper().GetArrayName() == "jammed"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of, to_array
@@ -21,6 +24,7 @@ _SCALES = {
     "m": ("µm", "mm", "m"),
     "m/s": ("mm/s", "m/s"),
     "Pa": ("Pa", "kPa", "MPa", "GPa"),
+    "N": ("µN", "mN", "N"),
     "": ("", "%"),
 }
 
@@ -29,10 +33,11 @@ def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     """Return the number at each point of a surface that its colour shows."""
     if color == "clearance":
         return _clearance(surface)
-    array = surface.GetPointData().GetArray(COLORINGS[color].array)
-    if array is None or not COLORINGS[color].scaled:
+    name, of_cells = COLORINGS[color].array, surface.GetCellData()
+    array = surface.GetPointData().GetArray(name)
+    if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
         return None
-    values = vtk_to_numpy(array)
+    values = _at_corners(surface, of_cells.GetArray(name)) if array is None else vtk_to_numpy(array)
     if color == "strain":
         return largest_principal(values).astype(np.float32)
     if color == "stress":
@@ -79,17 +84,26 @@ def unit_of(color: str, largest: float) -> tuple[str, float]:
     return best, sizes[best]
 
 
+def _corners(surface: vtkPolyData) -> NDArray[np.int64]:
+    corners: NDArray[np.int64] = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
+    return corners.reshape(surface.GetNumberOfCells(), -1)
+
+
+def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
+    """Return for each point what its patch has; no point belongs to two."""
+    of_cells = vtk_to_numpy(array)
+    values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
+    values[_corners(surface)] = of_cells[:, None]
+    return values
+
+
 def _clearance(surface: vtkPolyData) -> NDArray[np.float32] | None:
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
-    polygons = surface.GetPolys()
-    count = surface.GetNumberOfCells()
-    if yarns is None or normals is None or not count:
+    if yarns is None or normals is None or not surface.GetNumberOfCells():
         return None
-    corners = vtk_to_numpy(polygons.GetConnectivityArray()).reshape(count, -1)
+    corners = _corners(surface)
     points = points_of(surface).astype(np.float64)
-    # No point belongs to two yarns.
-    yarn = np.zeros(len(points), np.int64)
-    yarn[corners] = vtk_to_numpy(yarns)[:, None]
+    yarn = _at_corners(surface, yarns).astype(np.int64)
     diagonals = np.linalg.norm(points[corners[:, 0]] - points[corners[:, 2]], axis=1)
     found = gaps(points, vtk_to_numpy(normals), yarn, reach=float(diagonals.mean()) / 2)
     return found.astype(np.float32) if np.isfinite(found).all() else None

@@ -16,9 +16,11 @@ from spacemap_vtk.draw.coloring import SHOWN, unit_of
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 
-#: Colours of warp and weft where families are told apart; of yarns; of numbers from low on.
+#: Colours of warp and weft where families are told apart; of yarns; of these, and of what is free
+#: and what is jammed; of numbers from low on.
 FAMILIES = ("#2f7fb0", "#e2a03f")
 YARNS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377", "#bbbbbb")
+CLASSES = {"family": FAMILIES, "yarn": YARNS, "jammed": ("#b9c4cf", "#c8372d")}
 RAMP = ("#2c1e5c", "#3b528b", "#21908d", "#5dc963", "#fde725")
 
 Span = tuple[float, float]
@@ -62,8 +64,8 @@ class SurfaceActor(vtkActor):
             self._color_by("in unit", _ramp(RAMP, 256), (shown[0] / size, shown[1] / size))
             mapper.SetScalarModeToUsePointFieldData()
             self.bar.SetTitle(scale_title(color, name))
-        elif color in ("family", "yarn") and cells.GetArray(color) is not None:
-            colors = FAMILIES if color == "family" else YARNS
+        elif color in CLASSES and cells.GetArray(color) is not None:
+            colors = CLASSES[color]
             count = int(cells.GetArray(color).GetRange()[1]) + 1
             self._color_by(color, [colors[i % len(colors)] for i in range(count)], (0, count - 1))
             mapper.SetScalarModeToUseCellFieldData()
@@ -120,6 +122,10 @@ def natural_span(values: np.ndarray) -> Span:
     low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
     # A touch of rounding is no overlap of yarns, and would give the scale an end of its own.
     low = 0.0 if -low < 0.02 * high else low
+    if low == 0.0 and high > 0.0:
+        # so that quarters of it, at which there are labels, have few digits
+        size = 10.0 ** np.floor(np.log10(high))
+        high = next(float(n * size) for n in (1, 2, 4, 6, 8, 10) if high <= n * size * (1 + 1e-6))
     return (low, high) if high > low else (0.0, 1e-9)
 
 

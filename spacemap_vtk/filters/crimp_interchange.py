@@ -190,6 +190,23 @@ class CrimpInterchange(YarnParameters):
         return self._kept
 
 
+def estimate_bytes(points: int) -> int:
+    """Return the memory that yarns of some control points take that keep their length.
+
+    Parameters
+    ----------
+    points : int
+        How many.
+
+    Returns
+    -------
+    int
+        Bytes.
+    """
+    # Feet and offsets; of each ring, of twelve points, its slopes, their weights and its frames.
+    return points * (24 + 24 + 700 // 12)
+
+
 @dataclass
 class _Woven:
     """What depends on the weave, the cage at rest and the yarns alone."""

@@ -17,7 +17,7 @@ class Coloring(NamedTuple):
     unit: str = ""
     #: Array that it shows, or without which it is nothing: one that a stage must provide.
     array: str = ""
-    #: Whether the array is one of the surface's points, whose size is shown on a scale.
+    #: Whether the array is one of numbers, whose size is shown on a scale.
     scaled: bool = False
 
 
@@ -32,4 +32,8 @@ COLORINGS = {
     "strain": Coloring("Strain, largest principal", "", "strain", True),
     "stress": Coloring("Stress, von Mises", "Pa", "von_mises", True),
     "clearance": Coloring("Clearance", "m", "yarn"),
+    "crimp": Coloring("Crimp", "", "crimp", True),
+    "yarn_strain": Coloring("Yarn strain", "", "yarn_strain", True),
+    "contact_force": Coloring("Contact force", "N", "contact_force", True),
+    "jammed": Coloring("Jammed crossings", "", "jammed"),
 }

@@ -11,7 +11,7 @@ from math import exp
 
 from spacemap_vtk.errors import SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.weave import Counts
-from spacemap_vtk.filters import barycentric_warp, patch_tessellator
+from spacemap_vtk.filters import barycentric_warp, crimp_interchange, patch_tessellator
 from spacemap_vtk.memory import require
 from spacemap_vtk.parallel import WORTHWHILE
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -59,6 +59,8 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
         nodes = 10 if scene.cage.order == 2 else 4
         total += _SOLVER
         total += barycentric_warp.estimate_bytes(counts.points, nodes, warp.smooth, columns - 3)
+        if scene.stage("crimp") is not None:
+            total += crimp_interchange.estimate_bytes(counts.points)
         if frames > 1:
             total += 48 * counts.points + (24 + 4 * columns) * points
         total += _GHOST * points * view.ghost
