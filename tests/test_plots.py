@@ -140,3 +140,21 @@ def test_history_and_frequency_response_are_those_of_the_fields() -> None:
         now = scene.response.motion.history(weights, np.array([time]))[0, 0]
         turned = (answer * np.exp(2j * np.pi * frequency * time)).imag
         np.testing.assert_allclose(now, turned, atol=1e-9 * abs(answer).max())
+
+
+def test_a_motion_by_steps_has_its_energies_plotted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, file = tmp_path / "fall.toml", tmp_path / "fall.svg"
+    scene.write_text(
+        "weave = { ends = 3, picks = 5 }\ncage = { divisions = [1, 3, 1] }\n"
+        'modal = { elements = "sheet", youngs_modulus = "20 kPa", fixed = "+y" }\n'
+        'transient = { duration = "20 ms" }\n'
+    )
+    assert run("plot", str(scene), "-o", str(file), "-q") == 0
+    assert run("plot", str(scene), "-o", str(file)) == 0
+    assert "no frequency response" in capsys.readouterr().err
+    # A line for each axis, and for each energy.
+    assert file.read_text().count('<g id="legend_') == 2
+    assert run("plot", "calculix_fabric", "-o", str(file)) == 2
+    assert "a motion out of a file" in capsys.readouterr().err

@@ -318,3 +318,34 @@ def test_no_curves_are_made_of_a_run_that_was_given_up(plots_of: Any) -> None:
     window.document.set("cage", "divisions", [3, 3, 1])
     wait_until(lambda: settled(window) and plotted(window))
     assert not np.allclose(plots.curves.modes[:5], before.modes[:5], rtol=1e-3)
+
+
+def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path: Path) -> None:
+    file = tmp_path / "fall.toml"
+    file.write_text(
+        "weave = { ends = 3, picks = 5 }\ncage = { divisions = [1, 3, 1] }\n"
+        'modal = { elements = "sheet", youngs_modulus = "20 kPa", density = 300, fixed = "+y" }\n'
+        "transient = { alpha = 5 }\nanimation = { stop = 0.02 }\n"
+    )
+    window = plots_of(file)
+    curves = window.plots.curves
+    assert "no frequency response" in curves.note
+    assert "no frequency response" in window.plots.hint.text()
+    assert not window.plots.saves["frequencies"].isEnabled()
+    kinetic, strain, dissipated, work = curves.energies.T
+    assert kinetic.max() > 0.1 * work.max() > 0
+    np.testing.assert_allclose(kinetic + strain + dissipated, work, atol=1e-9 * work.max())
+    # At first it falls freely, where it is not held.
+    time, fallen = curves.times[:8], curves.motion[0, 0, :8, 2]
+    np.testing.assert_allclose(fallen, -9.80665 * time**2 / 2, rtol=0.02)
+    window.times.go(0.01, False)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.01)
+    rest = points_of(window.view.frame.cage)
+    vertex = int(np.argmin(np.linalg.norm(rest - curves.points[0], axis=1)))
+    moved = window.view.frame.cage.GetPointData().GetArray("displacement").GetTuple(vertex)
+    now = [np.interp(0.01, curves.times, c) for c in curves.motion[0, 0].T]
+    np.testing.assert_allclose(moved, now, atol=1e-3 * np.linalg.norm(moved))
+    # What moves it otherwise has other curves.
+    window.document.set("transient", "gravity", [0.0, 0.0, 4.0])
+    wait_until(lambda: settled(window) and plotted(window))
+    assert window.plots.curves.motion[0, 0, 7, 2] > 0

@@ -135,7 +135,7 @@ def plot(
     """Plot how a point moves over time, and its frequency response.
 
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
-    scene as sines in phase.
+    scene as sines in phase. A motion by steps has none: in its place are the energies.
 
     Parameters
     ----------

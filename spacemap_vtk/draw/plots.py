@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FloatArray = NDArray[np.float64]
 
 #: Width of a plotted curve, in samples.
 SAMPLES = 2000
 #: Factor on frequencies that meet an undamped mode exactly.
 ASIDE = 1 + 1e-9
 QUANTITIES = {"displacement": ("m", 0), "velocity": ("m/s", 1), "acceleration": ("m/s²", 2)}
+#: The columns of `spacemap_vtk.mechanics.response.Motion.energies`.
+ENERGY_NAMES = ("kinetic", "strain", "dissipated", "total")
+NO_FREQUENCIES = "A motion by steps has no frequency response, which is one of modes."
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 
 def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: str) -> None:
-    """Plot how a point of the cage moves over time, and how it answers to each frequency."""
+    """Plot how a point of the cage moves, and how it answers to frequencies or its energies."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -31,33 +43,61 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
 
     figures = report.modes(scene)
     mover, last_stage = scene.stage("mover"), scene.deforming
-    scene.update_stage(last_stage, 0.0)
-    response = None if mover is None else mover.motion
-    if mover is None or not isinstance(response, Response):
-        raise InputError(f"{scene.file}: this scene's motion is no response of modes to loads")
-    modes = response.modes
-    last = (mover.time_range([]) or (0.0, 0.0))[1]
-    if point is None:
-        first = modes.shapes[0].reshape(-1, 3)
-        place = modes.model.points[int(np.argmax((first**2).sum(axis=1)))]
-    else:
-        place = np.asarray(point)
-    weights = point_weights(response.points, response.cells, place)
+    last = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
+    # Steps are taken by the stage, which keeps them and tells how far it is.
+    scene.update_stage(last_stage, last if isinstance(mover, TransientResponse) else 0.0)
+    motion, linear = last_stage.motion, None if mover is None else mover.motion
+    if motion is None:
+        raise InputError(f"{scene.file}: this scene's motion is no response to loads")
+    place = tip(scene) if point is None else np.asarray(point)
+    weights = point_weights(motion.points, motion.cells, place)
     unit, row = QUANTITIES[quantity]
     times = np.linspace(0.0, last, SAMPLES)
-    curves = (last_stage.motion or response).history(weights, times)[row]
+    curves = motion.history(weights, times)[row]
     unit, size = handy(unit, float(abs(curves).max()))
 
     figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     where = ", ".join(format_quantity(float(f"{x:.4g}"), "m") for x in place)
     figure.suptitle(f"{scene.title}\n{quantity} at ({where})", fontsize=12)
-    over_time, over_frequency = figure.subplots(2, 1)
+    over_time, below = figure.subplots(2, 1)
     for axis, color in enumerate(_COLORS):
         over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
     over_time.set(xlabel="time [s]", ylabel=f"{quantity} [{unit}]", xlim=(0, times[-1]))
 
-    frequencies = frequencies_near([mode["frequency_hz"] for mode in figures["modes"]])
+    if isinstance(linear, Response):
+        natural = [mode["frequency_hz"] for mode in figures["modes"]]
+        _over_frequency(below, linear, weights, natural, (unit, size, row))
+    else:
+        scene.warn(NO_FREQUENCIES)
+        _energy_over_time(below, times, motion.energies(times))
+    for panel in (over_time, below):
+        panel.grid(color="#e6e9ed", linewidth=0.6)
+        panel.spines[["top", "right"]].set_visible(False)
+        if panel.get_legend_handles_labels()[0]:
+            # Over the panel, where no curve runs.
+            panel.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
+    registry.writer(file, "plot").write(file, figure)
+
+
+def tip(scene: Scene) -> FloatArray:
+    """Return the vertex that moves most in the first mode [m], (3,)."""
+    solver = scene.stage("solver")
+    assert solver is not None
+    shape = array_of(solver.output.GetPointData(), MODE_NAME.format(0), "a plot")
+    return points_of(solver.output)[int(np.argmax((shape**2).sum(axis=1)))].astype(np.float64)
+
+
+def _over_frequency(
+    panel: Axes,
+    response: Response,
+    weights: FloatArray,
+    natural: list[float],
+    shown: tuple[str, float, int],
+) -> None:
+    """Plot the amplitude of a point, in a unit of some size, of a derivative of its motion."""
+    unit, size, row = shown
+    frequencies = frequencies_near(natural)
     try:
         answer = abs(response.frequency_response(weights, frequencies))
     except InputError:  # an undamped mode was met exactly
@@ -66,20 +106,22 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     answer *= (2 * np.pi * frequencies[:, None]) ** row / size
     for axis, color in enumerate(_COLORS):
         if answer[:, axis].max() > 1e-9 * answer.max():
-            over_frequency.loglog(frequencies, answer[:, axis], color=color, linewidth=1.3)
-    over_frequency.set(
+            panel.loglog(frequencies, answer[:, axis], color=color, linewidth=1.3)
+    panel.set(
         xlabel="frequency of all loads [Hz]",
         ylabel=f"amplitude [{unit}]",
         xlim=(frequencies[0], frequencies[-1]),
     )
-    for mode in figures["modes"]:
-        if frequencies[0] < mode["frequency_hz"] < frequencies[-1]:
-            over_frequency.axvline(mode["frequency_hz"], color="#d5dae0", linewidth=0.6, zorder=0)
-    for panel in (over_time, over_frequency):
-        panel.grid(color="#e6e9ed", linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
-    over_time.legend(frameon=False, ncols=3, loc="upper right")
-    registry.writer(file, "plot").write(file, figure)
+    for mode in natural:
+        if frequencies[0] < mode < frequencies[-1]:
+            panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
+
+
+def _energy_over_time(panel: Axes, times: FloatArray, energies: FloatArray) -> None:
+    unit, size = handy("J", float(abs(energies).max()))
+    for column, name, color in zip(energies.T, ENERGY_NAMES, (*_COLORS, "#26323e"), strict=True):
+        panel.plot(times, column / size, color=color, label=name, linewidth=1.3)
+    panel.set(xlabel="time [s]", ylabel=f"energy [{unit}]", xlim=(0, times[-1]))
 
 
 def handy(unit: str, largest: float) -> tuple[str, float]:
@@ -90,7 +132,7 @@ def handy(unit: str, largest: float) -> tuple[str, float]:
     return unit, 1.0
 
 
-def frequencies_near(natural: list[float]) -> NDArray[np.float64]:
+def frequencies_near(natural: list[float]) -> FloatArray:
     """Return frequencies to plot, dense about the modes."""
     swinging = [f for f in natural if f > 0.0] or [1.0]
     low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)

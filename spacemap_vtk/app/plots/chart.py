@@ -15,12 +15,11 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRes
 from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
-from spacemap_vtk.draw.plots import QUANTITIES, handy
+from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES, handy
 
 #: Colours of points, of energies, and pixels round each plot: left, right, top, between, bottom.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
 ENERGIES = ("#2c7fb8", "#d9642c", "#8a94a3", "#26323e")
-ENERGY_NAMES = ("kinetic", "strain", "dissipated", "total")
 COMPONENTS = ("x", "y", "z", "size")
 _LEFT, _RIGHT, _TOP, _BETWEEN, _BOTTOM = 58, 14, 24, 58, 40
 #: Height of a line of a legend, and room between a title and a legend beside it, likewise; what

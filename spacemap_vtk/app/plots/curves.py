@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.app.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
-from spacemap_vtk.draw.plots import ASIDE, frequencies_near
+from spacemap_vtk.draw.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 
@@ -75,15 +76,18 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
     response = linear if isinstance(linear, Response) else None
     eigenvalues = response.modes.eigenvalues if response else np.zeros(0)
     natural = np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi)
-    shape = response.modes.shapes[0] if response else model.at(wish.stop)[0]
-    places, weights, note = [], [], ""
-    for place in wish.points or (_tip(shape, model.points),):
+    places, weights, note = [], [], "" if response else NO_FREQUENCIES
+    for place in wish.points or (tuple(tip(scene)),):
         try:
             weights.append(point_weights(model.points, model.cells, np.asarray(place)))
             places.append(place)
         except InputError as error:
             note = f"{error.message}."
         yield
+    if moved is not None and isinstance(moved, TransientResponse):
+        for time in times:  # a step may take long, and a part of the curves many steps
+            model.at(float(time))
+            yield
     motion = np.zeros((3, len(places), len(times), 3))
     energies = np.zeros((len(times), 4)) if "kinetic_energy" in scene.arrays else None
     # All that is asked of a span of times one after the other: its states are found once.
@@ -141,11 +145,6 @@ def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:
     nothing, points = np.zeros(0), np.array(places).reshape(-1, 3)
     answers = np.zeros((len(places), 0, 3))
     return Curves(wish.key, points, times, motion, None, nothing, answers, nothing, note)
-
-
-def _tip(shape: FloatArray, points: FloatArray) -> Point:
-    x, y, z = points[int(np.argmax((shape.reshape(-1, 3) ** 2).sum(axis=1)))]
-    return float(x), float(y), float(z)
 
 
 def _parts(count: int) -> list[slice]:

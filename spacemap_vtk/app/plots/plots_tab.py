@@ -25,8 +25,9 @@ from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
 from spacemap_vtk.app.widgets import column, later, note, row
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.plots import QUANTITIES
+from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.filters.base import ROLES
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import name_filter, writer, written
 
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
 #: Milliseconds without another change until curves are computed.
 _REST = 250
-#: Sections of a scene that say how it moves.
-_MOVING = ("weave", "object", "cage", "modal", "response", "motion")
+#: What stages are that say how a scene moves.
+_MOVING = ROLES[: ROLES.index("crimp")]
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
 #: What is saved of a point over time, with its unit.
@@ -170,7 +171,9 @@ class PlotsTab(QWidget):
         values, animation = self._document.values, self._document.scene.animation
         start, stop = animation.start, max(animation.stop, animation.start + 1e-9)
         points = tuple(pick.rest for pick in self.points)
-        key = repr(([values.get(name) for name in _MOVING], points, start, stop))
+        stages = (s for s in self._document.scene.stages if s.role in _MOVING)
+        moving = {stage.section: values.get(stage.section) for stage in stages}
+        key = repr((moving, points, start, stop))
         return Wish(key, points, start, stop)
 
     def _ask(self) -> None:
@@ -266,7 +269,7 @@ def _save_times(curves: Curves, path: Path) -> None:
                 head.append(f"{name} {'xyz'[axis]} of point {number + 1} [{unit}]")
                 columns.append(curves.motion[kind, number, :, axis])
     if curves.energies is not None:
-        head += [f"{name} energy [J]" for name in ("kinetic", "strain", "dissipated", "total")]
+        head += [f"{name} energy [J]" for name in ENERGY_NAMES]
         columns += list(curves.energies.T)
     _write(path, head, zip(*(column.tolist() for column in columns), strict=True))
 
