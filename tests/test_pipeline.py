@@ -472,6 +472,26 @@ def test_arrays_ride_along_to_the_surface() -> None:
     assert surface.GetFieldData().GetArray("warp_theta") is not None
 
 
+def test_in_single_precision_a_cloth_takes_half_and_looks_the_same() -> None:
+    chains = [Chain(), Chain()]
+    chains[1].weave.precision = "single"
+    for chain in chains:
+        chain.update(time=0.1)
+    double, single = chains
+    for stage in ("weave", "warp"):
+        one, other = (points(getattr(chain, stage)) for chain in chains)
+        assert 2 * other.nbytes == one.nbytes
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-9)  # of 2 mm
+    shift = [point_array(chain.warp, "displacement") for chain in chains]
+    assert shift[1].dtype == np.float32
+    np.testing.assert_allclose(shift[1], shift[0], rtol=0, atol=1e-9)
+    # physics is of the cage, and stays double
+    assert point_array(single.response, "displacement").dtype == np.float64
+    np.testing.assert_allclose(points(single.surface), points(double.surface), rtol=0, atol=1e-9)
+    normals = [point_array(chain.surface, "Normals") for chain in chains]
+    np.testing.assert_allclose(normals[1], normals[0], rtol=0, atol=1e-3)
+
+
 def test_a_surface_of_the_same_cells_keeps_its_polygons_and_cell_arrays() -> None:
     chain = Chain()
     chain.update()

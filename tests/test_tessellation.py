@@ -243,7 +243,7 @@ def test_cells_and_orientation():
     surface = Tessellation(connectivity, (3, 3), 5)
     positions, normals = surface.evaluate(points, np.float64)
     assert surface.quads.shape == (700 * 25, 4)
-    assert surface.quads.dtype == surface.triangles.dtype == np.int64
+    assert surface.quads.dtype == surface.triangles.dtype == np.int32
     assert surface.triangles.shape == (2 * 700 * 25, 3)
     np.testing.assert_array_equal(surface.patch_of_cell, np.repeat(np.arange(700), 25))
     a, b, c, d = (positions[surface.quads[:, i]] for i in range(4))

@@ -146,7 +146,7 @@ def test_counts_of_plain_weave(size: int, parts: int) -> None:
     assert (np.bincount(made.yarn) == 4 * parts / (2 * size)).all()
     assert np.array_equal(made.family, made.yarn >= size)
     assert made.points.dtype == np.float64
-    assert made.patches.dtype == np.int64
+    assert made.patches.dtype == np.int32
     assert made.yarn.dtype == np.int32
     assert made.family.dtype == np.uint8
 
@@ -358,7 +358,7 @@ def grid_of(made: Weave) -> vtkUnstructuredGrid:
     # deep: vtkCellArray of VTK 9.2 takes the memory, but not the array that keeps it alive
     cells.SetData(
         numpy_to_vtkIdTypeArray(np.arange(0, made.patches.size + 1, 16), deep=True),
-        numpy_to_vtkIdTypeArray(made.patches.ravel(), deep=True),
+        numpy_to_vtkIdTypeArray(made.patches.ravel().astype(np.int64), deep=True),
     )
     grid.SetPoints(points)
     grid.SetCells(VTK_BEZIER_QUADRILATERAL, cells)

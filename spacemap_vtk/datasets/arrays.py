@@ -99,8 +99,8 @@ def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> NDArray
     return values
 
 
-def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.int64]:
-    """Return the connectivity of a grid whose cells are all of one type and size."""
+def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np.integer[Any]]:
+    """Return a view of the connectivity of a grid whose cells are all of one type and size."""
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells; {name} are needed")
     others = [t for t in cell_types(grid) if t != cell_type]
@@ -114,7 +114,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> NDArray[np
     connectivity = vtk_to_numpy(cells.GetConnectivityArray())
     if connectivity.size != size * grid.GetNumberOfCells():
         raise GeometryError(f"{name} of different degrees in one grid")
-    return connectivity.reshape(-1, size).astype(np.int64, copy=False)
+    return connectivity.reshape(-1, size)
 
 
 def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
@@ -125,23 +125,31 @@ def tetrahedra_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
 def elements_of(grid: vtkUnstructuredGrid) -> NDArray[np.int64]:
     """Return all nodes of each tetrahedron of a grid of linear or of quadratic ones."""
     if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
-        return cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
-    return cells_of(grid, VTK_TETRA, "linear tetrahedra")
+        cells = cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
+    else:
+        cells = cells_of(grid, VTK_TETRA, "linear tetrahedra")
+    return cells.astype(np.int64, copy=False)
 
 
 def to_cells(connectivity: NDArray[np.integer[Any]]) -> vtkCellArray:
     """Return cells of one size, which share memory with the array where VTK can."""
     count, size = connectivity.shape
-    offsets = np.arange(0, (count + 1) * size, size, dtype=np.int64)
-    return to_ragged(offsets, np.ascontiguousarray(connectivity, dtype=np.int64).ravel())
+    narrow = connectivity.dtype == np.int32 and connectivity.size < 2**31
+    kind: type[np.integer[Any]] = np.int32 if narrow else np.int64
+    offsets = np.arange(0, (count + 1) * size, size, dtype=kind)
+    return to_ragged(offsets, np.ascontiguousarray(connectivity, dtype=kind).ravel())
 
 
-def to_ragged(offsets: NDArray[np.int64], numbers: NDArray[np.int64]) -> vtkCellArray:
-    """Return cells of any sizes."""
+def to_ragged(offsets: NDArray[np.integer[Any]], numbers: NDArray[np.integer[Any]]) -> vtkCellArray:
+    """Return cells of any sizes, of offsets and numbers that are both int32 or both int64."""
     cells = vtkCellArray()
     cells.SetData(
-        numpy_to_vtkIdTypeArray(offsets, deep=_CELLS_NEED_COPIES),
-        numpy_to_vtkIdTypeArray(numbers, deep=_CELLS_NEED_COPIES),
+        *(
+            numpy_to_vtk(array, deep=_CELLS_NEED_COPIES)
+            if array.dtype == np.int32
+            else numpy_to_vtkIdTypeArray(array, deep=_CELLS_NEED_COPIES)
+            for array in (offsets, numbers)
+        )
     )
     return cells
 

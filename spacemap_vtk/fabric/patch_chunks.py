@@ -59,7 +59,7 @@ class Chunk(NamedTuple):
         return places + self.rows.start if isinstance(self.rows, slice) else self.rows[places]
 
 
-def cut_into_chunks(patches: NDArray[np.int64], rows: int) -> list[Chunk]:
+def cut_into_chunks(patches: NDArray[np.integer[Any]], rows: int) -> list[Chunk]:
     """Cut patches into chunks; only the last ones are smaller."""
     count, size = patches.shape
     floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)

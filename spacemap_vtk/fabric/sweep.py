@@ -20,10 +20,10 @@ Invariants that everything below relies on:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.section import Cap, Section, cap, tube_table
 
@@ -92,13 +92,13 @@ class Tubes(NamedTuple):
 class Swept(NamedTuple):
     """Tubes as patches."""
 
-    points: Floats
+    points: NDArray[np.floating[Any]]
     """(N, 3) Control points in metres; shared inside a line, not between lines."""
-    patches: NDArray[np.int64]
+    patches: NDArray[np.integer[Any]]
     """(P, 16) Control points of each patch in the order of ``VTK_BEZIER_QUADRILATERAL``, degree 3
     x 3. On tubes u runs along the line and v round it, du x dv points outwards, everywhere. Tubes
-    line by line, part by part, round the line; then caps, line by line. int64 is vtkIdType, which
-    VTK takes over without a copy."""
+    line by line, part by part, round the line; then caps, line by line. int32 where that will do:
+    they are read at every step, and VTK takes either over without a copy."""
     weights: Floats | None
     """(N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1."""
     line: NDArray[np.int32]
@@ -111,7 +111,12 @@ class Swept(NamedTuple):
     """Where the rings of each bundle stand in `points`."""
 
 
-def sweep(bundles: Sequence[tuple[CentreLines, Section]], caps: bool, exact: bool) -> Swept:
+def sweep(
+    bundles: Sequence[tuple[CentreLines, Section]],
+    caps: bool,
+    exact: bool,
+    kind: DTypeLike = np.float64,
+) -> Swept:
     """Return the tubes of sections along centre lines; the lines of a bundle share a section."""
     plans, first_point, first_patch = [], 0, 0
     for lines, shape in bundles:
@@ -125,9 +130,9 @@ def sweep(bundles: Sequence[tuple[CentreLines, Section]], caps: bool, exact: boo
             first_point += 2 * len(plan.lines.parts) * closing.new_points
             first_patch += 2 * len(plan.lines.parts) * len(closing.table)
 
-    points = np.empty((first_point, 3))
+    points = np.empty((first_point, 3), kind)
     weights = np.ones(first_point) if exact else None
-    patches = np.empty((first_patch, 16), dtype=np.int64)
+    patches = np.empty((first_patch, 16), np.int32 if first_point < 2**31 else np.int64)
     line = np.empty(first_patch, dtype=np.int32)
     bundle = np.empty(first_patch, dtype=np.uint8)
     tube_patches = next_patch
@@ -171,7 +176,7 @@ class _Plan(NamedTuple):
         return slice(self.first_patch, self.first_patch + count)
 
 
-def _fill_points(plan: _Plan, flat_points: Floats) -> None:
+def _fill_points(plan: _Plan, flat_points: NDArray[np.floating[Any]]) -> None:
     """Write the control points of a bundle's tubes."""
     # Rings 1 and 2 of a part are rings 0 and 3 moved along the tangents there by ``reach (1 -
     # curvature n)`` for points n above the line: so a point of an arc turns about the arc's axis.
@@ -206,6 +211,8 @@ def _fill_points(plan: _Plan, flat_points: Floats) -> None:
         zip(lines.place, lines.tangent, lines.normal, lines.lateral, strict=True)
     ):
         out, begun = points[:, :, component], False
+        if out.dtype != np.float64:
+            out = np.empty(out.shape)  # rounded once, at the end
         for direction, bend, reaches in (
             (up, lines.curvature, shape.normal),
             (aside, lines.sideways, shape.lateral),
@@ -228,6 +235,8 @@ def _fill_points(plan: _Plan, flat_points: Floats) -> None:
             out += axis[:, None]
         else:
             out[:] = axis[:, None]
+        if out.dtype != points.dtype:
+            points[:, :, component] = out
 
 
 def _at(values: Floats | float, index: NDArray[np.int64]) -> Floats | float:
@@ -262,10 +271,10 @@ def span_caps(tubes: Tubes, closing: Cap, points: Floats, new: Floats) -> NDArra
 def _fill_caps(
     plan: _Plan,
     closing: Cap,
-    points: Floats,
+    points: NDArray[np.floating[Any]],
     weights: Floats | None,
     new: slice,
-    patches: NDArray[np.int64],
+    patches: NDArray[np.integer[Any]],
 ) -> None:
     """Close both ends of every line of a bundle, first end and last in turn."""
     size = plan.shape.size

@@ -108,9 +108,7 @@ class Tessellation:
         compiled = loops("spacemap_vtk.fabric.patch_loops") if many else None
         self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
-        self._chunks = cut_into_chunks(
-            patches.astype(np.int64, copy=False)[:, order], 3 * (subdivisions + 1) ** 2
-        )
+        self._chunks = cut_into_chunks(patches[:, order], 3 * (subdivisions + 1) ** 2)
 
     def evaluate(
         self,
@@ -283,12 +281,16 @@ class Tessellation:
         return self.patch_count * (self.subdivisions + 1) ** 2
 
     @cached_property
-    def quads(self) -> NDArray[np.int64]:
-        """Quadrilaterals, (P n**2, 4) int64: all of one patch, u fastest, before the next patch."""
+    def quads(self) -> NDArray[np.integer[Any]]:
+        """Quadrilaterals, (P n**2, 4): all of one patch, u fastest, before the next patch.
+
+        Point numbers are int32 where that will do.
+        """
         n = self.subdivisions
         place = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
         corners = np.stack((place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]), axis=2)
-        result = np.empty((self.patch_count, corners.size), dtype=np.int64)
+        kind = np.int32 if self.point_count < 2**31 else np.int64
+        result = np.empty((self.patch_count, corners.size), kind)
         # Chunk by chunk: what is written is in the cache, and a user can end it in between.
         for chunk in self._chunks:
             within = result[chunk.first : chunk.first + chunk.patch_count]
@@ -297,12 +299,12 @@ class Tessellation:
         return _frozen(result.reshape(-1, 4))
 
     @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """Triangles, (2 P n**2, 3) int64: each of `quads` cut along its first diagonal."""
+    def triangles(self) -> NDArray[np.integer[Any]]:
+        """Triangles, (2 P n**2, 3): each of `quads` cut along its first diagonal."""
         return _frozen(self.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
 
     @cached_property
-    def patch_of_cell(self) -> NDArray[np.int64]:
+    def patch_of_cell(self) -> NDArray[np.integer[Any]]:
         """Patch of each of `quads`, (P n**2,) int64; ``array[patch_of_cell]`` carries one over."""
         return _frozen(np.repeat(np.arange(self.patch_count), self.subdivisions**2))
 
@@ -404,6 +406,6 @@ def _magnitude(points: NDArray[Any], chunks: list[Chunk]) -> float:
     return 2.0 ** round(log2(max(finite, default=1.0)))
 
 
-def _frozen(array: NDArray[np.int64]) -> NDArray[np.int64]:
+def _frozen(array: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
     array.flags.writeable = False  # it is shared by every caller
     return array

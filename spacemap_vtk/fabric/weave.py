@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.arcs import FLAT, LONGEST_ARC
 from spacemap_vtk.fabric.axes import ALL, Share, axes
@@ -38,10 +38,10 @@ class Weave:
 
     #: (N, 3) Control points in metres, 12 a ring (racetracks 18); shared inside a yarn, not
     #: between yarns.
-    points: NDArray[np.float64]
+    points: NDArray[np.floating[Any]]
     #: (P, 16) Control points of each patch; see `spacemap_vtk.fabric.sweep.Swept`. The tubes of
     #: warp and weft come first, the caps of all their cut ends after them.
-    patches: NDArray[np.int64]
+    patches: NDArray[np.integer[Any]]
     #: (N,) Rational weights of the control points (VTK's RationalWeights); None where all are 1.
     weights: NDArray[np.float64] | None
     #: (P,) Yarn of each patch: the ends first, then the picks.
@@ -61,7 +61,7 @@ class Weave:
     radial_error: float
 
 
-def build(cloth: Cloth, share: Share = ALL) -> Weave:
+def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
     """Return the patches of a cloth.
 
     Parameters
@@ -71,6 +71,8 @@ def build(cloth: Cloth, share: Share = ALL) -> Weave:
     share : Share
         The yarns to be built, where they lie in the whole cloth; see
         `spacemap_vtk.fabric.partition.share_of`.
+    kind : dtype_like
+        Type of the control points, float32 or float64.
 
     Returns
     -------
@@ -99,7 +101,7 @@ def build(cloth: Cloth, share: Share = ALL) -> Weave:
     lines = [_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
     warp, weft = cloth.families
     return Weave(
-        *sweep(list(zip(lines, sections, strict=True)), cloth.caps, cloth.exact),
+        *sweep(list(zip(lines, sections, strict=True)), cloth.caps, cloth.exact, kind),
         warp=warp.crimp,
         weft=weft.crimp,
         radial_error=max(
@@ -142,20 +144,24 @@ class Counts(NamedTuple):
     parts: int
     """Of the axes of all yarns."""
 
-    def bytes(self, exact: bool = False) -> int:
+    def bytes(self, exact: bool = False, single: bool = False) -> int:
         """Return what the patches take once they are built, as `filters.WeaveSource` holds them.
 
         Parameters
         ----------
         exact : bool
             Whether there are rational weights.
+        single : bool
+            Whether places are in single precision.
 
         Returns
         -------
         int
             Of points, connectivity with offsets, yarn, family and colour.
         """
-        return self.points * (4 if exact else 3) * 8 + self.patches * (16 * 8 + 8 + 4 + 4 + 3)
+        number = 8 if self.points >= 2**31 else 4
+        size = self.points * (3 * (4 if single else 8) + 8 * exact)
+        return size + self.patches * (17 * number + 4 + 4 + 3)
 
 
 def estimate_counts(cloth: Cloth) -> Counts:
@@ -263,13 +269,15 @@ def _arcs(cloth: Cloth, number: int) -> int:
     return ceil(theta / (2.0 * LONGEST_ARC if cloth.exact else LONGEST_ARC) - 1e-9)
 
 
-def estimate_bytes(cloth: Cloth) -> int:
+def estimate_bytes(cloth: Cloth, single: bool = False) -> int:
     """Return an upper bound of the memory that `build` needs, before any is taken.
 
     Parameters
     ----------
     cloth : Cloth
         As for `build`.
+    single : bool
+        Whether places are in single precision.
 
     Returns
     -------
@@ -283,7 +291,7 @@ def estimate_bytes(cloth: Cloth) -> int:
     """
     counts, (ends, picks) = estimate_counts(cloth), cloth.size
     return (
-        counts.bytes(cloth.exact)
+        counts.bytes(cloth.exact, single)
         + (_SPLINE_PART_BYTES if cloth.axis == "spline" else _PART_BYTES) * counts.parts
         + _GAP_BYTES * 2 * (ends + 1) * (picks + 1)
     )

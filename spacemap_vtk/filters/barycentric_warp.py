@@ -218,7 +218,9 @@ class BarycentricWarp(Stage):
         return kept
 
 
-def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: int = 0) -> int:
+def estimate_bytes(
+    points: int, nodes: int = 4, smooth: bool = False, columns: int = 0, single: bool = False
+) -> int:
     """Return the memory that points take that ride along.
 
     Parameters
@@ -231,6 +233,8 @@ def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: i
         Whether by the spline.
     columns : int, optional
         Components of the cage's arrays that ride along.
+    single : bool, optional
+        Whether points are in single precision.
 
     Returns
     -------
@@ -238,7 +242,7 @@ def estimate_bytes(points: int, nodes: int = 4, smooth: bool = False, columns: i
         Bytes.
     """
     # Place and displacement; tetrahedron; arrays in both precisions.
-    size = points * (24 + 24 + 4 + 12 * columns)
+    size = points * (2 * (12 if single else 24) + 4 + 12 * columns)
     if nodes > 4 or smooth:
         # Whether outside; weights of the corners, and those of all nodes, or of values and
         # gradients at the corners.

@@ -169,7 +169,8 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
     samples, polygons = patches * (subdivisions + 1) ** 2, patches * subdivisions**2
     # Positions, normals and what is carried over in float32; four point numbers, an offset, yarn,
     # family and colour of each polygon; where the control points of each patch are.
-    return samples * 4 * (6 + columns) + polygons * (5 * 8 + 11) + patches * 16 * 2
+    number = 8 if 4 * polygons >= 2**31 else 4
+    return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 16 * 2
 
 
 class _Patches:

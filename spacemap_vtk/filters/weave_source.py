@@ -196,6 +196,12 @@ class WeaveSource(Stage):
     )
     caps = Flag(True, "Close the cut ends of the yarns.")
     exact = Flag(False, "Make rational patches, exact to rounding where yarns are round.")
+    precision = Choice(
+        "double",
+        "Of the control points: single precision takes half the memory, and is enough for what is "
+        "looked at. What is computed of the cloth stays double.",
+        ["double", "single"],
+    )
     axis = Choice(
         "arcs",
         "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
@@ -247,8 +253,13 @@ class WeaveSource(Stage):
         cloth = self.cloth
         # A piece has its share, and at most a yarn more.
         pieces = min(self.piece.of, sum(cloth.size))
-        self._require(weave.estimate_bytes(cloth) // pieces, *cloth.size, pieces)
+        self._require(weave.estimate_bytes(cloth, self.single) // pieces, *cloth.size, pieces)
         return weave.estimate_counts(cloth)
+
+    @property
+    def single(self) -> bool:
+        """Whether control points are in single precision."""
+        return self.precision == "single"
 
     @property
     def feasible(self) -> dict[str, tuple[float, float]]:
@@ -396,7 +407,7 @@ class WeaveSource(Stage):
         share = ALL
         if self.piece.of > 1:
             share = share_of(cloth, self.piece.number, self.piece.of)
-        made = weave.build(cloth, share)
+        made = weave.build(cloth, share, np.float32 if self.single else np.float64)
         output.SetPoints(to_points(made.points))
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
         if made.weights is not None:

@@ -49,7 +49,7 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
     warp, columns = scene.warp, 0
     if scene.moves:
         columns = 3 + _columns(warp.carried)
-    total = counts.bytes(scene.weave.exact)
+    total = counts.bytes(scene.weave.exact, scene.weave.single)
     total += patch_tessellator.estimate_bytes(counts.patches, n, columns)
     total += drawing_bytes(quads, points, pixels, frames)
     if points > WORTHWHILE:
@@ -58,11 +58,14 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
     if scene.moves:
         nodes = 10 if scene.cage.order == 2 else 4
         total += _SOLVER
-        total += barycentric_warp.estimate_bytes(counts.points, nodes, warp.smooth, columns - 3)
+        total += barycentric_warp.estimate_bytes(
+            counts.points, nodes, warp.smooth, columns - 3, scene.weave.single
+        )
         if scene.stage("crimp") is not None:
             total += crimp_interchange.estimate_bytes(counts.points)
         if frames > 1:
-            total += 48 * counts.points + (24 + 4 * columns) * points
+            total += (24 if scene.weave.single else 48) * counts.points
+            total += (24 + 4 * columns) * points
         total += _GHOST * points * view.ghost
     total += _NUMBER * points * COLORINGS[view.color].scaled
     total += _CLEARANCE * points * (view.color == "clearance")
