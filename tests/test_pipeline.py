@@ -489,7 +489,7 @@ def test_in_single_precision_a_cloth_takes_half_and_looks_the_same() -> None:
     assert point_array(single.response, "displacement").dtype == np.float64
     np.testing.assert_allclose(points(single.surface), points(double.surface), rtol=0, atol=1e-9)
     normals = [point_array(chain.surface, "Normals") for chain in chains]
-    np.testing.assert_allclose(normals[1], normals[0], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(normals[1], normals[0], rtol=0, atol=3e-3)  # of caps
 
 
 def test_a_surface_of_the_same_cells_keeps_its_polygons_and_cell_arrays() -> None:

@@ -255,7 +255,12 @@ def _fill_weights(plan: _Plan, weights: Floats) -> None:
     np.multiply(along[:, None], plan.shape.weight, out=weights.reshape(-1, plan.shape.size))
 
 
-def span_caps(tubes: Tubes, closing: Cap, points: Floats, new: Floats) -> NDArray[np.int64]:
+def span_caps(
+    tubes: Tubes,
+    closing: Cap,
+    points: NDArray[np.floating[Any]],
+    new: NDArray[np.floating[Any]],
+) -> NDArray[np.int64]:
     """Write the inner points of a bundle's caps; return the points that they start at."""
     rings = tubes.first + tubes.ring * tubes.ends
     # the first end looks back: there the cap is turned over, lower for upper
