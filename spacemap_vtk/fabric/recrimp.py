@@ -22,6 +22,8 @@ from spacemap_vtk.fabric.axis import Axes, crossing_heights
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import Cap, Section, cap, section
 from spacemap_vtk.fabric.sweep import Tubes, span_caps
+from spacemap_vtk.memory import Recycler
+from spacemap_vtk.parallel import BLAS_SERIAL, for_each
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,7 +57,7 @@ class Recrimp:
 
     def __init__(self, cloth: Cloth, share: Share = ALL) -> None:
         cloth.check()
-        self.cloth, self.share = cloth, share
+        self.cloth, self.share, self._recycler = cloth, share, Recycler()
         self._families: list[_Family] = []
         rings = points = 0
         for number in range(2):
@@ -141,28 +143,14 @@ class Recrimp:
             for f, c in zip(self._families, self._caps, strict=True)
         ]
         tubes = sum(len(f.radius) * f.shape.size for f in self._families)
-        result = np.empty((tubes + sum(spans), 3))
+        result: Floats = self._recycler.empty((tubes + sum(spans), 3), np.float64)
         thinner = height.sum(axis=0) / self._distance
+        pressed = bool((abs(thinner - 1.0) > 1e-12).any())
         for number, family in enumerate(self._families):
             path, of_part = self._laid(number, height, stretch)
             rings = _rings(path, of_part)
-            e, n = along[family.rings], normal[family.rings]
-            t = e / np.sqrt(np.einsum("rc,rc->r", e, e))[:, None]
-            frames = np.empty((len(e), 3, 3))
-            frames[:, 0] = (rings.along - family.rest.along)[:, None] * e
-            frames[:, 0] += rings.height[:, None] * n
-            frames[:, 1] = rings.up[0][:, None] * t + rings.up[1][:, None] * n
-            frames[:, 2] = family.radius[:, None] * np.cross(n, t)
-            if (abs(thinner - 1.0) > 1e-12).any():
-                factor = family.at_rings(_rows(thinner, number, self.share))[:, None]
-                frames[:, 1] *= factor
-                frames[:, 2] /= factor
-            here = slice(family.tubes.first, family.tubes.first + len(e) * family.shape.size)
-            np.matmul(
-                frames.reshape(-1, 9),
-                family.spread,
-                out=result[here].reshape(len(e), 3 * family.shape.size),
-            )
+            flat = family.at_rings(_rows(thinner, number, self.share)) if pressed else None
+            _spread(family, rings, (along[family.rings], normal[family.rings]), flat, result)
         new = tubes
         for family, closing, count in zip(self._families, self._caps, spans, strict=True):
             if closing is not None:
@@ -336,6 +324,36 @@ class _Family(NamedTuple):
         return (1.0 - share) * at_crossings[row, left] + share * at_crossings[row, right]
 
 
+def _spread(
+    family: _Family, rings: _Rings, frame: tuple[Floats, Floats], flat: Floats | None, out: Floats
+) -> None:
+    """Write the control points of a family's tubes, from where their feet have been carried to."""
+    size, first = family.shape.size, family.tubes.first
+    shift = rings.along - family.rest.along
+    # each block is one product, in the cache, and too small for BLAS to start threads
+    block = max(1, BLAS_SERIAL // family.spread.size)
+
+    def do(begin: int) -> None:
+        here = slice(begin, begin + block)
+        e, n = frame[0][here], frame[1][here]
+        t = e / np.sqrt(np.einsum("rc,rc->r", e, e))[:, None]
+        made = np.empty((len(e), 3, 3))
+        made[:, 0] = shift[here, None] * e
+        made[:, 0] += rings.height[here, None] * n
+        made[:, 1] = rings.up[0, here, None] * t + rings.up[1, here, None] * n
+        for axis in range(3):
+            one, other = (axis + 1) % 3, (axis + 2) % 3
+            made[:, 2, axis] = n[:, one] * t[:, other] - n[:, other] * t[:, one]
+        made[:, 2] *= family.radius[here, None]
+        if flat is not None:
+            made[:, 1] *= flat[here, None]
+            made[:, 2] /= flat[here, None]
+        points = out[first + begin * size : first + (begin + len(e)) * size]
+        np.matmul(made.reshape(-1, 9), family.spread, out=points.reshape(len(e), 3 * size))
+
+    for_each(range(0, len(shift), block), lambda: do)
+
+
 def _rows(table: Floats, number: int, share: Share) -> Floats:
     """Return what each of the yarns of a share has at its crossings, of (picks, ends)."""
     return table[share[1]] if number else table.T[share[0]]
@@ -345,22 +363,25 @@ def _rings(path: Axes, stretch: Floats) -> _Rings:
     """Return the rings of tubes round axes, as `spacemap_vtk.fabric.sweep` has them."""
     owner = path.owner
     start = np.arange(len(owner)) + owner
-    ring = 3 * np.arange(len(owner)) + owner
-    final = 3 * np.cumsum(path.parts) + np.arange(len(path.parts))
-    count = 3 * len(owner) + len(path.parts)
-    tangent = np.stack([np.cos(path.angle), np.sin(path.angle)])
+    cos, sin = np.cos(path.angle), np.sin(path.angle)
     radius = np.repeat(path.radius, path.parts + 1)
-    top = radius * np.stack([-tangent[1], tangent[0]])
-    along, height, up = np.empty(count), np.empty(count), np.empty((2, count))
-    for rings, stations in ((ring, start), (final, path.last)):
-        along[rings], height[rings] = path.along[stations], path.height[stations]
-        up[:, rings] = top[:, stations]
-    for rings, stations, handle, bend in (
-        (ring + 1, start, path.reach[0], path.curvature[0]),
-        (ring + 2, start + 1, -path.reach[1], path.curvature[1]),
+    at_stations = np.stack([path.along, path.height, -radius * sin, radius * cos])
+    # three rings of each part, by columns, and the last of each yarn among them afterwards
+    made = np.empty((4, len(owner), 3))
+    made[:, :, 0] = at_stations[:, start]
+    for column, stations, handle, bend in (
+        (1, start, path.reach[0], path.curvature[0]),
+        (2, start + 1, -path.reach[1], path.curvature[1]),
     ):
-        reached = handle * tangent[:, stations]
-        along[rings] = path.along[stations] + reached[0] / stretch
-        height[rings] = path.height[stations] + reached[1]
-        up[:, rings] = top[:, stations] - (bend * radius[stations]) * reached
-    return _Rings(along, height, up)
+        values, turn = at_stations[:, stations], bend * radius[stations]
+        reached = handle * cos[stations], handle * sin[stations]
+        made[0, :, column] = values[0] + reached[0] / stretch
+        made[1, :, column] = values[1] + reached[1]
+        made[2, :, column] = values[2] - turn * reached[0]
+        made[3, :, column] = values[3] - turn * reached[1]
+    full = np.empty((4, 3 * len(owner) + len(path.parts)))
+    final = 3 * np.cumsum(path.parts) + np.arange(len(path.parts))
+    inner = np.ones(full.shape[1], np.bool_)
+    inner[final] = False
+    full[:, inner], full[:, final] = made.reshape(4, -1), at_stations[:, path.last]
+    return _Rings(full[0], full[1], full[2:])
