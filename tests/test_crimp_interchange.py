@@ -248,6 +248,7 @@ def test_elastic_yarns_share_the_stretch_as_published() -> None:
     strain = cells(crimp, "yarn_strain")
     assert strain[family == 0] == pytest.approx(0.0070, abs=5e-5)
     assert strain[family == 1] == pytest.approx(0.0045, abs=5e-5)
+    assert cells(crimp, "yarn_tension") == pytest.approx(strain)
 
 
 def test_a_modulus_is_for_the_count_of_each_yarn() -> None:

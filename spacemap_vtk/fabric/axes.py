@@ -42,7 +42,22 @@ def _axes(cloth: Cloth, number: int, some: Some) -> Axes:
 
 
 def axis_points(cloth: Cloth, samples: int = 8) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return points on the exact axes of the yarns, which the patches approximate."""
+    """Return points on the exact axes of the yarns, which the patches approximate.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As woven.
+    samples : int
+        Points on each part of an axis.
+
+    Returns
+    -------
+    points : (N, 3) float64
+        In m, yarn by yarn, the ends first.
+    yarn : (N,) int32
+        Number of each one's yarn.
+    """
     result, owners, first_yarn = [], [], 0
     for number, family in enumerate(axes(cloth)):
         part, station, fraction = sampled(family, samples)

@@ -11,10 +11,10 @@ Invariant: cells are those of `spacemap_vtk.fabric.weave.build`, whatever the he
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.arcs import Plan, gaps_of, lay_gaps, plan_of
 from spacemap_vtk.fabric.axes import ALL, Share
@@ -119,7 +119,14 @@ class Recrimp:
         """
         return self._laid(number, height, stretch)[0]
 
-    def vectors(self, height: Floats, stretch: Floats, along: Floats, normal: Floats) -> Floats:
+    def vectors(
+        self,
+        height: Floats,
+        stretch: Floats,
+        along: Floats,
+        normal: Floats,
+        precision: DTypeLike = np.float64,
+    ) -> NDArray[np.floating[Any]]:
         """Return how the control points lie from where their feet have been carried to.
 
         Parameters
@@ -132,10 +139,12 @@ class Recrimp:
             What a unit vector along each ring's yarn has become.
         normal : ndarray of float64, shape (rings, 3)
             Unit normal of the surface that warp and weft span there.
+        precision : dtype
+            Of the result.
 
         Returns
         -------
-        ndarray of float64, shape (N, 3)
+        ndarray, shape (N, 3)
             [m]
         """
         spans = [
@@ -143,7 +152,7 @@ class Recrimp:
             for f, c in zip(self._families, self._caps, strict=True)
         ]
         tubes = sum(len(f.radius) * f.shape.size for f in self._families)
-        result: Floats = self._recycler.empty((tubes + sum(spans), 3), np.float64)
+        result = self._recycler.empty((tubes + sum(spans), 3), precision)
         thinner = height.sum(axis=0) / self._distance
         pressed = bool((abs(thinner - 1.0) > 1e-12).any())
         for number, family in enumerate(self._families):
@@ -325,19 +334,24 @@ class _Family(NamedTuple):
 
 
 def _spread(
-    family: _Family, rings: _Rings, frame: tuple[Floats, Floats], flat: Floats | None, out: Floats
+    family: _Family,
+    rings: _Rings,
+    frame: tuple[Floats, Floats],
+    flat: Floats | None,
+    out: NDArray[np.floating[Any]],
 ) -> None:
     """Write the control points of a family's tubes, from where their feet have been carried to."""
     size, first = family.shape.size, family.tubes.first
     shift = rings.along - family.rest.along
     # each block is one product, in the cache, and too small for BLAS to start threads
-    block = max(1, BLAS_SERIAL // family.spread.size)
+    spread = family.spread.astype(out.dtype)
+    block = max(1, BLAS_SERIAL // spread.size)
 
     def do(begin: int) -> None:
         here = slice(begin, begin + block)
         e, n = frame[0][here], frame[1][here]
         t = e / np.sqrt(np.einsum("rc,rc->r", e, e))[:, None]
-        made = np.empty((len(e), 3, 3))
+        made = np.empty((len(e), 3, 3), out.dtype)
         made[:, 0] = shift[here, None] * e
         made[:, 0] += rings.height[here, None] * n
         made[:, 1] = rings.up[0, here, None] * t + rings.up[1, here, None] * n
@@ -349,7 +363,7 @@ def _spread(
             made[:, 1] *= flat[here, None]
             made[:, 2] /= flat[here, None]
         points = out[first + begin * size : first + (begin + len(e)) * size]
-        np.matmul(made.reshape(-1, 9), family.spread, out=points.reshape(len(e), 3 * size))
+        np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
 
     for_each(range(0, len(shift), block), lambda: do)
 

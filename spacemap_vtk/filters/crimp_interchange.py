@@ -64,6 +64,7 @@ class CrimpInterchange(YarnParameters):
         OFFSET: Provided("point", "m"),
         "crimp": Provided("cell"),
         "yarn_strain": Provided("cell"),
+        "yarn_tension": Provided("cell", "N", {"inextensible": (False,)}),
         "contact_force": Provided("cell", "N"),
         "jammed": Provided("cell"),
     }
@@ -94,20 +95,23 @@ class CrimpInterchange(YarnParameters):
         normal /= np.where(size > 0.0, size, 1.0)[:, None]
         data = output.GetPointData()
         data.AddArray(kept.foot)
-        offsets = kept.recrimp.vectors(state.height, stretch, along, normal)
-        add_array(data, OFFSET, offsets.astype(kept.precision, copy=False))
+        offsets = kept.recrimp.vectors(state.height, stretch, along, normal, kept.precision)
+        add_array(data, OFFSET, offsets)
         weights = kept.recrimp.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
-        nearest = kept.recrimp.crossing
-        for name, values in (
-            ("crimp", state.crimp),
-            ("yarn_strain", state.strain),
-            ("contact_force", np.stack([state.contact, state.contact])),
-            ("jammed", state.jammed),
-        ):
+        shown = {
+            "crimp": state.crimp,
+            "yarn_strain": state.strain,
+            "contact_force": np.stack([state.contact, state.contact]),
+            "jammed": state.jammed,
+        }
+        if not self.inextensible:
+            shown["yarn_tension"] = kept.tension * state.strain
+        for name, values in shown.items():
             kind = np.uint8 if name == "jammed" else np.float32
-            add_array(output.GetCellData(), name, values.astype(kind).ravel()[nearest])
+            by_patch = values.astype(kind).ravel()[kept.recrimp.crossing]
+            add_array(output.GetCellData(), name, by_patch)
         self._tell_of(state, stretch)
 
     def _tell_of(self, state: CrimpState, stretch: Floats) -> None:
@@ -175,14 +179,16 @@ class CrimpInterchange(YarnParameters):
         crossings = np.zeros((cloth.drawdown.size, 3))
         crossings[:, 0], crossings[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
         places = np.concatenate([recrimp.feet, crossings])
-        precision = points.dtype.type
+        precision, yarns = points.dtype.type, self.yarns(cloth)
+        tension = np.asarray(yarns.tension, np.float64)
         self._kept = _Woven(
             settings=settings,
             weave=Geometry(weave),
             cage=Geometry(cage),
             cloth=cloth,
             recrimp=recrimp,
-            crossings=Interchange(cloth, self.yarns(cloth)),
+            crossings=Interchange(cloth, yarns),
+            tension=tension if tension.ndim == 3 else tension.reshape(2, 1, 1),
             slopes=PlaneSlopes(places, points_of(cage).astype(np.float64), elements_of(cage)),
             foot=to_array(recrimp.spread(recrimp.feet).astype(precision), FOOT),
             precision=precision,
@@ -217,6 +223,8 @@ class _Woven:
     cloth: Cloth
     recrimp: Recrimp
     crossings: Interchange
+    tension: Floats
+    """EA of warp and weft at each crossing, or of all, in N."""
     slopes: PlaneSlopes
     foot: vtkDataArray
     precision: Any

@@ -34,6 +34,7 @@ COLORINGS = {
     "clearance": Coloring("Clearance", "m", "yarn"),
     "crimp": Coloring("Crimp", "", "crimp", True),
     "yarn_strain": Coloring("Yarn strain", "", "yarn_strain", True),
+    "yarn_tension": Coloring("Yarn tension", "N", "yarn_tension", True),
     "contact_force": Coloring("Contact force", "N", "contact_force", True),
     "jammed": Coloring("Jammed crossings", "", "jammed"),
 }
