@@ -15,6 +15,7 @@ from spacemap_vtk.mechanics.supports import (
     free_motions,
     held_components,
     held_directions,
+    loose_sides,
     rigid_bodies,
 )
 
@@ -230,3 +231,42 @@ def test_bodies_stay_apart():
         rigid_bodies(POINTS, ["-x", "+y"])
     with pytest.raises(InputError, match='"-x:y" names components, and a rigid place has all'):
         rigid_bodies(POINTS, ["-x:y"])
+
+
+def test_a_side_that_lets_the_cage_turn_is_told():
+    weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1))
+    cage.SetInputConnection(weave.GetOutputPort())
+    grid = vtkUnstructuredGrid()
+    grid.DeepCopy(cage.update().output)
+    points = vtk_to_numpy(grid.GetPoints().GetData())
+    around_z, around_y = np.radians([30.0, 20.0])
+    turn = np.array(
+        [
+            [np.cos(around_z), -np.sin(around_z), 0],
+            [np.sin(around_z), np.cos(around_z), 0],
+            [0, 0, 1],
+        ]
+    )
+    tilt = np.array(
+        [
+            [np.cos(around_y), 0, np.sin(around_y)],
+            [0, 1, 0],
+            [-np.sin(around_y), 0, np.cos(around_y)],
+        ]
+    )
+    # Its ends along x: a face, an edge, a corner; so many rigid motions are left.
+    for places, rigid in ((points, 0), (points @ turn.T, 1), (points @ turn.T @ tilt.T, 3)):
+        turned = vtkUnstructuredGrid()
+        turned.DeepCopy(grid)
+        turned.GetPoints().SetData(numpy_to_vtk(places, deep=True))
+        solver = ModalSolver(modes=5, fixed="-x", elements="tetrahedra")
+        solver.SetInputDataObject(0, turned)
+        values = vtk_to_numpy(solver.update().output.GetFieldData().GetArray("eigenvalues"))
+        assert (values < 1e-6 * values[-1]).sum() == rigid
+        told = [text for text in solver.warnings if 'side "-x"' in text]
+        assert len(told) == (rigid > 0)
+        # Two sides that are held do it together.
+        solver.configure(fixed="-x +x +y", modes=1)
+        assert not [text for text in solver.update().warnings if "side" in text]
+        # What slides is meant to.
+        assert loose_sides(places, ["-x:x"]) == loose_sides(places, []) == []

@@ -12,9 +12,11 @@ require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
+from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 
 from spacemap_vtk.app.view_bar import BACKGROUNDS  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.draw import frame  # noqa: E402
 from spacemap_vtk.draw.load_arrows import load_arrows  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -74,6 +76,34 @@ def test_suction_pulls_a_force_ends_at_its_vertex_and_what_is_over_is_gone() -> 
     np.testing.assert_allclose(tip, nearest, atol=1e-9)
     gone, _ = arrows_of([{**force, "time": "pulse", "length": 0.1}], 0.2)
     assert len(gone.starts) == 0
+
+
+def test_dead_loads_are_drawn_while_it_hangs() -> None:
+    pull = {"traction": [0.0, -2.0, 0.0], "on": "-y"}
+    values = {
+        "weave": {"ends": 3, "picks": 6},
+        "cage": {"divisions": [1, 4, 1]},
+        "modal": {"elements": "sheet", "fixed": "+y", "dead_loads": [pull]},
+        "response": {"gravity": [0, 0, 0]},
+        "view": {"loads": True},
+    }
+    scene = Scene(values)
+    for time in (-1.0, 0.0, 5.0):
+        scene.update(time)
+        arrows = frame.arrows_of(scene, time)
+        assert arrows is not None
+        assert set(arrows.kinds) == {"traction"}
+        np.testing.assert_allclose(arrows.vectors[:, [0, 2]], 0.0, atol=1e-15)
+        assert (arrows.vectors[:, 1] < 0).all()
+        # They begin at the side as it hangs.
+        data = scene.deformed_cage.GetPointData()
+        hung = points_of(scene.deformed_cage) + vtk_to_numpy(data.GetArray("equilibrium"))
+        np.testing.assert_allclose(arrows.starts[:, 1], hung[:, 1].min(), rtol=1e-3)
+    scene.set("modal.hang=false")
+    scene.update(0.0)
+    arrows = frame.arrows_of(scene, 0.0)
+    assert arrows is not None
+    assert arrows.kinds == ()
 
 
 def test_loads_are_drawn_and_follow_time(open_scene: Any) -> None:

@@ -219,3 +219,23 @@ def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip:
     np.testing.assert_array_equal(
         equilibrium(window), vtk_to_numpy(frame.cage.GetPointData().GetArray("equilibrium"))
     )
+
+
+def test_colours_of_what_has_gone_are_reset(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    before = window.document.text
+    window.document.set("view", "color", "equilibrium")
+    wait_until(lambda: settled(window) and window.view.frame.color == "equilibrium")
+    colored = window.document.text
+    window.tools.hang.trigger()
+    wait_until(lambda: settled(window) and window.view.frame.color == "own")
+    assert window.errors.text == ""
+    assert "Hung state" in window.statusBar().currentMessage()
+    assert window.document.written("view", "color") is None
+    assert not window.tools.hang.isChecked()
+    # Back at once: that it hangs, and its colours.
+    window.document.undo.undo()
+    wait_until(lambda: settled(window) and window.view.frame.color == "equilibrium")
+    assert window.document.text == colored
+    window.document.undo.undo()
+    assert window.document.text == before

@@ -19,6 +19,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: A longer list is written with a line for each value.
@@ -40,6 +41,8 @@ class Document(QObject):
     changed = Signal()
     #: Another scene is here.
     replaced = Signal()
+    #: Colours show what they did no more, after a change: what that was, in words.
+    uncolored = Signal(str)
     #: Undo or redo has led to a scene that is refused; all stays as it was.
     failed = Signal(object)
 
@@ -206,8 +209,14 @@ class Document(QObject):
             self._text = self._values = None
         for key, value in written.items():
             self._put(section, key, value)
+        colors = self._scene.colorings
         try:
             self._scene = Scene(self.values, self.base)
+            if (lost := self._scene.view.color) in colors and lost not in self._scene.colorings:
+                # What it showed has just gone: a run would be refused until it is reset.
+                self._put("view", "color", None)
+                self._scene = Scene(self.values, self.base)
+                self.uncolored.emit(COLORINGS[lost].label)
         except InputError:
             self._parse(before.text)
             self._values = former

@@ -251,6 +251,7 @@ class MainWindow(QMainWindow):
             self.errors.watch(about, failing, righting)
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
+        document.uncolored.connect(self._tell_uncolored)
 
     def _recolor(self, color: str) -> None:
         self._try(self.document.set, "view", "color", None if color == "own" else color)
@@ -291,6 +292,9 @@ class MainWindow(QMainWindow):
     def _tell_written(self, file: str) -> None:
         # Not as the view's own words, which the next frame replaces.
         self.statusBar().showMessage(f"Written: {file}", _TOLD)
+
+    def _tell_uncolored(self, what: str) -> None:
+        self.statusBar().showMessage(f'Own colours again: "{what}" is there no more', _TOLD)
 
     def _show_recent(self) -> None:
         self.gallery.show_recent(self.files.recent)

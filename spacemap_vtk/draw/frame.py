@@ -12,6 +12,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
 
@@ -76,7 +77,9 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     mover = scene.stage("mover")
     if not isinstance(mover, Loaded):
         return None
-    return load_arrows(mover, scene.deformed_cage, time)
+    solver = scene.stage("solver")
+    dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.hangs else ()
+    return load_arrows(mover, scene.deformed_cage, time, dead)
 
 
 def add_shape(

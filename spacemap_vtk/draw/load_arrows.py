@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -65,8 +65,10 @@ class Loaded(Protocol):
         """Return the gravity that acts on a cage."""
 
 
-def load_arrows(response: Loaded, cage: vtkUnstructuredGrid, time: float) -> Arrows:
-    """Return what acts on a cage."""
+def load_arrows(
+    response: Loaded, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
+) -> Arrows:
+    """Return what acts on a cage; dead loads, under which it hangs, always do."""
     rest = points_of(cage).astype(np.float64)
     moved = rest + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
@@ -84,12 +86,14 @@ def load_arrows(response: Loaded, cage: vtkUnstructuredGrid, time: float) -> Arr
         places.append(np.where(load in _WHOLE, np.nan, ends[seen]))
         kinds.extend([load] * int(seen.sum()))
 
+    always = _Factors(1.0, 1.0, 1.0)
     gravity = response.gravity_on(cage)
     if gravity.any() and time >= 0.0:
         way = _unit(tuple(gravity))
-        add("gravity", _leaving(moved, cage, way), way, True, _Factors(1.0, 1.0, 1.0))
-    for load in response.loads:
-        factors = _factors(load, time, response.duration)
+        add("gravity", _leaving(moved, cage, way), way, True, always)
+    acting = [(load, always) for load in dead]
+    acting += [(load, _factors(load, time, response.duration)) for load in response.loads]
+    for load, factors in acting:
         for ends, ways, pull in _placed(load, rest, moved, cage):
             add(load.action, ends, ways, pull, factors)
     joined = (np.concatenate(part) for part in (starts, vectors, places, reach))

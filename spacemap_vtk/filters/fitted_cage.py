@@ -11,7 +11,12 @@ from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
 from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiffness
-from spacemap_vtk.mechanics.supports import held_components, held_directions, rigid_bodies
+from spacemap_vtk.mechanics.supports import (
+    held_components,
+    held_directions,
+    loose_sides,
+    rigid_bodies,
+)
 from spacemap_vtk.parameters import Text
 
 FloatArray = NDArray[np.float64]
@@ -62,6 +67,13 @@ class FittedCage(CageMaterial):
         with naming("fixed"):
             held = held_components(vertices, self.fixed, mask)
             normals = held_directions(vertices, self.fixed, mask)
+            loose = [] if self.springs else loose_sides(vertices, self.fixed, mask)
+        for side in loose:
+            self.warn(
+                f'the side "{side}" is one vertex of the cage, or few in a line, about which it '
+                "turns freely: what is not flat there is held by a box or a sphere that catches "
+                'more, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
+            )
         with naming("rigid"):
             bodies = rigid_bodies(vertices, self.rigid, mask)
         with naming("springs"):

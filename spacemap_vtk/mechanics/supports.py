@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.places import Masks, caught, directions, parse
+from spacemap_vtk.mechanics.places import SIDES, Masks, caught, directions, parse
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -65,6 +65,40 @@ def held_components(
             cure="Fix fewer sides, or divide the cage more finely.",
         )
     return held
+
+
+def loose_sides(
+    vertices: FloatArray, supports: Iterable[str], masks: Masks | None = None
+) -> list[str]:
+    """Return the sides among supports that leave the cage free to turn, where all shall hold it.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions in m.
+    supports : iterable of str
+        As for `held_components`.
+    masks : callable, optional
+        As for `held_components`.
+
+    Returns
+    -------
+    list of str
+        None if a support is meant to slide, or a cage that turns is held by other places alone.
+
+    Examples
+    --------
+    >>> loose_sides(np.array([[0, 0, 0], [1, 1, 0], [1, -1, 0], [2, 0, 1.0]]), ["-x"])
+    ['-x']
+    """
+    places = [place for text in supports for place in parse(text)]
+    if not places or any(place.components != "xyz" for place in places):
+        return []
+    count = len(vertices)
+    held = [caught(vertices, place, masks).reshape(count, -1).any(axis=1) for place in places]
+    if np.linalg.matrix_rank(six_motions(vertices[np.any(held, axis=0)])) == 6:
+        return []
+    return [str(place) for place in places if place.shape in SIDES]
 
 
 def held_directions(
