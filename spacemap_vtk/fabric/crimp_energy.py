@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Over D: a height below which a yarn is straight, and a straight part that is no part any more.
 _LEAST, _SLIVER = 1e-9, 1e-7
+#: Over the room: a straight part below which a yarn is near its jam.
+_NEAR = 0.5
 #: Steps below this share of D end Newton's method, for the next one would be its square.
 _ENOUGH = 1e-8
 
@@ -80,25 +82,26 @@ def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
     """Return heights (2, n) at which both yarns are as long as asked, by crossings that flatten."""
     # Heights whose sum is below the floor say no more than that; the start is that of a larger D.
     result, live = height.copy(), np.arange(height.shape[1])
-    # a yarn that is too short to bend at all is straight
-    p, goal, least = room, np.maximum(length, room), _LEAST * floor
-    h = np.maximum(height, least)
+    p, goal, least = room, length, _LEAST * floor
+    h = np.where(length > room, np.maximum(height, least), least)
     for _ in range(30):
         d = h.sum(axis=0)
         gap = bend(p, h, d)
         a, b = gap.theta, gap.theta - gap.sin
-        missing = goal - gap.length
+        # a yarn that is too short to bend at all is straight
+        missing = np.where(goal > p, goal - gap.length, 0.0)
         step = a[::-1] * missing - b * missing[::-1]
         step /= a[0] * a[1] - b[0] * b[1]
         # Newton's step, taken in squares: lengths are all but linear in them
         fresh = np.maximum(np.sqrt(np.maximum(h * (h + 2.0 * step), 0.0)), least)
         result[:, live] = fresh
-        going = (np.abs(fresh - h) > 1e-13 * d).any(axis=0)
+        # pressed far past the floor it does not matter how far
+        going = (np.abs(fresh * fresh - h * h) > 1e-14 * d * d).any(axis=0) & (d > 0.5 * floor)
         if not going.any():
             return result
         h, p, goal = fresh[:, going], p[:, going], goal[:, going]
-        live, least = live[going], least[going]
-    result[:, live] = _both_taut_surely(p, goal, h.sum(axis=0), floor[live])
+        live, least, floor = live[going], least[going], floor[going]
+    result[:, live] = _both_taut_surely(p, goal, h.sum(axis=0), floor)
     return result
 
 
@@ -108,7 +111,7 @@ def _both_taut_surely(room: Array, length: Array, above: Array, floor: Array) ->
     for _ in range(50):
         middle = 0.5 * (low + high)
         height = taut_height(room, length, np.broadcast_to(middle, room.shape))
-        enough = height.sum(axis=0) >= middle
+        enough = height.sum(axis=0) >= middle * (1.0 - 1e-12)
         low, high = np.where(enough, middle, low), np.where(enough, high, middle)
     return taut_height(room, length, np.broadcast_to(low, room.shape))
 
@@ -236,44 +239,106 @@ def least(
     """Return (h1, D) of the least energy, by Newton's method with damping."""
     # `most` bounds both heights, (2, n), beside the jam; `distances` bound D.
     low, high = distances
-    result = np.empty((2, len(low)))
-    live = np.arange(len(low))
+    result, live, lost = np.empty((2, len(low))), np.arange(len(low)), np.ones(len(low), bool)
+    hinged = bool(energy.hinge.any())
+    whole = energy, room, length, most, low, high
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
-
     d = np.clip(start[1], low, high)
-    h = np.clip(start[0], *_bounds(room, most, d))
+    bottom, top, _ = _bounds(room, most, d)
+    # where both are jammed there is no way but to lower D
+    d = np.where(top - bottom < 1e-3 * d, np.maximum(low, d - 0.1 * (high - low)), d)
+    bottom, top, _ = _bounds(room, most, d)
+    # at the jam itself bending has no slope to start from
+    inside = 0.01 * hinged * (top - bottom)
+    h = np.clip(start[0], bottom + inside, top - inside)
     now, damping = derivatives(energy, room, length, h, d), np.zeros(len(low))
     for _ in range(80):
-        to = _step(now, damping, room, most, h, d, low, high)
-        then = derivatives(energy, room, length, *to)
+        to, new = _step(now, hinged, damping, room, most, h, d, low, high)
+        then = derivatives(energy, room, length, to, new)
         better = then.value <= now.value * (1.0 + 1e-12) + noise
-        moved = np.maximum(np.abs(to[0] - h), np.abs(to[1] - d))
-        done = (moved < _ENOUGH * d) & (better | (damping > 0.0))
-        h, d = np.where(better, to[0], h), np.where(better, to[1], d)
+        done = np.maximum(np.abs(to - h), np.abs(new - d)) < _ENOUGH * d
+        lost[live[done & better & (damping < 1.0)]] = False
+        done &= better | (damping > 0.0)
+        h, d = np.where(better, to, h), np.where(better, new, d)
         damping = np.where(better, 0.1 * damping, np.maximum(4.0 * damping, 0.5))
         damping[damping < 0.01] = 0.0
         result[:, live] = h, d
-        if done.all():
+        on = ~done
+        if not on.any():
             break
-        now = Derivatives(*(np.where(better, b, a) for a, b in zip(now, then, strict=True)))
+        now = Derivatives(
+            *(np.where(better, y, x)[..., on] for x, y in zip(now, then, strict=True))
+        )
         if done.any():
-            on = ~done
             live, h, d, low, high = live[on], h[on], d[on], low[on], high[on]
             room, length, most, noise = room[:, on], length[:, on], most[:, on], noise[on]
             damping, energy = damping[on], energy.some(on)
-            now = Derivatives(*(array[..., on] for array in now))
+    lost &= whole[-2] < whole[-1]
+    if lost.any():
+        energy, *rest = whole
+        result[:, lost] = _least_surely(
+            energy.some(lost), *(array[..., lost] for array in (*rest, result))
+        )
     return result[0], result[1]
 
 
-def _bounds(room: Array, most: Array, distance: Array) -> tuple[Array, Array]:
-    """Return between which heights of the warp no yarn is jammed, nor past its most."""
-    up = np.minimum(most, jam_height(room, np.broadcast_to(distance, room.shape)))
-    low = distance - up[1]
-    return low, np.maximum(up[0], low)
+def _least_surely(
+    energy: CrimpEnergy,
+    room: Array,
+    length: Array,
+    most: Array,
+    low: Array,
+    high: Array,
+    start: Array,
+) -> tuple[Array, Array]:
+    """Return what `least` does, by a search for D alone (Illinois, and halving): h1 follows."""
+    h = start[0]
+
+    def slope(d: Array) -> Array:
+        nonlocal h
+        h, _ = least(energy, room, length, (h, d), most, (d, d))
+        now = derivatives(energy, room, length, h, d)
+        bottom, top, _ = _bounds(room, most, d)
+        # only at h1 = 0 and h2 = 0 is it caught; else what it is off counts by its square
+        curve = np.where(now.curve[0, 0] == 0.0, 1.0, now.curve[0, 0])
+        along = np.where(h >= top, 1.0, np.where(h <= bottom, 0.0, -now.curve[0, 1] / curve))
+        by: Array = now.slope[1] + along * now.slope[0]
+        return by
+
+    ends, values = [low, high], [slope(low), slope(high)]
+    same = np.zeros(len(low))
+    for turn in range(60):
+        a, b = ends
+        fa, fb = values
+        part = np.clip(fa / np.where(fa == fb, 1.0, fa - fb), 0.02, 0.98) if turn % 3 else 0.5
+        d = np.where(fa >= 0.0, low, np.where(fb <= 0.0, high, a + part * (b - a)))
+        if (b - a < 1e-9 * high).all():
+            break
+        f = slope(d)
+        left = f < 0.0
+        # the end that stays twice is halved
+        fb = np.where(left, np.where(same > 0.0, 0.5 * fb, fb), f)
+        fa = np.where(left, f, np.where(same < 0.0, 0.5 * fa, fa))
+        same = np.where(left, 1.0, -1.0)
+        settled = (values[0] >= 0.0) | (values[1] <= 0.0)
+        ends = [np.where(left | settled, d, a), np.where(left & ~settled, b, d)]
+        values = [np.where(settled, values[0], fa), np.where(settled, values[1], fb)]
+    slope(d)
+    return h, d
+
+
+def _bounds(room: Array, most: Array, d: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return between which h1 no yarn is jammed nor past its most, and (2, n) which ends jam."""
+    root = np.sqrt(np.maximum((d - room) * (d + room), 0.0))
+    jam = np.where(room < d, d - root, d)
+    up = np.minimum(most, jam)
+    low = d - up[1]
+    return low, np.maximum(up[0], low), (room < d) & (jam <= most * (1.0 + 1e-9))
 
 
 def _step(
     now: Derivatives,
+    hinged: bool,
     damping: Array,
     room: Array,
     most: Array,
@@ -282,27 +347,68 @@ def _step(
     low: Array,
     high: Array,
 ) -> tuple[Array, Array]:
-    """Return where Newton's damped step leads inside the bounds."""
-    (gh, gd), curve = now.slope, now.curve
+    """Return h1 and D after Newton's damped step, inside their bounds."""
+    # Where a straight part vanishes theta goes like the root of what is left. Near such an end h1
+    # is what a variable u from 0 to 1 makes of its bounds, whose square is the distance from there.
+    bottom, top, jams = _bounds(room, most, d)
+    width = np.maximum(top - bottom, _LEAST * d)
+    share = np.clip((h - bottom) / width, 0.0, 1.0)
+    heights = np.stack([h, d - h])
+    near = jams & hinged & (room**2 - heights * (2.0 * d - heights) < (_NEAR * room) ** 2)
+    ends, some = near[::-1], bool(near.any())
+    u = _inverse(share, ends) if some else share
+    _, first, second = _shape(u, ends) if some else (0.0, 1.0, 0.0)
+    # near an end, or on it, h1 moves with it as D changes
+    moves = near | np.stack([share >= 1.0, share <= 0.0])
+    root = np.maximum(np.sqrt(np.maximum((d - room) * (d + room), 0.0)), 1e-3 * d)
+    slope = np.where(jams, 1.0 - d / root, 1.0 * (room >= d) * (most >= d))
+    bend = np.where(moves & jams, room**2 / root**3, 0.0)
+    up, down = moves[0] * slope[0], moves[1] * (1.0 - slope[1])
+
+    (gh, gd), ((hh, hd), (_, dd)) = now.slope, now.curve
+    by_u, by_d, by_both = width * first, down + (up - down) * share, (up - down) * first
+    gu, gd = gh * by_u, gd + gh * by_d
+    uu = hh * by_u**2 + gh * width * second
+    ud = (hh * by_d + hd) * by_u + gh * by_both
+    dd = dd + 2.0 * hd * by_d + hh * by_d**2 + gh * (bend[0] * share - bend[1] * (1.0 - share))
     # against a saddle: downhill along either variable
-    tiny = np.finfo(float).tiny
-    hh = np.maximum(np.abs(curve[0, 0]), tiny) * (1.0 + damping)
-    hd, dd = curve[0, 1], np.abs(curve[1, 1])
-    bottom, top = _bounds(room, most, d)
-    held = ((h <= bottom) & (gh > 0.0)) | ((h >= top) & (gh < 0.0))
-    # how D alone would go on, h following freely, or along the bound that holds it
-    slide = np.where(held, _slide(room, most, h, d, bottom), -hd / hh)
-    along = np.abs(dd * (1.0 + damping) + slide * (2.0 * hd + slide * hh))
-    down = gd + slide * gh
-    new = np.clip(d - down / np.maximum(along, 1e-9 * dd + tiny), low, high)
-    move = np.where(held, slide * (new - d), -(gh + hd * (new - d)) / hh)
-    return np.clip(h + move, *_bounds(room, most, new)), new
+    tiny = np.finfo(float).tiny ** 0.5
+    uu = np.maximum(np.abs(uu), tiny) * (1.0 + damping)
+    held = ((u <= 0.0) & (gu >= 0.0)) | ((u >= 1.0) & (gu <= 0.0))
+    slide = np.where(held, 0.0, -ud / uu)
+    along = np.abs(np.abs(dd) * (1.0 + damping) + slide * (2.0 * ud + slide * uu))
+    along = np.maximum(along, 1e-9 * np.abs(dd) + tiny)
+    new = np.clip(d - (gd + slide * gu) / along, low, high)
+    v = np.clip(np.where(held, u, u - (gu + ud * (new - d)) / uu), 0.0, 1.0)
+
+    lowest, highest, jams = _bounds(room, most, new)
+    bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)
+    to = bottom + (top - bottom) * (_shape(v, ends)[0] if some else v)
+    # where there is bending not all the way to a jam, where it would be caught
+    gap = 0.05 * hinged * (highest - lowest)
+    return (
+        np.clip(to, lowest + jams[1] * gap * share, highest - jams[0] * gap * (1.0 - share)),
+        new,
+    )
 
 
-def _slide(room: Array, most: Array, h: Array, d: Array, bottom: Array) -> Array:
-    """Return d h1 / d D along the bound that h1 lies on."""
-    jam = jam_height(room, np.broadcast_to(d, room.shape))
-    root = np.sqrt(np.maximum(d * d - room * room, (1e-3 * d) ** 2))
-    change = np.where(most < jam, 0.0, np.where(room < d, 1.0 - d / root, 1.0))
-    slide: Array = np.where(h <= bottom, 1.0 - change[1], change[0])
-    return slide
+def _shape(u: Array, ends: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """Return how far h1 is from its low to its high bound, and the derivatives by u."""
+    low, high = ends
+    cubic = -2.0 * (low & high)
+    square = 1.0 * low - 1.0 * high - 1.5 * cubic
+    line = 1.0 - square - cubic
+    return (
+        u * (line + u * (square + u * cubic)),
+        line + u * (2.0 * square + 3.0 * u * cubic),
+        2.0 * square + 6.0 * u * cubic,
+    )
+
+
+def _inverse(share: Array, ends: NDArray[np.bool_]) -> Array:
+    """Return the u of that share."""
+    low, high = ends
+    both = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * share) / 3.0)
+    one = np.where(low, np.sqrt(share), 1.0 - np.sqrt(1.0 - share))
+    result: Array = np.where(low & high, both, np.where(low | high, one, share))
+    return result

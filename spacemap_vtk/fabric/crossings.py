@@ -14,6 +14,8 @@ from spacemap_vtk.fabric.drawdown import repeat
 
 #: Least angle at rest (rad) that a yarn is bent from: a straight one would be rigid.
 _STRAIGHT = 0.01
+#: Least room in a gap, over D: angles need some.
+_LEAST_ROOM = 1e-9
 
 
 class Crossings(NamedTuple):
@@ -57,7 +59,7 @@ class Crossings(NamedTuple):
     def asked(self, stretch: Array) -> tuple[Array, Array]:
         """Return the room for the gap's arcs, and the length that its yarn has for it."""
         return (
-            np.maximum(self.own * stretch - self.flat, 0.0),
+            np.maximum(self.own * stretch - self.flat, _LEAST_ROOM * self.full),
             self.length + self.floats * (1.0 - stretch),
         )
 

@@ -314,7 +314,7 @@ class Interchange:
         room, length = cells.asked(held)
         full, floor = cells.full, cells.floor
         # both as heights that yarns reach at the distance of rest
-        slack = most.sum(axis=0) >= full
+        slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
         h = np.clip(cells.rest, full - most[1], np.maximum(most[0], full - most[1]))
         h = np.where(slack, h, full * most[0] / np.maximum(most.sum(axis=0), 1e-300))
         d = full.copy()
