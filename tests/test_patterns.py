@@ -211,6 +211,36 @@ def test_a_wif_by_any_name(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read_draft(tmp_path / name).drawdown, expected.drawdown)
 
 
+@pytest.mark.parametrize(
+    "text", ["1,3\n2,4\n0\n3\n", "1: 1 3\n\n2: 2 4\n3: -\n4: 3", "1+3\n2+4\n-\n3"]
+)
+def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "dobby.txt"
+    file.write_text(text)
+    found = read_draft(file)
+    assert found.loom is not None
+    assert found.loom.liftplan == ((1, 3), (2, 4), (), (3,))
+    assert draft.rows(found.drawdown) == ["1010", "0101", "0000", "0010"]
+    assert found.warnings[0].endswith("one straight draw over its 4 shafts is woven")
+    assert found.title == "dobby"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1: 1,3\n3: 2\n", "line 2: pick 3 comes after pick 1"),
+        ("12\n23\n", "are these shafts 2, 3, or is it shaft 23"),
+        ("1,99\n", "shafts 9, 9"),
+        ("1,2 x\n", '"2" is no crossing'),
+    ],
+)
+def test_what_is_no_liftplan(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "dobby.txt"
+    file.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_draft(file)
+
+
 def test_a_text_draft_has_a_loom(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1100\n0110\n")
     found = read_draft(tmp_path / "a.txt")

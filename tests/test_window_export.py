@@ -67,6 +67,19 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
     assert coloured[1] < 0.6 * coloured[0]
 
 
+def test_what_a_format_cannot_hold_is_told(open_scene: Any, tmp_path: Path) -> None:
+    window = open_scene("twill_2_2")
+    done = written(window)
+    file = tmp_path / "twill.dtx"
+    window.exports.start("draft", file)
+    wait_until(lambda: str(file) in done)
+    assert "a .dtx has no thickness" in window.errors.text
+    assert b"@@Threading" in file.read_bytes()
+    window.exports.start("draft", file.with_suffix(".wif"))
+    wait_until(lambda: len(done) == 2)
+    assert window.errors.text == ""
+
+
 def test_a_film_is_written_whole(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("animation", "stop", "20 ms")

@@ -22,7 +22,7 @@ from spacemap_vtk.draw.order import Order, as_text
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
-from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
+from spacemap_vtk.io.registry import DATA, name_filter, writable, writer, written, written_filters
 
 
 class Exports(QObject):
@@ -31,6 +31,8 @@ class Exports(QObject):
     #: The file that was written.
     written = Signal(str)
     failed = Signal(object)
+    #: What the file that was written could not hold, in words.
+    lost = Signal(str)
 
     def __init__(self, window: QWidget, document: Document, times: TimeBar, view: View3D) -> None:
         super().__init__(window)
@@ -40,6 +42,7 @@ class Exports(QObject):
         self._files: ExitStack | None = None
         self._target = Path()
         self._error: SpacemapError | None = None
+        self._lost: list[str] = []
 
     def picture(self) -> None:
         """Ask for a picture's file and size, and write it."""
@@ -85,6 +88,8 @@ class Exports(QObject):
             if self._process is not None:
                 raise InputError("something is being written already")
             order = Order(kind, path, [self._times.time], size, panels, place)
+            loses = writer(path, kind).loses if kind in DATA else None
+            self._lost = loses(document.scene.data(kind)) if loses else []
             self._files = ExitStack()
             folder = self._files.enter_context(whole_folder(path))
         except SpacemapError as error:
@@ -211,5 +216,7 @@ class Exports(QObject):
             progress.deleteLater()
         if error is None:
             self.written.emit(str(self._target))
+            if self._lost:
+                self.lost.emit(". ".join(self._lost))
         elif not isinstance(error, Cancelled):
             self.failed.emit(error)

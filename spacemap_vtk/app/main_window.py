@@ -249,6 +249,7 @@ class MainWindow(QMainWindow):
             ("export", [self.exports.failed], [self.exports.written]),
         ):
             self.errors.watch(about, failing, righting)
+        self.exports.lost.connect(self._tell_lost)
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
         document.uncolored.connect(self._tell_uncolored)
@@ -295,6 +296,9 @@ class MainWindow(QMainWindow):
 
     def _tell_uncolored(self, what: str) -> None:
         self.statusBar().showMessage(f'Own colours again: "{what}" is there no more', _TOLD)
+
+    def _tell_lost(self, what: str) -> None:
+        self.errors.warn(f"Written, but {what}.", "export")
 
     def _show_recent(self) -> None:
         self.gallery.show_recent(self.files.recent)

@@ -43,9 +43,9 @@ class Viewpoint(NamedTuple):
         camera.SetPosition(*self.position)
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.up)
+        camera.SetParallelProjection(bool(self.parallel_scale))
         if self.parallel_scale:
             camera.SetParallelScale(self.parallel_scale)
-            camera.SetParallelProjection(True)
 
 
 #: Full opening of the lens, in degrees.

@@ -71,9 +71,10 @@ class WeaveSource(Stage):
     draft = FilePath(
         None,
         "A draft in place of the pattern: a WIF, or one of Fiberworks (.dtx), WeavePoint (.wpo) or "
-        "TempoWeave (.twa); a text (.txt, .csv), a row of 0 and 1 for each pick, the first pick "
-        "first; or a black-and-white picture (.png and others), a pixel for each crossing, black "
-        "where the end lies over the pick, the first pick at the bottom.",
+        "TempoWeave (.twa); a text (.txt, .csv), a row for each pick, the first pick first, of 0 "
+        "and 1, or of the shafts that rise (1,3); or a black-and-white picture (.png and others), "
+        "a pixel for each crossing, black where the end lies over the pick, the first pick at the "
+        "bottom.",
         automatic="no draft",
     )
     trim = Flag(

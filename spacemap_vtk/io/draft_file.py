@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,11 @@ from spacemap_vtk.io.wif_text import MAX_LENGTH
 
 #: Characters of a row.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
+#: A pick of a liftplan: "1,3" or "2: 1 3 5"; 0 or a dash lifts nothing.
+_LIST = re.compile(r"(?:([0-9]{1,6})\s*[:.)]\s*)?(-|[0-9]{1,3}(?:[\s,;+]+[0-9]{1,3})*)")
+_LIST_CURE = "Write a line for each pick, its shafts with commas between them"
+#: Of a dobby.
+_MOST_SHAFTS = 64
 #: The WIF in a draft of TempoWeave.
 _INSIDE = "twamain.waf"
 _APART = str.maketrans("", "", " \t,;")
@@ -53,10 +59,12 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
 
 
 def read_rows(path: Path) -> Draft:
-    """Read a drawdown from rows of text, unless it has the sections of a WIF."""
+    """Read a drawdown from rows of text, unless it is a liftplan or has the sections of a WIF."""
     text = _text(path)
     if any(line.lstrip().startswith("[") for line in text.splitlines()):
         return read_wif(path)
+    if _is_liftplan(text):
+        return parse_liftplan(text, path.stem)
     return Draft(parse_rows(text), title=path.stem)
 
 
@@ -84,6 +92,41 @@ def parse_rows(text: str) -> NDArray[np.bool_]:
         raise InputError("the file is empty", allowed="a line of 0 and 1 for each pick")
     check_size(len(rows[0]), len(rows))
     return np.array([[_CELLS[cell] for cell in row] for row in rows])
+
+
+def _is_liftplan(text: str) -> bool:
+    """Return whether each line is a list of shafts, and they are not all rows of 0 and 1."""
+    lines = _lines(text)
+    return bool(re.search("[2-9]", text)) and all(_LIST.fullmatch(line) for _, line in lines)
+
+
+def parse_liftplan(text: str, title: str = "") -> Draft:
+    """Read a liftplan as people type it; its cloth is woven by a straight draw."""
+    picks: list[tuple[int, ...]] = []
+    for number, line in _lines(text):
+        match = _LIST.fullmatch(line)
+        assert match is not None
+        pick, shafts = match.groups()
+        if pick is not None and int(pick) != len(picks) + 1:
+            raise InputError(
+                f"line {number}: pick {int(pick)} comes after pick {len(picks)}", cure=_LIST_CURE
+            )
+        picks.append(tuple(sorted({int(word) for word in re.findall("[0-9]+", shafts)} - {0})))
+    most = max((shaft for lifted in picks for shaft in lifted), default=0)
+    if most > _MOST_SHAFTS or (most > 9 and all(len(lifted) < 2 for lifted in picks)):
+        raise InputError(
+            f"are these shafts {', '.join(str(most))}, or is it shaft {most}?",
+            allowed=f"shafts from 1 to {_MOST_SHAFTS}",
+            cure=_LIST_CURE,
+        )
+    loom = Loom(tuple((shaft,) for shaft in range(1, most + 1)), liftplan=tuple(picks))
+    told = f"a liftplan says no threading: one straight draw over its {most} shafts is woven"
+    return Draft(loom.drawdown(), loom, title=title, warnings=(told,))
+
+
+def _lines(text: str) -> list[tuple[int, str]]:
+    found = ((number, line.strip()) for number, line in enumerate(text.splitlines(), 1))
+    return [(number, line) for number, line in found if line]
 
 
 def read_picture(path: Path) -> Draft:

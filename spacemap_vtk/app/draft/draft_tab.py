@@ -98,7 +98,7 @@ class DraftTab(QWidget):
             return
         weave = scene.weave
         stamp = weave.draft.stat().st_mtime_ns if weave.draft and weave.draft.is_file() else 0
-        names = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
+        names = ("draft", "trim", "pattern", "ends", "picks", "warp_color", "weft_color")
         key = (stamp, *(getattr(weave, name) for name in names))
         if key == self._key:
             return
@@ -142,7 +142,9 @@ class DraftTab(QWidget):
 
     def _make_tools(self) -> QBoxLayout:
         """Fill the tools; return what stands over them, which is there without a draft, too."""
-        self.opened = tool_button("Open…", "Weave a draft from a file (.wif, rows, picture)")
+        self.opened = tool_button(
+            "Open…", "Weave a draft from a file (.wif, .dtx, .wpo, rows, picture)"
+        )
         self.saved = tool_button("Save…", "Write the draft as WIF, for weaving programs")
         self.smaller = tool_button("−", "Smaller (Ctrl+wheel)")
         self.larger = tool_button("+", "Larger (Ctrl+wheel)")

@@ -43,9 +43,9 @@ def read_twa(path: Path) -> Draft:
     return draft_file.read_zipped(path)
 
 
-@reads(".csv", ".txt", label="Rows of 0 and 1", holds="draft", general=True)
+@reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)
 def read_rows(path: Path) -> Draft:
-    """Read a row for each pick."""
+    """Read a row for each pick: its crossings, or the shafts that rise."""
     from spacemap_vtk.io import draft_file
 
     return draft_file.read_rows(path)
