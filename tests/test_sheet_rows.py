@@ -46,6 +46,7 @@ def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
     # A gf weighs 9.80665 mN; an ounce is 28.35 g, a yard 0.9144 m.
     assert sheet["tensile_rigidity"] == pytest.approx([9.80665, 9.80665])
     assert sheet["bending_rigidity"] == pytest.approx([1.96133e-5, 9.80665e-6])
+    assert figures["poissons_ratios"] == pytest.approx([0.3, 0.3])  # the default of the solid
     assert sheet["areal_mass"] == pytest.approx(0.1356, rel=1e-3)
     # Peirce in centimetres: c³ = B/w, 0.2 gf cm over 13.56 mg/cm².
     assert sheet["bending_length"] == pytest.approx(
@@ -60,6 +61,16 @@ def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
         "areal mass 135.6 g/m2 (4 oz/yd2)",
     ):
         assert line in text
+
+
+def test_poissons_ratio_is_told_for_both_directions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "sheet.toml"
+    scene.write_text(SHEET.replace('"10 gf/cm"', '["20 N/m", "10 N/m"]'))
+    more = "--set", "modal.poissons_ratio_in_plane=0.4"
+    text = " ".join(told("info", scene, capsys, *more).split())
+    assert "Poisson's ratio in plane, warp 0.4 Poisson's ratio in plane, weft 0.2" in text
 
 
 @pytest.mark.parametrize("command", ["modes", "info"])

@@ -11,6 +11,8 @@ def sheet_rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     """Return labels and values, of figures of `spacemap_vtk.scenes.report.sheet_figures`."""
     rows = [("elements of the cage", figures["elements"])] if "elements" in figures else []
     for name, value in (figures.get("sheet") or {}).items():
+        if name == "poissons_ratio_in_plane":
+            value = tuple(figures["poissons_ratios"])
         tell = ModalSolver.parameter(name).tell
         label = "  " + name.replace("_", " ").replace("poissons", "Poisson's")
         told = [tell(each) for each in value] if isinstance(value, tuple) else [tell(value)]

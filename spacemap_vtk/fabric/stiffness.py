@@ -13,7 +13,7 @@ too, as a bundle of fibres is that slide on each other:
   keep their directions: it leans by V l^3 / (12 B P) under a force V across it, and the angles of
   warp and weft add up. A yarn is gripped where it changes side, not within a float.
 
-Sources: J. D. Livesey, J. D. Owen, "Cloth Stiffness and Hysteresis in Bending", J. Textile Inst. 55
+Sources: R. G. Livesey, J. D. Owen, "Cloth Stiffness and Hysteresis in Bending", J. Textile Inst. 55
 (1964) T516, for bending without friction; G. A. V. Leaf, A. M. F. Sheta, "The Initial Shear Modulus
 of Plain-woven Fabrics", J. Textile Inst. 75 (1984) 157, for the beams that shear bends.
 """

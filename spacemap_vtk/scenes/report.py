@@ -106,9 +106,15 @@ def modes(scene: Scene) -> dict[str, Any]:
 
 def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
     """Return what a cage is to mechanics: a sheet with its measures, or tetrahedra."""
+    if sheet is None:
+        return {"elements": "tetrahedra", "sheet": None, "poissons_ratios": None}
+    warp, weft = sheet.tensile_rigidity
+    ratio = sheet.poissons_ratio_in_plane
     return {
-        "elements": "tetrahedra" if sheet is None else "sheet",
-        "sheet": None if sheet is None else sheet._asdict(),
+        "elements": "sheet",
+        "sheet": sheet._asdict(),
+        # pulled along the warp, and along the weft
+        "poissons_ratios": [ratio, ratio * weft / warp],
     }
 
 
