@@ -32,11 +32,11 @@ def middle(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return flat.reshape(2, -1, 3).mean(axis=0), hung.reshape(2, -1, 3).mean(axis=0)
 
 
-def chord_angle(scene: Scene) -> float:
-    """Return the slope from the edge of the table to the tip [degrees]."""
+def chord_angle(scene: Scene, hangs: float) -> float:
+    """Return the slope from the edge of the table to the tip [degrees], of so much length [m]."""
     flat, hung = middle(scene)
     end = flat[:, 0].max()
-    edge = np.isclose(flat[:, 0], end - 2 * scene.modal.bending_length)
+    edge = np.isclose(flat[:, 0], end - hangs)
     across, _, up = hung[flat[:, 0] == end].mean(axis=0) - hung[edge].mean(axis=0)
     return math.degrees(math.atan2(-up, across))
 
@@ -44,11 +44,29 @@ def chord_angle(scene: Scene) -> float:
 def peirces_cantilever(scene: Scene) -> None:
     # The elastica hangs at 41.5 degrees where 2.00035 c hang over; the cells' error falls as their
     # area does.
-    coarse = chord_angle(scene)
+    hangs = 2 * scene.modal.bending_length
+    coarse = chord_angle(scene, hangs)
     scene.cage.divisions = (40, 2, 1)
-    fine = chord_angle(scene)
+    fine = chord_angle(scene, hangs)
     assert coarse == pytest.approx(41.5, abs=0.2)
     assert (4 * fine - coarse) / 3 == pytest.approx(41.5, abs=0.03)
+
+
+def yarns_cantilever(scene: Scene) -> None:
+    figures = report.fabric(scene)
+    # B p/(p l) over the weight of 30 tex each way, crimp included: Peirce's bending length
+    crimp, apart = figures["weft"]["crimp"], 0.5e-3
+    weight = 2 * 30e-6 / apart * (1 + crimp) * GRAVITY
+    length = (2e-9 / (apart * (1 + crimp)) / weight) ** (1 / 3)
+    assert figures["sheet"]["bending_length"] == pytest.approx([length, length], rel=2e-3)
+    # and the strip slopes by the angle that goes with it
+    hangs = 85 * apart * 2 / 3
+    assert hangs == pytest.approx(2 * length, rel=3e-3)
+    assert chord_angle(scene, hangs) == pytest.approx(41.5, abs=0.3)
+    # Its yarns hardly strain: a hundredth of a newton would be 0.01 %.
+    scene.update(0.0)
+    strain = vtk_to_numpy(scene.polygons.GetCellData().GetArray("yarn_strain"))
+    assert 0.0 <= strain.min() <= strain.max() < 1e-4
 
 
 def pendulums(scene: Scene, count: int) -> list[float]:
@@ -188,5 +206,6 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "curtain": a_curtains_pendulums,
     "drape": a_drape,
     "let_go": a_cloth_let_go,
+    "yarn_to_cloth": yarns_cantilever,
     "swing": a_banner_that_swings_far,
 }

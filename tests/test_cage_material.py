@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import ModalSolver, ObjectSource, TetraCage, WeaveSource, connect
+from spacemap_vtk import (
+    CrimpInterchange,
+    ModalResponse,
+    ModalSolver,
+    ObjectSource,
+    TetraCage,
+    WeaveSource,
+    connect,
+)
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.interchange import YarnMechanics
@@ -241,6 +249,20 @@ def test_yarns_run_the_solver_again_where_they_count():
     assert made.update().executions == 2
     made.yarns = COTTON
     assert made.update().executions == 3
+    # and where they are those of a stage, that follow it
+    made.yarns = crimp = CrimpInterchange(inextensible=False, tension=90.0, bending=2e-9)
+    crimp.flattest = 1.0
+    assert made.update().executions == 4
+    crimp.bending = "3 mN.mm2"
+    assert made.update().executions == 5
+    crimp.Modified()
+    made.yarns = crimp
+    assert made.yarns.bending == 3e-9
+    assert made.update().executions == 5
+    made.material = "isotropic"
+    made.update()
+    crimp.bending = 2e-9
+    assert made.update().executions == 6
 
 
 def test_what_yarns_need_to_make_a_sheet_is_told():
@@ -254,9 +276,41 @@ def test_what_yarns_need_to_make_a_sheet_is_told():
         made.update()
     cage.divisions, made.elements = (2, 2, 1), "sheet"
     made.yarns = YarnMechanics()
-    with pytest.raises(InputError, match=r"tension.*no sheet without it"):
+    with pytest.raises(InputError, match=r"material.*\[yarns\] tension.*no sheet without it"):
         made.update()
     made.yarns = COTTON
     connect(ObjectSource(file=LEVER), cage, made)
     with pytest.raises(InputError, match="there is no weave in the cage"):
         made.update()
+
+
+@pytest.mark.parametrize(("along", "across"), [("y", "x"), ("x", "y")])
+@pytest.mark.parametrize("pull", ["5 Pa of its own weight", "20 N/m"])
+def test_yarns_bear_what_their_cloth_bears(along, across, pull):
+    """Held at its sides: the tension of the yarns, EA ε cosθ over p, is the load per width."""
+    tension = {"y": 90.0, "x": 60.0}[along]
+    weave, cage, response = WeaveSource(ends=16, picks=16), TetraCage(), ModalResponse()
+    crimp = CrimpInterchange(
+        inextensible=False, tension=(90.0, 60.0), bending="2 mN.mm2", contact="900 N"
+    )
+    solver = ModalSolver(elements="sheet", material="yarns", modes=1)
+    solver.fixed = f"+{along}:{along}z", f"-{across}:{across}", f"+{across}:{across}"
+    solver.yarns = crimp
+    connect(weave, cage, solver, response)
+    connect((weave, response), crimp)
+    down = np.array([along == "x", along == "y", 0.0])
+    if pull == "20 N/m":
+        thick = np.ptp(cage.update().output.GetBounds()[4:])
+        solver.dead_loads = [{"traction": -20.0 / thick * down, "on": f"-{along}"}]
+        load = 20.0
+    else:
+        mass = fabric_figures(weave.cloth)["areal_mass"]
+        solver.gravity = -5.0 / mass * down
+        load = 0.5 * 5.0 * 16 * 0.5e-3  # half way up
+    cells = crimp.update(time=0.0).output.GetCellData()
+    strain, family = (vtk_to_numpy(cells.GetArray(n)) for n in ("yarn_strain", "family"))
+    number = "yx".index(along)
+    angle = weave.cloth.families[number].crimp.theta
+    found = tension * np.median(strain[family == number]) * np.cos(angle) / 0.5e-3
+    assert found == pytest.approx(load, rel=0.01)
+    assert solver.warnings == crimp.warnings == ()

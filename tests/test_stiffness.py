@@ -56,7 +56,7 @@ def hinge(cloth, yarns, k):
     return 2 * yarns.bending[k] / (cloth.diameter_sum * float(cloth.families[k].crimp.theta))
 
 
-@pytest.mark.parametrize("contact", [np.inf, 9.0, 0.0])
+@pytest.mark.parametrize("contact", [np.inf, 9.0, 0.1])
 @pytest.mark.parametrize("crimp_height", [None, 0.2e-3])
 def test_stretch_is_that_of_springs_in_peirces_geometry(contact, crimp_height):
     cloth = woven(d=(0.2e-3, 0.3e-3), p=(0.55e-3, 0.6e-3), crimp_height=crimp_height)
@@ -166,11 +166,13 @@ def test_a_float_is_one_beam():
 
 def test_yarns_that_make_no_sheet_are_refused():
     for yarns, key in (
-        (YarnMechanics(bending=(B, B)), "tension"),
-        (cotton(bending=(B, 0)), "bend"),
+        (YarnMechanics(contact=np.inf, bending=(B, B)), "tension"),
+        (cotton(bending=(B, 0.0)), "bending"),
+        (cotton(contact=0.0), "contact"),
     ):
         with pytest.raises(InputError, match=f"{key}.*no sheet without it"):
             cloth_stiffness(woven(), yarns)
+    cloth_stiffness(woven(), cotton(contact=0.0)._replace(flattest=1.0))
     wide = woven()
     lone = Cloth(drawdown=wide.drawdown[:1], warp=wide.warp, weft=wide.weft)
     with pytest.raises(InputError, match="24 x 1 yarns"):

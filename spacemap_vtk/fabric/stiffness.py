@@ -20,6 +20,8 @@ of Plain-woven Fabrics", J. Textile Inst. 75 (1984) 157, for the beams that shea
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,8 +61,8 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     GeometryError
         There is no room for the yarns at rest.
     InputError
-        The yarns do not stretch, or resist no bending: a sheet needs both to be stable; or there is
-        no second yarn to cross.
+        The yarns do not stretch, or resist no bending or contact: a sheet needs all to be stable;
+        or there is no second yarn to cross.
 
     Examples
     --------
@@ -76,18 +78,29 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
             "a cloth of {} x {} yarns has no stiffness of its own".format(*cloth.size),
             allowed="at least two ends and two picks",
         )
-    for key, values, cure in (
-        ("tension", yarns.tension, "Let them stretch, by a tension or a modulus"),
-        ("bending", yarns.bending, "Give the bending rigidity of a yarn"),
+    for key, values, why, cure in (
+        (
+            "tension",
+            yarns.tension,
+            "yarns that do not stretch resist a pull both ways without end",
+            "Let the yarns stretch (inextensible = false), and give a tension or a modulus",
+        ),
+        (
+            "bending",
+            yarns.bending,
+            "cloth that exchanges crimp resists by the bending of its yarns",
+            "Give the bending rigidity of a yarn",
+        ),
+        (
+            "contact",
+            yarns.contact if yarns.flattest < 1.0 and isfinite(yarns.contact) else 1.0,
+            "crossings that flatten for nothing resist no pull both ways",
+            "Give it, or flattest = 1 for hard crossings",
+        ),
     ):
         if not (np.isfinite(values) & (np.asarray(values) > 0.0)).all():
             raise InputError(
-                "no sheet without it: cloth that exchanges crimp resists by its yarns' bending "
-                "alone, and if they do not stretch, a pull both ways without end",
-                key=key,
-                value=None if np.ndim(values) > 1 else values,
-                allowed="more than 0, and finite",
-                cure=cure,
+                f"no sheet without it: {why}", key=key, allowed="more than 0, and finite", cure=cure
             )
     crossings = Interchange(cloth, yarns)
     rest = np.ones((2, *crossings.shape))

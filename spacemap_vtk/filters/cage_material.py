@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,11 +15,12 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.stiffness import cloth_stiffness
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
 from spacemap_vtk.mechanics.shell import THIN
-from spacemap_vtk.parameters import Choice, Real, Series, Vector
+from spacemap_vtk.parameters import Choice, Real, Vector
 from spacemap_vtk.units import GRAVITY
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
@@ -47,31 +50,6 @@ _CONSTANTS = (
 )
 
 FloatArray = NDArray[np.float64]
-
-
-class WarpAndWeft(Series):
-    """One value for both directions of a fabric, or one for the warp and one for the weft."""
-
-    each = "for the warp and the weft"
-
-    def convert(self, value: Any) -> Any:
-        """Return a checked value, or a tuple of two."""
-        result = super().convert(value)
-        if isinstance(result, tuple) and len(result) != 2:
-            raise InputError(f"{len(result)} values in place of 2")
-        return result
-
-    @staticmethod
-    def pair(value: Any) -> tuple[float, float] | None:
-        """Return the values for warp and weft; None where there is none."""
-        if value is None or isinstance(value, tuple):
-            return value
-        return value, value
-
-    def tell(self, value: Any) -> str:
-        """Return the figures of warp and weft, or the one of both."""
-        warp, weft = (self.component.tell(each) for each in self.pair(value) or ())
-        return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 
 class CageMaterial(Stage):
@@ -234,29 +212,44 @@ class CageMaterial(Stage):
         when=_SHEET,
     )
 
-    #: What the yarns resist of the weave in the cage; None where nobody has said.
-    _yarns: YarnMechanics | None = None
+    #: What the yarns of the weave in the cage resist: a copy of the stage that says so, for that
+    #: may lie below this one, and pipelines that go in a circle are never freed.
+    _yarns: YarnParameters | YarnMechanics | None = None
+    _followed: weakref.ref[YarnParameters] | None = None
 
     @property
-    def yarns(self) -> YarnMechanics | None:
-        """What the yarns of the weave in the cage resist, for the material "yarns"."""
+    def yarns(self) -> YarnParameters | YarnMechanics | None:
+        """What the yarns of the weave in the cage resist: of a stage a copy, which follows it."""
         return self._yarns
 
     @yarns.setter
-    def yarns(self, value: YarnMechanics | None) -> None:
-        before, self._yarns = self._yarns, value
-        alike = value is before
-        if value is not None and before is not None:
-            alike = alike or all(map(np.array_equal, value, before))
-        if not alike and self.material == WOVEN:
+    def yarns(self, value: YarnParameters | YarnMechanics | None) -> None:
+        followed = self._followed and self._followed()
+        self._followed = weakref.ref(value) if isinstance(value, YarnParameters) else None
+        if isinstance(value, YarnParameters) and value is not followed:
+            value.AddObserver("ModifiedEvent", _looking(self))
+        self._look_at(value)
+
+    def _look_at(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+        """Run again where what the yarns resist has changed, and counts."""
+        before, now = _said(self._yarns), _said(yarns)
+        if len(before) == len(now) and all(map(np.array_equal, before, now)):
+            return
+        self._yarns = yarns
+        if isinstance(yarns, YarnParameters):
+            self._yarns = type(yarns)(**yarns.settings)
+        if self.material == WOVEN:
             self.Modified()
 
     def check(self) -> None:
         """Check the material."""
-        if self.material != WOVEN or self.elements == "tetrahedra":
-            self.constants(1.0)
+        if self.material == WOVEN and self.elements != "tetrahedra":
+            self._given()
+            self._said_yarns()
+            return
+        self.constants(1.0)
         if self.elements != "tetrahedra":
-            self.plate(1.0) if self.material != WOVEN else self._mechanics()
+            self.plate(1.0)
 
     def constants(self, extent: float) -> tuple[FloatArray, float]:
         """Return elasticity along x, y and z [Pa], (6, 6), and density [kg/m³] of a solid cage."""
@@ -288,14 +281,7 @@ class CageMaterial(Stage):
         if woven is not None and fabric is None and not {"areal_mass", "density"} & given.keys():
             mass = woven
         if self.material == WOVEN:
-            if cloth is None:
-                raise InputError(
-                    "there is no weave in the cage",
-                    key="material",
-                    value=WOVEN,
-                    cure="Put a [weave] in it, or choose another material.",
-                )
-            own = cloth_stiffness(cloth, self._mechanics())
+            own = self._of_yarns(cloth)
         elif fabric is None:
             own = homogeneous(elasticity, thickness, normal)
         else:
@@ -334,8 +320,8 @@ class CageMaterial(Stage):
             return ""
         return "the cage is a sheet" if sheet else "the cage is no sheet"
 
-    def _mechanics(self) -> YarnMechanics:
-        """Return what the yarns resist, or say how to give it."""
+    def _said_yarns(self) -> YarnParameters | YarnMechanics:
+        """Return what says what the yarns resist, or that nobody does."""
         if self._yarns is None:
             raise InputError(
                 "nobody has said what the yarns resist",
@@ -345,6 +331,25 @@ class CageMaterial(Stage):
                 'figures that "spacemap info" prints of a scene that has one.',
             )
         return self._yarns
+
+    def _of_yarns(self, cloth: Cloth | None) -> Plate:
+        """Return what the yarns of a cloth make a sheet resist."""
+        yarns = self._said_yarns()
+        if cloth is None:
+            raise InputError(
+                "there is no weave in the cage",
+                key="material",
+                value=WOVEN,
+                cure="Put a [weave] in it, or choose another material.",
+            )
+        try:
+            known = yarns.yarns(cloth) if isinstance(yarns, YarnParameters) else yarns
+            return cloth_stiffness(cloth, known)
+        except InputError as error:
+            if error.key not in YarnParameters.parameters:
+                raise
+            # another section's than the one that is at work
+            raise InputError(f"[yarns] {error}", key="material", value=WOVEN) from None
 
     def _given(self) -> dict[str, Any]:
         """Return the constants and measures that are given by name, or say which do not count."""
@@ -384,3 +389,19 @@ class CageMaterial(Stage):
                     )
             return along_fabric(orthotropic(*(own[key] for key in _MODULI))), density
         return isotropic(self.youngs_modulus, self.poissons_ratio), density
+
+
+def _said(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
+    return list(yarns.settings.values()) if isinstance(yarns, YarnParameters) else yarns or ()
+
+
+def _looking(stage: CageMaterial) -> Callable[[Any, str], None]:
+    """Return an observer of what a stage follows, which does not keep the stage."""
+    known = weakref.ref(stage)
+
+    def look(caller: Any, event: str) -> None:
+        still = known()
+        if still is not None and still._followed is not None and still._followed() is caller:
+            still._look_at(caller)
+
+    return look

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from spacemap_vtk.errors import InputError
@@ -9,11 +11,35 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.cage_material import WarpAndWeft
-from spacemap_vtk.parameters import Flag, Real
+from spacemap_vtk.parameters import Flag, Real, Series
 
 #: What counts for yarns that stretch.
 _ELASTIC = {"inextensible": (False,)}
+
+
+class WarpAndWeft(Series):
+    """One value for both directions of a fabric, or one for the warp and one for the weft."""
+
+    each = "for the warp and the weft"
+
+    def convert(self, value: Any) -> Any:
+        """Return a checked value, or a tuple of two."""
+        result = super().convert(value)
+        if isinstance(result, tuple) and len(result) != 2:
+            raise InputError(f"{len(result)} values in place of 2")
+        return result
+
+    @staticmethod
+    def pair(value: Any) -> tuple[float, float] | None:
+        """Return the values for warp and weft; None where there is none."""
+        if value is None or isinstance(value, tuple):
+            return value
+        return value, value
+
+    def tell(self, value: Any) -> str:
+        """Return the figures of warp and weft, or the one of both."""
+        warp, weft = (self.component.tell(each) for each in self.pair(value) or ())
+        return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 
 class YarnParameters(Stage):

@@ -7,6 +7,8 @@ from collections.abc import Collection, Iterable, Mapping
 import spacemap_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import OPTIONAL, ROLES, Stage, connect
+from spacemap_vtk.filters.cage_material import CageMaterial
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.settings import Animation, View
 
@@ -55,8 +57,13 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
 
 def connect_chain(stages: Iterable[Stage]) -> None:
     """Connect stages: each port to the last stage before that makes what it takes."""
+    stages = list(stages)
+    # What yarns resist is said by the stage that exchanges their crimp, for the cage, too.
+    yarns = next((stage for stage in stages if isinstance(stage, YarnParameters)), None)
     made: dict[str, Stage] = {}
     for stage in stages:
+        if isinstance(stage, CageMaterial):
+            stage.yarns = yarns
         if stage.takes:
             connect(tuple(made[kind] for kind in stage.takes), stage)
         made[stage.makes] = stage
