@@ -48,6 +48,7 @@ COMMANDS = {
     "scenes": ("tell:scenes", "List the scenes that come with the program."),
     "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
+    "bench": ("bench:bench", "Print how long a new time takes, beside a copy of what is written."),
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }

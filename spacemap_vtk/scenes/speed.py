@@ -1,0 +1,160 @@
+"""How long a new time takes, stage by stage, beside a copy of what is written: memory's speed.
+
+What a step does to each number of a large fabric is little, so that it is bound by memory, and a
+copy of the same bytes is what no step can undercut. Copy and step take turns in one run: machines
+differ, and so does one machine from minute to minute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib.util import find_spec
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkFiltersCore import vtkProbeFilter
+
+from spacemap_vtk.datasets.arrays import points_of, to_points
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parallel import WORTHWHILE, loops, thread_count
+from spacemap_vtk.scenes.scene import Scene
+
+#: Between two times [s]: any will do, as no time step depends on the last.
+_STEP = 1e-4
+#: Times that are not counted: memory is taken, and loops are loaded or compiled.
+_WARM = 3
+#: Points that VTK's probe is measured with, at most: it takes 40 us for each.
+_PROBED = 50_000
+#: Points of Blender's lattice along x, y and z, as of a cage of 5 x 5 x 1 hexahedra.
+_LATTICE = (6, 6, 2)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What one stage takes."""
+
+    name: str
+    #: Bytes of the points that come out, and of their normals.
+    bytes: int
+    #: A copy of that, into memory that is in use [ms].
+    copy_ms: float
+    #: [ms]
+    ms: float
+
+    @property
+    def copies(self) -> float:
+        """How many copies could be made meanwhile."""
+        return self.ms / self.copy_ms if self.copy_ms else float("inf")
+
+
+def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
+    """Measure a new time of a scene: the stages that it runs, all in one update, and others."""
+    last, time = scene.stages[-1], scene.view.time
+    stages = [stage for stage in reversed(list(last.upstream())) if isinstance(stage, Stage)]
+    before: list[int] = []
+    for _ in range(_WARM):
+        before, time = [stage.executions for stage in stages], time + _STEP
+        scene.update(time)
+    stages = [s for s, runs in zip(stages, before, strict=True) if s.executions > runs]
+    written = [_written(stage.output) for stage in stages]
+    sources = [np.ones(size, np.uint8) for size in (*written, sum(written))]
+    used = [source.copy() for source in sources]
+    copies: list[list[float]] = [[] for _ in sources]
+    takes: list[list[float]] = [[] for _ in sources]
+    for _ in range(steps):
+        time += _STEP
+        for stage, taken in zip(stages, takes, strict=False):
+            taken.append(_ms(partial(stage.update, time)))
+        time += _STEP
+        takes[-1].append(_ms(partial(last.update, time)))
+        for target, source, taken in zip(used, sources, copies, strict=True):
+            taken.append(_ms(partial(np.copyto, target, source)))
+    names = [*(type(stage).__name__ for stage in stages), "all in one update"]
+    rows = [
+        Timing(name, source.nbytes, median(copy), median(take))
+        for name, source, copy, take in zip(names, sources, copies, takes, strict=True)
+    ]
+    if scene.moves:
+        warp = rows[names.index(type(scene.warp).__name__)]
+        rows += [Timing(name, warp.bytes, warp.copy_ms, ms) for name, ms in _others(scene)]
+    count = last.output.GetNumberOfPoints()
+    compiled = count > WORTHWHILE and loops("spacemap_vtk.fabric.patch_loops") is not None
+    return {
+        "title": "{} x {} yarns".format(*scene.weave.cloth.size) if scene.woven else scene.title,
+        "points": scene.stages[0].output.GetNumberOfPoints(),
+        "surface_points": count,
+        "threads": thread_count(),
+        "compiled": compiled,
+        "stages": [asdict(row) | {"copies": row.copies} for row in rows],
+    }
+
+
+def _ms(run: Callable[[], object]) -> float:
+    start = perf_counter()
+    run()
+    return (perf_counter() - start) * 1e3
+
+
+def _written(data: vtkDataSet) -> int:
+    normals = data.GetPointData().GetNormals()
+    return points_of(data).nbytes + (vtk_to_numpy(normals).nbytes if normals is not None else 0)
+
+
+def _others(scene: Scene) -> list[tuple[str, float]]:
+    """Return what others take to move a scene's points."""
+    rest = points_of(scene.warp.GetInputDataObject(0, 0))
+    cage = scene.warp.GetInputDataObject(1, 0)
+    found = [("vtkProbeFilter", _probe_ms(rest, cage))]
+    if find_spec("bpy") is not None:
+        found.append(("Blender's lattice", _lattice_ms(rest)))
+    return found
+
+
+def _probe_ms(rest: NDArray[Any], cage: vtkUnstructuredGrid) -> float:
+    """Return what VTK takes to sample the cage's displacement; it looks for each point anew."""
+    points, probe = vtkPolyData(), vtkProbeFilter()
+    some = rest[:: -(-len(rest) // _PROBED)]
+    points.SetPoints(to_points(some))
+    probe.SetInputData(points)
+    probe.SetSourceData(cage)
+
+    def run() -> None:
+        probe.Update()
+        some + vtk_to_numpy(probe.GetOutput().GetPointData().GetArray("displacement"))
+
+    return _ms(run) * len(rest) / len(some)
+
+
+def _lattice_ms(rest: NDArray[Any]) -> float:
+    """Return what Blender takes to move points by a lattice whose points have moved."""
+    import bpy
+
+    low, high = rest.min(axis=0), rest.max(axis=0)
+    mesh = bpy.data.meshes.new("points")
+    mesh.vertices.add(len(rest))
+    mesh.vertices.foreach_set("co", rest.astype(np.float32).ravel())
+    moved = bpy.data.objects.new("points", mesh)
+    lattice = bpy.data.lattices.new("cage")
+    lattice.points_u, lattice.points_v, lattice.points_w = _LATTICE
+    cage = bpy.data.objects.new("cage", lattice)
+    cage.location, cage.scale = (low + high) / 2, high - low
+    for item in (moved, cage):
+        bpy.context.collection.objects.link(item)
+    moved.modifiers.new("ride", "LATTICE").object = cage
+    takes = []
+    for step in range(1, _WARM + 3):
+        for point in lattice.points:
+            point.co_deform[2] = point.co[2] + 1e-3 * step * point.co[0]
+        lattice.update_tag()
+        takes.append(_ms(lambda: bpy.context.evaluated_depsgraph_get().update()))
+    for item, data, kind in ((moved, mesh, "meshes"), (cage, lattice, "lattices")):
+        bpy.data.objects.remove(item)
+        getattr(bpy.data, kind).remove(data)
+    return median(takes[_WARM:])
