@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 
 #: Strain of yarns that are meant to keep their length, from which on it is told.
 _STRAIN = 0.01
+#: Length that yarns have to spare, over that of their room, from which on it is told.
+_SPARE = 0.02
 #: How far points may be from those of their cloth, over its size: the precision of float32.
 _APART = 1e-5
 
@@ -112,9 +114,9 @@ class CrimpInterchange(YarnParameters):
             kind = np.uint8 if name == "jammed" else np.float32
             by_patch = values.astype(kind).ravel()[kept.recrimp.crossing]
             add_array(output.GetCellData(), name, by_patch)
-        self._tell_of(state, stretch)
+        self._tell_of(state, stretch, kept.crimp)
 
-    def _tell_of(self, state: CrimpState, stretch: Floats) -> None:
+    def _tell_of(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
         """Tell what jams, what hangs slack, and what has to strain."""
         count = state.distance.size
         if (jammed := state.jammed.any(axis=0)).any():
@@ -126,11 +128,13 @@ class CrimpInterchange(YarnParameters):
                 f"worst at end {end + 1} and pick {pick + 1}, where space along the "
                 f"{FAMILIES[family]} is {pressed.min():.3g} of what it was",
             )
-        if (slack := state.slack.any(axis=0) & ~jammed).any():
+        # longer than its room by so much: what it was over what it is, both over the space at rest
+        spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
+        if (slack := (state.slack & (spare > _SPARE)).any(axis=0) & ~jammed).any():
             self._tell_once(
                 "slack",
-                f"at {slack.sum()} of {count} crossings yarns are longer than their room: they "
-                "lie slack, as their bending decides",
+                f"at {slack.sum()} of {count} crossings yarns lie slack: they are up to "
+                f"{100.0 * spare[:, slack].max():.3g} % longer than their room",
             )
         if self.inextensible and (worst := float(state.strain.max())) > _STRAIN:
             family, pick, end = np.unravel_index(int(np.argmax(state.strain)), state.strain.shape)
@@ -181,13 +185,15 @@ class CrimpInterchange(YarnParameters):
         places = np.concatenate([recrimp.feet, crossings])
         precision, yarns = points.dtype.type, self.yarns(cloth)
         tension = np.asarray(yarns.tension, np.float64)
+        crossed = Interchange(cloth, yarns)
         self._kept = _Woven(
             settings=settings,
             weave=Geometry(weave),
             cage=Geometry(cage),
             cloth=cloth,
             recrimp=recrimp,
-            crossings=Interchange(cloth, yarns),
+            crossings=crossed,
+            crimp=crossed.solve(np.ones((2, *cloth.drawdown.shape))).crimp,
             tension=tension if tension.ndim == 3 else tension.reshape(2, 1, 1),
             slopes=PlaneSlopes(places, points_of(cage).astype(np.float64), elements_of(cage)),
             foot=to_array(recrimp.spread(recrimp.feet).astype(precision), FOOT),
@@ -223,6 +229,8 @@ class _Woven:
     cloth: Cloth
     recrimp: Recrimp
     crossings: Interchange
+    crimp: Floats
+    """(2, picks, ends) At rest."""
     tension: Floats
     """EA of warp and weft at each crossing, or of all, in N."""
     slopes: PlaneSlopes
