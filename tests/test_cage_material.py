@@ -271,6 +271,15 @@ def test_what_yarns_need_to_make_a_sheet_is_told():
     made = ModalSolver(material="yarns")
     with pytest.raises(InputError, match=r"nobody has said what the yarns resist.*spacemap info"):
         made.check()
+    for told, lacking in (
+        ({}, "tension"),
+        ({"inextensible": False}, "tension"),
+        ({"inextensible": False, "modulus": "300 cN/tex"}, "bending"),
+        ({"inextensible": False, "tension": 90.0, "bending": 2e-9}, "contact"),
+    ):
+        made.yarns = CrimpInterchange(**told)
+        with pytest.raises(InputError, match=rf"material.*\[yarns\] {lacking}"):
+            made.check()
     made.yarns = COTTON
     made.check()
     connect(WeaveSource(), cage := TetraCage(divisions=(2, 2, 2)), made)

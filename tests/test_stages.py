@@ -245,6 +245,25 @@ def test_a_scene_has_the_stages_that_its_sections_name() -> None:
     assert "yarn" not in still.arrays
 
 
+def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
+    scene = Scene({**SMALL, "modal": {"elements": "sheet", "modes": 1}})
+    assert scene.modal.yarns is None
+    scene.set("yarns.bending=2 mN.mm2")
+    scene.update(0.0)
+    scene.set("yarns.flattest=1")
+    assert [scene.update(0.0), scene.modal.executions] == [None, 1]
+    for assignment in ("inextensible=false", "tension=90 N"):
+        scene.set(f"yarns.{assignment}")
+    scene.set("modal.material=yarns")
+    scene.check()
+    assert [scene.update(0.0), scene.modal.executions] == [None, 2]
+    scene.set("yarns.bending=3 mN.mm2")
+    assert [scene.update(0.0), scene.modal.executions] == [None, 3]
+    # of another scene's values, without the section
+    scene.take({"modal": {"material": "denim"}}, {"weave", "modal"})
+    assert scene.modal.yarns is None
+
+
 def test_every_stage_of_the_table_says_what_it_is() -> None:
     for name in spacemap_vtk.FILTERS:
         stage = getattr(spacemap_vtk, name)

@@ -143,7 +143,10 @@ def _jam(own: Array, flat: Array, floats: Array, length: Array, full: Array) -> 
     for _ in range(30 if floats.any() else 2):
         angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
         rest = own * stretch - flat - full * np.sin(angle)
-        stretch -= rest / np.where(own > 0.0, own + floats * np.cos(angle), inf)
+        step = rest / np.where(own > 0.0, own + floats * np.cos(angle), inf)
+        stretch -= step
+        if np.abs(step).max() < 1e-15:
+            break
     angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
     return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
 

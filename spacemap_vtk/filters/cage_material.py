@@ -14,6 +14,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import YarnMechanics
 from spacemap_vtk.fabric.stiffness import cloth_stiffness
+from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
@@ -28,6 +29,13 @@ DENSITY = 300.0
 
 #: The material that is what the yarns of the weave in the cage make it.
 WOVEN = "yarns"
+#: A cloth for which yarns can be checked before theirs is known.
+_ANY = Cloth(
+    drawdown=np.eye(2, dtype=bool),
+    warp=Threads(diameter=1e-4, spacing=3e-4),
+    weft=Threads(diameter=1e-4, spacing=3e-4),
+    density=1e3,
+)
 #: The materials that the moduli and ratios of each kind are for.
 _ISOTROPIC = {"material": ("isotropic",)}
 _ORTHOTROPIC = {"material": ("orthotropic", *FABRICS)}
@@ -245,7 +253,7 @@ class CageMaterial(Stage):
         """Check the material."""
         if self.material == WOVEN and self.elements != "tetrahedra":
             self._given()
-            self._said_yarns()
+            self._of_yarns(_ANY)
             return
         self.constants(1.0)
         if self.elements != "tetrahedra":
@@ -320,9 +328,10 @@ class CageMaterial(Stage):
             return ""
         return "the cage is a sheet" if sheet else "the cage is no sheet"
 
-    def _said_yarns(self) -> YarnParameters | YarnMechanics:
-        """Return what says what the yarns resist, or that nobody does."""
-        if self._yarns is None:
+    def _of_yarns(self, cloth: Cloth | None) -> Plate:
+        """Return what the yarns of a cloth make a sheet resist."""
+        yarns = self._yarns
+        if yarns is None:
             raise InputError(
                 "nobody has said what the yarns resist",
                 key="material",
@@ -330,11 +339,6 @@ class CageMaterial(Stage):
                 cure="Add a section [yarns] with tension and bending; in ParaView enter the "
                 'figures that "spacemap info" prints of a scene that has one.',
             )
-        return self._yarns
-
-    def _of_yarns(self, cloth: Cloth | None) -> Plate:
-        """Return what the yarns of a cloth make a sheet resist."""
-        yarns = self._said_yarns()
         if cloth is None:
             raise InputError(
                 "there is no weave in the cage",

@@ -18,6 +18,7 @@ from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.fitted_cage import FittedCage
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
@@ -171,7 +172,7 @@ class ModalSolver(FittedCage):
         if sheet is None:
             material, density = self.constants(extent)
         else:
-            material, mass = self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth_of(grid))
+            material, mass = self._plate(grid, sheet)
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         made = vertices, elements, material, density, held, self.mass == "lumped"
@@ -219,8 +220,12 @@ class ModalSolver(FittedCage):
         sheet = self._sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
             return None
-        made = self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth_of(grid))
-        return data_sheet(*made)
+        return data_sheet(*self._plate(grid, sheet))
+
+    def _plate(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
+        """Return what a cage resists that is a sheet, and its mass per area."""
+        cloth = cloth_of(grid) if self.material == WOVEN else None
+        return self.plate(sheet.thickness, sheet.normal, _woven(grid), cloth)
 
     def _sheet(self, vertices: FloatArray, elements: NDArray[np.int64]) -> Layer | None:
         """Return the sheet that the cage is to mechanics; None of a solid."""
