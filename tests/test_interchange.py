@@ -247,7 +247,7 @@ def test_yarns_keep_their_length_in_any_weave(weave: str, share: float) -> None:
 )
 @pytest.mark.parametrize("weave", ["plain", "twill"])
 def test_the_state_is_continuous_everywhere(yarns: YarnMechanics, weave: str) -> None:
-    points = 4001
+    points = 2001
     drawdown = tile(from_matrix(WEAVES[weave]), points, 4)
     threads = Threads(diameter=0.5 * D, spacing=0.5e-3)
     crossings = Interchange(Cloth(drawdown=drawdown, warp=threads, weft=threads), yarns)

@@ -236,7 +236,7 @@ def least(
     most: Array,
     distances: tuple[Array, Array],
 ) -> tuple[Array, Array]:
-    """Return (h1, D) of the least energy, by Newton's method with damping."""
+    """Return (h1, D) of the least energy, by Newton's method with a line search."""
     # `most` bounds both heights, (2, n), beside the jam; `distances` bound D.
     low, high = distances
     result, live, lost = np.empty((2, len(low))), np.arange(len(low)), np.ones(len(low), bool)
@@ -251,17 +251,16 @@ def least(
     # at the jam itself bending has no slope to start from
     inside = 0.01 * hinged * (top - bottom)
     h = np.clip(start[0], bottom + inside, top - inside)
-    now, damping = derivatives(energy, room, length, h, d), np.zeros(len(low))
-    for _ in range(80):
-        to, new = _step(now, hinged, damping, room, most, h, d, low, high)
+    now, part = derivatives(energy, room, length, h, d), np.ones(len(low))
+    for _ in range(30):
+        to, new = _step(now, hinged, part, room, most, h, d, low, high)
         then = derivatives(energy, room, length, to, new)
         better = then.value <= now.value * (1.0 + 1e-12) + noise
         done = np.maximum(np.abs(to - h), np.abs(new - d)) < _ENOUGH * d
-        lost[live[done & better & (damping < 1.0)]] = False
-        done &= better | (damping > 0.0)
+        lost[live[done & better & (part > 0.1)]] = False
+        done &= better | (part < 1.0)
         h, d = np.where(better, to, h), np.where(better, new, d)
-        damping = np.where(better, 0.1 * damping, np.maximum(4.0 * damping, 0.5))
-        damping[damping < 0.01] = 0.0
+        part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
         result[:, live] = h, d
         on = ~done
         if not on.any():
@@ -272,7 +271,7 @@ def least(
         if done.any():
             live, h, d, low, high = live[on], h[on], d[on], low[on], high[on]
             room, length, most, noise = room[:, on], length[:, on], most[:, on], noise[on]
-            damping, energy = damping[on], energy.some(on)
+            part, energy = part[on], energy.some(on)
     lost &= whole[-2] < whole[-1]
     if lost.any():
         energy, *rest = whole
@@ -339,7 +338,7 @@ def _bounds(room: Array, most: Array, d: Array) -> tuple[Array, Array, NDArray[n
 def _step(
     now: Derivatives,
     hinged: bool,
-    damping: Array,
+    part: Array,
     room: Array,
     most: Array,
     h: Array,
@@ -347,7 +346,7 @@ def _step(
     low: Array,
     high: Array,
 ) -> tuple[Array, Array]:
-    """Return h1 and D after Newton's damped step, inside their bounds."""
+    """Return h1 and D after a part of Newton's step, inside their bounds."""
     # Where a straight part vanishes theta goes like the root of what is left. Near such an end h1
     # is what a variable u from 0 to 1 makes of its bounds, whose square is the distance from there.
     bottom, top, jams = _bounds(room, most, d)
@@ -373,13 +372,14 @@ def _step(
     dd = dd + 2.0 * hd * by_d + hh * by_d**2 + gh * (bend[0] * share - bend[1] * (1.0 - share))
     # against a saddle: downhill along either variable
     tiny = np.finfo(float).tiny ** 0.5
-    uu = np.maximum(np.abs(uu), tiny) * (1.0 + damping)
+    uu = np.maximum(np.abs(uu), tiny)
     held = ((u <= 0.0) & (gu >= 0.0)) | ((u >= 1.0) & (gu <= 0.0))
     slide = np.where(held, 0.0, -ud / uu)
-    along = np.abs(np.abs(dd) * (1.0 + damping) + slide * (2.0 * ud + slide * uu))
+    along = np.abs(np.abs(dd) + slide * (2.0 * ud + slide * uu))
     along = np.maximum(along, 1e-9 * np.abs(dd) + tiny)
     new = np.clip(d - (gd + slide * gu) / along, low, high)
-    v = np.clip(np.where(held, u, u - (gu + ud * (new - d)) / uu), 0.0, 1.0)
+    move = np.where(held, 0.0, part * -(gu + ud * (new - d)) / uu)
+    v, new = np.clip(u + move, 0.0, 1.0), d + part * (new - d)
 
     lowest, highest, jams = _bounds(room, most, new)
     bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)

@@ -98,6 +98,17 @@ class Forces(NamedTuple):
     """(2, 2, picks, ends) J; h1 and D follow the stretch."""
 
 
+class Resultants(NamedTuple):
+    """What a cloth does that is stretched alike everywhere, n times."""
+
+    force: Array
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m."""
+    strain: Array
+    """(2, n) Largest of the yarns' strains."""
+    stretch: Array
+    """(2, n) Those asked for, or those at which the first crossing jams."""
+
+
 class Interchange:
     """The crossings of a cloth, ready to be stretched.
 
@@ -206,50 +217,47 @@ class Interchange:
         InputError
             The yarns do not stretch, so that there is no energy.
         """
-        if not self._stretches:
-            raise InputError(
-                "yarns that do not stretch take any force",
-                key="tension",
-                allowed="a finite EA of warp and weft",
-                cure="Give the yarns a tension, such as their modulus times their section",
-            )
         cells, some, back = self._alike(stretch)
         near = None
         if start is not None:
             near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
-        held, h, d = self._find(cells, some, near)
-        energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
-        found = derivatives(energy, room, length, h, d, (cells.own, cells.floats))
-        tangent, (gh, gd) = found.curve[:2, :2].copy(), found.slope[2:]
-        mixed, inner = found.curve[:2, 2:], found.curve[2:, 2:]
-        # what is held by a bound does not follow; at rest, where nothing pushes, all does
-        little = 1e-9 * energy.tension.max(axis=0) * cells.full
-        fixed = ((d <= cells.floor) & (gd > little)) | ((d >= cells.full) & (gd < -little))
-        fixed |= cells.floor >= cells.full
-        up = np.minimum(jam_height(room, np.broadcast_to(d, room.shape)), d)
-        bound = ((h >= up[0]) & (gh < -little)) | ((d - h >= up[1]) & (gh > little))
-        free = np.stack([~bound, ~fixed])
-        inner = np.where(free[:, None] & free, inner, 0.0)
-        inner[[0, 1], [0, 1]] += ~free
-        mixed = np.where(free, mixed, 0.0)
-        determinant = inner[0, 0] * inner[1, 1] - inner[0, 1] ** 2
-        safe = np.abs(determinant) > 1e-14 * np.abs(inner[0, 0] * inner[1, 1])
-        by = np.where(safe, 1.0 / np.where(safe, determinant, 1.0), 0.0)
-        inverse = by * np.stack(
-            [np.stack([inner[1, 1], -inner[0, 1]]), np.stack([-inner[0, 1], inner[0, 0]])]
-        )
-        tangent -= np.einsum("ian,abn,jbn->ijn", mixed, inverse, mixed)
-        # yarns that never change side are straight
-        pull = np.where(cells.loose, cells.tension, 0.0)
-        over = np.maximum(held - 1.0, 0.0) * cells.spacing
-        force = found.slope[:2] + pull * over * cells.spacing
-        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
-        value = found.value + (0.5 * pull * over**2).sum(axis=0)
+        _, *found, _ = self._pulls(cells, some, near)
         return Forces(
             *(
                 np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
-                for array in (value, force, tangent)
+                for array in found
             )
+        )
+
+    def resultants(self, stretch: ArrayLike) -> Resultants:
+        """Return the forces of the whole cloth, stretched alike everywhere, many times at once.
+
+        Parameters
+        ----------
+        stretch : (2, n) array_like
+            Stretches along warp and weft.
+
+        Returns
+        -------
+        Resultants
+            One for each.
+
+        Raises
+        ------
+        InputError
+            The yarns do not stretch, so that there is no force.
+        """
+        asked = np.asarray(stretch, np.float64)
+        first, back = self._kinds
+        count = asked.shape[1]
+        cells = self._cells.some(np.repeat(first, count))
+        held, _, force, _, strain = self._pulls(cells, np.tile(asked, len(first)), None)
+        held = held.reshape(2, -1, count)
+        weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
+        return Resultants(
+            np.einsum("fkn,k->fn", force.reshape(2, -1, count), weights),
+            strain.reshape(2, -1, count).max(axis=1),
+            held.max(axis=1),
         )
 
     def jam_border(self, count: int = 64) -> Array:
@@ -305,6 +313,50 @@ class Interchange:
         rows = np.concatenate([c.own, c.flat, c.floats, c.tension, c.full[None]])
         _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
         return first, back.ravel()
+
+    def _pulls(
+        self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Return held stretches, energy, its derivatives by them, and the yarns' strains."""
+        if not self._stretches:
+            raise InputError(
+                "yarns that do not stretch take any force",
+                key="tension",
+                allowed="a finite EA of warp and weft",
+                cure="Give the yarns a tension, such as their modulus times their section",
+            )
+        held, h, d = self._find(cells, stretch, start)
+        energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
+        found = derivatives(energy, room, length, h, d, (cells.own, cells.floats))
+        tangent, (gh, gd) = found.curve[:2, :2].copy(), found.slope[2:]
+        mixed, inner = found.curve[:2, 2:], found.curve[2:, 2:]
+        # what is held by a bound does not follow; at rest, where nothing pushes, all does
+        little = 1e-9 * energy.tension.max(axis=0) * cells.full
+        fixed = ((d <= cells.floor) & (gd > little)) | ((d >= cells.full) & (gd < -little))
+        fixed |= cells.floor >= cells.full
+        up = np.minimum(jam_height(room, np.broadcast_to(d, room.shape)), d)
+        bound = ((h >= up[0]) & (gh < -little)) | ((d - h >= up[1]) & (gh > little))
+        free = np.stack([~bound, ~fixed])
+        inner = np.where(free[:, None] & free, inner, 0.0)
+        inner[[0, 1], [0, 1]] += ~free
+        mixed = np.where(free, mixed, 0.0)
+        determinant = inner[0, 0] * inner[1, 1] - inner[0, 1] ** 2
+        safe = np.abs(determinant) > 1e-14 * np.abs(inner[0, 0] * inner[1, 1])
+        by = np.where(safe, 1.0 / np.where(safe, determinant, 1.0), 0.0)
+        inverse = by * np.stack(
+            [np.stack([inner[1, 1], -inner[0, 1]]), np.stack([-inner[0, 1], inner[0, 0]])]
+        )
+        tangent -= np.einsum("ian,abn,jbn->ijn", mixed, inverse, mixed)
+        # yarns that never change side are straight
+        pull = np.where(cells.loose, cells.tension, 0.0)
+        over = np.maximum(held - 1.0, 0.0) * cells.spacing
+        force = found.slope[:2] + pull * over * cells.spacing
+        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
+        value = found.value + (0.5 * pull * over**2).sum(axis=0)
+        heights = np.stack([h, d - h])
+        strain = np.maximum(bend(room, heights, d).length - length, 0.0) / cells.whole
+        strain = np.where(cells.loose, np.maximum(held - 1.0, 0.0), strain)
+        return held, value, force, tangent, strain
 
     def _find(
         self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
