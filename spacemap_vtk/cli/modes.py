@@ -118,7 +118,11 @@ def plot(
     /,
     *,
     output: Annotated[
-        Path, Parameter(name=["--output", "-o"], help=f"A {written_words('plot')} file.")
+        Path,
+        Parameter(
+            name=["--output", "-o"],
+            help=f"A {written_words('plot')} file; of --biaxial a .csv table, too.",
+        ),
     ],
     point: Annotated[
         str | None,
@@ -129,6 +133,15 @@ def plot(
     quantity: Annotated[
         Literal["displacement", "velocity", "acceleration"], Parameter(help="What is plotted.")
     ] = "displacement",
+    biaxial: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="In place of these the cloth's tensile tests, from its yarns (section yarns): "
+            "force per width against extension, of a strip whose other direction is free, along "
+            "the warp and along the weft, and of both pulled alike.",
+        ),
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -142,8 +155,15 @@ def plot(
     scene : str
         Scene file, or name of a scene (see "spacemap scenes").
     """
-    check_output(output, written("plot"))
+    check_output(output, written("plot") | ({".csv": "table"} if biaxial else {}))
     chosen = opened(scene, set_)
+    if biaxial:
+        from spacemap_vtk.draw.biaxial_plot import biaxial_plot
+
+        with progress(chosen, "Pulling", quiet), whole_file(output) as file:
+            biaxial_plot(chosen, file)
+        tell_warnings(chosen, quiet)
+        return
     place = None
     if point is not None:
         try:
