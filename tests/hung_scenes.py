@@ -121,6 +121,19 @@ def a_drape(scene: Scene) -> None:
     assert figures["hung"]["drape_coefficient"] == pytest.approx((shadow - disc) / (cloth - disc))
 
 
+def a_cloth_whose_warp_carries_it(scene: Scene) -> None:
+    scene.update(time=0.0)
+    cloth, cells = scene.weave.cloth, scene.stage("crimp").output.GetCellData()  # type: ignore[union-attr]
+    family, tension = (vtk_to_numpy(cells.GetArray(name)) for name in ("family", "yarn_tension"))
+    # Of a yarn that is pulled only the cosine of its slope pulls the cloth (Peirce: dl/dp at the
+    # same height); half of a 2/2 twill's gaps are floats. On the mean it carries half the cloth.
+    (warp, _), height = cloth.families, 75 * 4e-3
+    cosine = 0.5 * (1.0 + math.cos(warp.crimp.theta))
+    half = 0.5 * 0.15 * GRAVITY * height * 4e-3
+    assert tension[family == 0].mean() == pytest.approx(half / cosine, rel=0.03)
+    assert tension[family == 0].max() == pytest.approx(2 * half / cosine, rel=0.06)
+
+
 def a_hammocks_catenary(scene: Scene) -> None:
     flat, hung = middle(scene)
     modal = scene.modal
@@ -205,6 +218,7 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "catenary": a_hammocks_catenary,
     "curtain": a_curtains_pendulums,
     "drape": a_drape,
+    "yarn_tension": a_cloth_whose_warp_carries_it,
     "let_go": a_cloth_let_go,
     "yarn_to_cloth": yarns_cantilever,
     "swing": a_banner_that_swings_far,
