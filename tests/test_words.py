@@ -17,7 +17,7 @@ AMERICAN = re.compile(
     r"|(?:milli|centi|kilo)?meters?|fibers?|canceled|labeled|modeled|favor\w*|catalogs?|analog"
     r"|(?!(?:re|over|down)?size|prize|seize)\w+(?:ize|izes|ized|izing|ization)"
     r"|(?:ana|para)lyz\w+)"
-    r"\b(?![\w(=.\"'`/]| ?: )"
+    r"\b(?![\w(=.\"'`/]| ?[:=] )"
 )
 
 
@@ -55,6 +55,7 @@ FILES = [
         ("The colour of its neighbour; a size of 3", []),
         ('--color, view.color, warp_color, "color" and `color`', []),
         ("color : str", []),
+        ('color = "stress"', []),
     ],
 )
 def test_the_check_sees_what_it_should(line: str, found: list[str]) -> None:
