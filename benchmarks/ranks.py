@@ -7,11 +7,12 @@ pvbatch and xvfb-run are installed::
     python benchmarks/ranks.py                     # up to 400 x 400 on 1 and 2 processes: 8 GB
     python benchmarks/ranks.py --sizes 60 120 240  # ends = picks; the last one is the check
     python benchmarks/ranks.py --ranks 1 4 16 --markdown
+    python benchmarks/ranks.py --precision single  # of the control points
 
 Each process counts for itself: seconds of its own processor time, its own peak of resident memory;
 what it waits for others, MPI spends as processor time as well, so that the process that waits least
-says what the work is. Started by pvbatch
-as ``pvbatch --symmetric ranks.py worker SIZE FOLDER`` the same file is what the processes run.
+says what the work is. Started by pvbatch as
+``pvbatch --symmetric ranks.py worker SIZE PRECISION FOLDER`` the same file is what they run.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def timed(
     into[name] = clock() - start
 
 
-def work(size: int, folder: Path) -> None:
+def work(size: int, precision: str, folder: Path) -> None:
     """Run the pipeline as one process of several and write what it took."""
     from paraview import simple
     from vtkmodules.vtkParallelCore import vtkMultiProcessController
@@ -78,7 +79,7 @@ def work(size: int, folder: Path) -> None:
     controller = vtkMultiProcessController.GetGlobalController()
     piece = Piece(controller.GetLocalProcessId(), controller.GetNumberOfProcesses())
     seconds: dict[str, float] = {}
-    weave = WeaveSource(ends=size, picks=size)
+    weave = WeaveSource(ends=size, picks=size, precision=precision)
     cage, modal = TetraCage(divisions=CAGE), ModalSolver(modes=MODES, youngs_modulus=1e4)
     response, warp, surface = ModalResponse(), BarycentricWarp(), PatchTessellator(subdivisions=1)
     connect((weave, connect(weave, cage, modal, response)), warp, surface)
@@ -126,14 +127,14 @@ def work(size: int, folder: Path) -> None:
     (folder / f"{piece.number}.json").write_text(json.dumps(result))
 
 
-def run(size: int, ranks: int) -> dict[str, Any]:
+def run(size: int, ranks: int, precision: str) -> dict[str, Any]:
     """Return the seconds of the process that waits least, and the largest peak of one run."""
     from spacemap_vtk.paraview import environment
 
     with tempfile.TemporaryDirectory() as name:
         command = ["xvfb-run", "-a", "-s", "-screen 0 2000x1200x24 -noreset", "mpirun"]
         command += ["--allow-run-as-root", "--oversubscribe", "-np", str(ranks)]
-        command += ["pvbatch", "--symmetric", __file__, "worker", str(size), name]
+        command += ["pvbatch", "--symmetric", __file__, "worker", str(size), precision, name]
         variables = {"SPACEMAP_CACHE": "off", "LIBGL_ALWAYS_SOFTWARE": "1"}
         variables["OMPI_MCA_plm"] = "isolated"  # one machine: no ssh is looked for
         subprocess.run(
@@ -184,10 +185,11 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="ends = picks")
     parser.add_argument("--ranks", type=int, nargs="+", default=(1, 2), help="processes")
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
+    parser.add_argument("--precision", choices=("double", "single"), default="double")
     options = parser.parse_args()
     *sizes, largest = options.sizes
-    small = [run(size, ranks) for size in sizes for ranks in options.ranks]
-    check = [run(largest, ranks) for ranks in options.ranks]
+    small = [run(size, ranks, options.precision) for size in sizes for ranks in options.ranks]
+    check = [run(largest, ranks, options.precision) for ranks in options.ranks]
 
     head = ["yarns", "processes", "peak, MB", "weave, s", "solve, s", "locate, s", "frame, s"]
     keys = ("weave", "solve", "locate", "frame")
@@ -253,6 +255,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["worker"]:
-        work(int(sys.argv[2]), Path(sys.argv[3]))
+        work(int(sys.argv[2]), sys.argv[3], Path(sys.argv[4]))
     else:
         main()
