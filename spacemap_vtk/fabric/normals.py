@@ -36,24 +36,28 @@ def robust_normals(
     if weights is not None:
         weights = np.ascontiguousarray(weights.T)
 
-    here, along = _area_element(local, degree, u, v, weights)
-    inside, _ = _area_element(local, degree, _inwards(u), _inwards(v), weights)
+    du, dv = _slopes(local, degree, u, v, weights)
+    here = _cross(du, dv)
+    inside = _cross(*_slopes(local, degree, _inwards(u), _inwards(v), weights))
+    length, within = _length(here), _length(inside)
+    clear = length > np.maximum(_NOTHING, _INSIDE * within)
+    if (within > _NOTHING).all():  # as at the poles of caps
+        return (np.where(clear, here, inside) / np.where(clear, length, within)).T
     # across the longest direction: what has no area may still be a line
-    axis = np.eye(3)[:, np.abs(along).argmin(axis=0)]
-    across = np.cross(along, axis, axis=0)
+    along = np.where(_length(du) >= _length(dv), du, dv)
+    across = _cross(along, np.eye(3)[:, np.abs(along).argmin(axis=0)])
     result = np.zeros_like(here)
     result[2] = 1.0
     usable = _length(across) > 0
     result[:, usable] = across[:, usable]
-    usable = _length(inside) > _NOTHING
-    if not usable.all():
-        half = np.full_like(u, 0.5)
-        middle, _ = _area_element(local, degree, half, half, weights)
-        better = _length(middle) > _NOTHING
-        result[:, better] = middle[:, better]
-    result[:, usable] = inside[:, usable]
-    usable = _length(here) > np.maximum(_NOTHING, _INSIDE * _length(inside))
-    result[:, usable] = here[:, usable]
+    half = np.full_like(u, 0.5)
+    middle = _cross(*_slopes(local, degree, half, half, weights))
+    for usable, other in (
+        (_length(middle) > _NOTHING, middle),
+        (within > _NOTHING, inside),
+        (clear, here),
+    ):
+        result[:, usable] = other[:, usable]
     broken = ~np.isfinite(local).all(axis=(0, 1))
     result[:, broken] = np.nan
     return (result / _length(result)).T
@@ -64,60 +68,51 @@ def _inwards(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _length(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    result: NDArray[np.float64] = np.sqrt((vectors**2).sum(axis=0))
+    result: NDArray[np.float64] = np.sqrt(np.einsum("kn,kn->n", vectors, vectors))
     return result
 
 
-def _area_element(
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    rows = [a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.array(rows)
+
+
+def _slopes(
     nets: NDArray[np.float64],
     degree: tuple[int, int],
     u: NDArray[np.float64],
     v: NDArray[np.float64],
     weights: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return ``du x dv`` and the longer of ``du`` and ``dv``, (3, n), of nets (size, 3, n)."""
-    p, q = degree
-    (here, along_u), (there, along_v) = _basis(p, u), _basis(q, v)
-    du = _evaluated(nets, there, along_u, weights)
-    dv = _evaluated(nets, along_v, here, weights)
-    if weights is not None:
-        value = _evaluated(nets, there, here, weights)
-        point = value[:3] / value[3]
-        du, dv = ((d[:3] - point * d[3]) / value[3] for d in (du, dv))
-    longer = np.where(_length(du) >= _length(dv), du, dv)
-    return np.cross(du, dv, axis=0), longer
+    """Return ``du`` and ``dv``, (3, n), of nets (size, 3, n)."""
+    few = len(u) <= _FEW  # which are the same places at each step of a motion
+    bases = _kept_bases(degree, u.tobytes(), v.tobytes()) if few else _bases(degree, u, v)
+    if weights is None:
+        du, dv = (np.einsum("mn,mkn->kn", basis, nets) for basis in bases[1:])
+        return du, dv
+    bases = bases * weights
+    value, du, dv = np.einsum("bmn,mkn->bkn", bases, nets)
+    weight, along_u, along_v = bases.sum(axis=1)
+    point = value / weight
+    return (du - point * along_u) / weight, (dv - point * along_v) / weight
+
+
+@lru_cache(maxsize=16)
+def _kept_bases(degree: tuple[int, int], u: bytes, v: bytes) -> NDArray[np.float64]:
+    return _bases(degree, np.frombuffer(u), np.frombuffer(v))
+
+
+def _bases(
+    degree: tuple[int, int], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what each control point counts in the value, in du and in dv, (3, size, n)."""
+    (here, along_u), (there, along_v) = (_basis(p, t) for p, t in zip(degree, (u, v), strict=True))
+    terms = (there, here), (there, along_u), (along_v, here)
+    return np.array([(b[:, None] * a[None]).reshape(-1, len(u)) for b, a in terms])
 
 
 def _basis(degree: int, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return Bernstein polynomials and their derivatives, each (degree + 1, n)."""
-    if len(t) > _FEW:
-        return _made_basis(degree, t)
-    return _kept_basis(degree, t.tobytes())
-
-
-@lru_cache(maxsize=32)
-def _kept_basis(degree: int, t: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return _made_basis(degree, np.frombuffer(t))  # the same places at each step of a motion
-
-
-def _made_basis(
-    degree: int, t: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     # The places stand at a few parameters, where they are on a regular grid.
     few, which = np.unique(t, return_inverse=True)
     return bernstein(degree, few).T[:, which], bernstein_derivative(degree, few).T[:, which]
-
-
-def _evaluated(
-    nets: NDArray[np.float64],
-    along_v: NDArray[np.float64],
-    along_u: NDArray[np.float64],
-    weights: NDArray[np.float64] | None,
-) -> NDArray[np.float64]:
-    """Return the sum over each net, weighted by a function of v times one of u; with its weight."""
-    basis = (along_v[:, None] * along_u[None]).reshape(len(nets), -1)
-    if weights is None:
-        result: NDArray[np.float64] = np.einsum("mn,mkn->kn", basis, nets)
-        return result
-    basis *= weights
-    return np.concatenate((np.einsum("mn,mkn->kn", basis, nets), basis.sum(axis=0)[None]))
