@@ -167,9 +167,10 @@ def energy(yarns: YarnMechanics, stretch: NDArray, height: float) -> float:
         return np.inf
     rest = peirce.solve(0.5e-3, 0.5 * D, D)
     strain = np.maximum(now.length / rest.length - 1.0, 0.0)
-    bent = (now.theta - rest.theta) ** 2 / rest.theta
+    # a sawtooth's moment over angle, 12 B s²/l³
+    bent = 6.0 * (rest.straight / rest.length) ** 2 / rest.length * (now.theta - rest.theta) ** 2
     total = 0.5 * np.multiply(yarns.tension, rest.length * strain**2).sum()
-    return float(total + np.multiply(yarns.bending, bent / D).sum())
+    return float(total + np.multiply(yarns.bending, bent).sum())
 
 
 @pytest.mark.parametrize("bending", [0.0, 1e-9, 1e-7])

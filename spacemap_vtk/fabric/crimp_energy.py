@@ -127,7 +127,7 @@ class CrimpEnergy(NamedTuple):
     contact: Array
     """(n,) In N/m."""
     hinge: Array
-    """(2, n) B over the angle at rest, in N m2."""
+    """(2, n) Half of D times what an angle resists with at rest, in N m2."""
     rest: Array
     """(2, n) Angles at rest."""
     full: Array

@@ -12,8 +12,8 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.crimp_energy import Array, CrimpEnergy, bend, taut_height
 from spacemap_vtk.fabric.drawdown import repeat
 
-#: Least angle at rest (rad) that a yarn is bent from: a straight one would be rigid.
-_STRAIGHT = 0.01
+#: Least share of a yarn's length that is straight at rest, to bending: in a jam it bends, too.
+_STRAIGHT = 0.05
 #: Least room in a gap, over D: angles need some.
 _LEAST_ROOM = 1e-9
 
@@ -39,7 +39,7 @@ class Crossings(NamedTuple):
     tension: Array
     """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
     hinge: Array
-    """B over the angle at rest, where known, else 1 over it; a crossing's part of it."""
+    """6 B D (s/l)²/l at rest, where B is known, else that of 1; a crossing's part of it."""
     jam: Array
     """Stretch at which the yarn of its own length has no straight part."""
     most: Array
@@ -119,7 +119,8 @@ def crossings(
     stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
     # of a gap with its floats so much falls to each crossing
     part = np.where(loose, 1.0, own / np.where(loose, 1.0, own + floats))
-    hinge = np.where(loose, 0.0, part * stiffness / np.maximum(gap.theta, _STRAIGHT))
+    straight = np.maximum(gap.straight / gap.length, _STRAIGHT)
+    hinge = np.where(loose, 0.0, part * 6.0 * stiffness * full * straight**2 / gap.length)
     hard = not isfinite(contact)
     jam, most = _jam(own, flat, floats, length, full)
     pull = part * np.where(np.isinf(tension), 1.0, tension) / whole

@@ -14,12 +14,16 @@ nothing, and the problem had no single answer.
 - Yarns that do not stretch are the limit of stiff ones: first lengths, then contact, then bending.
   Where both are slack bending decides; where both are pulled the crossing flattens as little as
   lengths allow; at the least D they strain, by least squares.
+- A gap's angle resists with 12 B (s/l)²/l, of the straight and the whole length at rest: so a strip
+  begins to stretch with Leaf and Kandil's modulus, of yarns that bend all along. Arcs that bend
+  alone would be too stiff, without end in open cloth.
 - A jam is where a yarn has no straight part left while it is still slack. Space cannot press
   the crossing any further: it holds at the stretch at which that happens.
 
 Sources: F. T. Peirce, "The Geometry of Cloth Structure", J. Textile Inst. 28 (1937) T45; S.
 Kawabata, M. Niwa, H. Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile
-Inst. 64 (1973) 21, for the balance of tensions and the pressed crossing.
+Inst. 64 (1973) 21, for the balance of tensions and the pressed crossing; G. A. V. Leaf, K. H.
+Kandil, "The Initial Load-extension Behaviour of Plain-woven Fabrics", J. Textile Inst. 71 (1980) 1.
 """
 
 from __future__ import annotations
