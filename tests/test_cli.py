@@ -343,7 +343,7 @@ def test_what_a_scene_gives_can_be_automatic_again(
         ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
         ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
         ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
-        ("[surface]\nsubdivisions = 'auto'", ["surface.subdivisions", "not a number"]),
+        ("[surface]\nsubdivisions = 'fine'", ["surface.subdivisions", ', or "auto"']),
         ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
         ("[weave]\nends = true", ["weave.ends = true", "not a number"]),
         ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),

@@ -184,9 +184,9 @@ class Pipeline:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""
         patches = max(1, scene.source.GetOutputDataObject(0).GetNumberOfCells())
         subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
-        if subdivisions >= scene.surface.subdivisions and source is not self._swing_warp:
+        if subdivisions >= scene.surface.sides and source is not self._swing_warp:
             return None
-        self._coarse.subdivisions = min(subdivisions, scene.surface.subdivisions)
+        self._coarse.subdivisions = min(subdivisions, scene.surface.sides)
         self._coarse.SetInputConnection(source.GetOutputPort())
         return self._coarse
 

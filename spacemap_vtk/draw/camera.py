@@ -54,17 +54,21 @@ VIEW_ANGLE = 24.0
 _MARGIN, _FLAT_MARGIN = 0.06, 0.01
 
 
+#: Place, strength and colour of each light, in the camera's coordinates: it looks along -z, y is
+#: up. A raking key light from the upper left shows the crowns of the yarns; a weak one from the
+#: right opens the shadows.
+LIGHTS = (
+    ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
+    ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
+    ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
+)
+
+
 def lit_renderer() -> vtkRenderer:
     """Return a renderer that lights what it draws."""
     renderer = vtkRenderer()
     renderer.AutomaticLightCreationOff()
-    # A raking key light from the upper left shows the crowns of the yarns; a weak one from the
-    # right opens the shadows. Both are fixed to the camera.
-    for position, intensity, color in (
-        ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
-        ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
-        ((0.0, 0.0, 1.0), 0.15, (1.0, 1.0, 1.0)),
-    ):
+    for position, intensity, color in LIGHTS:
         light = vtkLight()
         light.SetLightTypeToCameraLight()
         light.SetPosition(*position)

@@ -12,6 +12,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
@@ -45,6 +46,8 @@ class Frame:
     values: dict[str, Any] = field(default_factory=dict)
     #: What the stages say of their trustworthiness.
     warnings: tuple[str, ...] = ()
+    #: The cloth whose sheet the surface is; None where its yarns are drawn.
+    cloth: Cloth | None = None
     #: How far its motion turns and stretches, see `spacemap_vtk.scenes.report.motion`.
     motion: dict[str, Any] | None = None
 
@@ -55,6 +58,7 @@ def frame_of(
     surface: vtkPolyData | None = None,
     cage: vtkUnstructuredGrid | None = None,
     loads: bool = True,
+    cloth: Cloth | None = None,
 ) -> Frame:
     """Return what a scene's last update has made, or what is given in place of that."""
     if cage is None and scene.moves:
@@ -67,8 +71,9 @@ def frame_of(
         cage,
         scene.view.color,
         scene.painting,
-        closed=scene.woven and scene.weave.caps,
+        closed=scene.woven and scene.weave.caps and cloth is None,
         arrows=arrows_of(scene, time) if loads else None,
+        cloth=cloth,
     )
 
 

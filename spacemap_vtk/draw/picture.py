@@ -11,8 +11,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
 from vtkmodules.vtkRenderingCore import vtkActor
 
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
 from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen, yarn_pixels
 from spacemap_vtk.draw.frame import arrows_of, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
@@ -20,6 +22,7 @@ from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -87,18 +90,45 @@ class Picture:
         self._place = place
         self.scene = scene
         width, height = size or scene.view.size
-        require_picture(scene, width * height, len(times))
+        sheet = Sheet.of(scene)
+        if sheet is None:
+            require_picture(scene, width * height, len(times))
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
-        room, self._span = extent or over_motion(scene, times)
+        room, self._span = extent or over_motion(scene, times, sheet)
         self._relief = _relief(scene)
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
-        self._cut = cut_of(scene.view, scene.polygons)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths, strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
+        #: What is drawn in place of yarns; None: they are.
+        self.sheet = self._formed(sheet, room, height, len(times))
+        drawn = scene.polygons if self.sheet is None else self.sheet.update(times[0])
+        self._cut = cut_of(scene.view, drawn)
+
+    def _formed(
+        self, sheet: Sheet | None, room: NDArray[np.float64], height: int, frames: int
+    ) -> Sheet | None:
+        """Choose facets by what can be seen of a yarn; return the sheet where that is nothing."""
+        scene, camera = self.scene, self.panels[-1].window.camera
+        if not scene.woven:
+            return None
+        cloth = scene.weave.cloth
+        scale = pixels_per_metre(camera, room, height)
+        pixels = yarn_pixels(camera, room, height, cloth)
+        if sheet is not None and pixels < SMALLEST_YARN:
+            lost = _lost(scene)
+            scene.warn(
+                f"drawn as a sheet: a yarn is {pixels:.2g} pixels"
+                + (f", and what {lost} is not seen" if lost else "")
+            )
+            return sheet
+        scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
+        if sheet is not None:
+            require_picture(scene, height * height, frames)
+        return None
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -113,21 +143,25 @@ class Picture:
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue.
         """
-        self.scene.update(time)
-        view = self.scene.view
-        frame = frame_of(self.scene, time, loads=view.loads)
+        view, surface, cloth = self.scene.view, None, None
+        if self.sheet is None:
+            self.scene.update(time)
+        else:
+            surface, cloth = self.sheet.update(time), self.sheet.cloth
+        frame = frame_of(self.scene, time, surface, loads=view.loads, cloth=cloth)
         for panel in self.panels:
             panel.shown.show(frame, view, panel.look, self._span, self._cut)
         return np.concatenate([self._drawn(panel) for panel in self.panels], axis=1)
 
     def _drawn(self, panel: _Panel) -> Image:
         (window, shown, _, shaded), shade = panel, None
+        shaded = shaded and self.sheet is None
         depths = []
         if shaded and any(sign.GetVisibility() for sign in shown.signs):
             # One without the other, and the other without the one.
             depths = [_depth_without(window, part) for part in (shown.signs, shown.solids)]
         pixels = window.draw()
-        if shaded:
+        if shaded:  # a sheet has the shadows of its yarns in its colours
             shade = self._shade(window, *(depths or [window.depth()]))
         height, width = pixels.shape[:2]
         image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
@@ -193,25 +227,41 @@ class Picture:
             panel.window.close()
 
 
-def over_motion(scene: Scene, times: Sequence[float]) -> Extent:
+def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None) -> Extent:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
+    sheet = sheet or Sheet.of(scene)
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
-    clouds, ends = [], []
+    clouds: list[NDArray[np.floating]] = []
+    ends: list[float] = []
     for time in chosen:
-        scene.update(time)
-        clouds.append(_some(_points(scene.patches)))
+        if sheet is not None:
+            drawn = sheet.update(time)
+            clouds.append(points_of(drawn))
+        else:
+            scene.update(time)
+            drawn = scene.polygons
+            clouds.append(_some(_points(scene.patches)))
         arrows = arrows_of(scene, time) if scene.view.loads else None
         if arrows is not None:
             clouds.append(arrows.reach)
-        numbers = measure(scene.polygons, scene.view.color)
+        numbers = measure(drawn, scene.view.color)
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
         if scene.moves:
             clouds.append(moved_points(scene.deformed_cage))
     if scene.view.ghost:
-        clouds.append(_some(rest_of(scene.polygons)).astype(np.float64))
-    return np.concatenate(clouds), natural_span(np.array(ends)) if ends else None
+        clouds.append(_some(rest_of(drawn)))
+    return np.concatenate(clouds, dtype=np.float64), natural_span(np.array(ends)) if ends else None
+
+
+def _lost(scene: Scene) -> str:
+    """Return what the colours of a scene mean, where a sheet cannot show it."""
+    color = COLORINGS[scene.view.color]
+    riding = {name for stage in scene.stages if stage.makes == "cage" for name in stage.arrays}
+    if scene.view.color in ("own", "family", "yarn") or color.array in riding:
+        return ""
+    return f'its colours mean, "{color.label}",'
 
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:

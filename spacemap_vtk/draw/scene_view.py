@@ -19,6 +19,7 @@ from spacemap_vtk.draw.glyphs import (
     LoadActor,
     SupportActor,
 )
+from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, scale_share
 from spacemap_vtk.scenes.settings import View
 
@@ -44,10 +45,12 @@ class SceneView:
         # samples of a pixel at an edge some see them: pictures have them, moving ones go without.
         self._far_sides = far_sides
         self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
+        self.sheet = SheetActor()
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
         for actor in (*self.solids, *self.signs, self.ghost):
             renderer.AddActor(actor)
-        renderer.AddViewProp(self.surface.bar)
+        for drawn in (self.surface, self.sheet):
+            renderer.AddViewProp(drawn.bar)
         #: What it is cut with at present; None: the whole is shown.
         self.cut: Cut | None = None
         #: Share of the width that the scale takes.
@@ -59,7 +62,7 @@ class SceneView:
     @property
     def solids(self) -> list[vtkActor]:
         """The things of the scene's room: they cast shadows."""
-        return [self.surface, self.face]
+        return [self.surface, self.sheet, self.face]
 
     @property
     def signs(self) -> list[vtkActor]:
@@ -74,7 +77,9 @@ class SceneView:
         self.cage.GetProperty().SetLineWidth(LINE * point)
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self.supports.GetProperty().SetPointSize(DOT * point)
-        fit_scale(self.surface.bar, size, view.background, pixels)
+        self.sheet.behind(view.background, view.background_top)
+        for drawn in (self.surface, self.sheet):
+            fit_scale(drawn.bar, size, view.background, pixels)
 
     def show(
         self,
@@ -89,8 +94,10 @@ class SceneView:
         scaled = look.fabric and span is not None
         self.room = scale_share(self._size) if scaled else 0.0
         self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
-        self.surface.SetVisibility(look.fabric)
-        self.surface.bar.VisibilityOff()
+        self.surface.SetVisibility(look.fabric and frame.cloth is None)
+        self.sheet.SetVisibility(look.fabric and frame.cloth is not None)
+        for drawn in (self.surface, self.sheet):
+            drawn.bar.VisibilityOff()
         if look.fabric:
             self._show_surface(frame, view, look, span)
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
@@ -111,7 +118,7 @@ class SceneView:
             self._plane.SetOrigin(*cut[1])
         if (cut is None) != (self.cut is None):
             # Loads are never cut, see `LoadActor`.
-            for actor in (self.surface, self.ghost, self.cage, self.supports):
+            for actor in (self.surface, self.sheet, self.ghost, self.cage, self.supports):
                 if cut is None:
                     actor.GetMapper().RemoveAllClippingPlanes()
                 else:
@@ -119,7 +126,7 @@ class SceneView:
         self.cut = cut
         if self._shown is not None:
             frame, view, look, span = self._shown
-            solid = look.fabric and not look.wireframe
+            solid = look.fabric and not look.wireframe and frame.cloth is None
             self.face.fill(
                 frame.surface, cut if solid else None, frame.color, view.object_color, span
             )
@@ -127,8 +134,13 @@ class SceneView:
                 self.loads.show(frame.arrows, cut)
 
     def _show_surface(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
-        self.surface.show(frame.surface, frame.color, view.object_color, span, frame.painting)
-        drawn = self.surface.GetProperty()
+        if frame.cloth is None:
+            self.surface.show(frame.surface, frame.color, view.object_color, span, frame.painting)
+            drawn = self.surface.GetProperty()
+        else:
+            shaded = view.shadows and span is None
+            self.sheet.show_sheet(frame.surface, frame.cloth, frame.color, span, shaded)
+            drawn = self.sheet.GetProperty()
         drawn.SetBackfaceCulling(frame.closed and not self._far_sides)
         drawn.SetRepresentation(VTK_WIREFRAME if look.wireframe else VTK_SURFACE)
         # Of a wire frame, and of objects of lines or points alone.

@@ -194,7 +194,7 @@ class _Drawing:
         self._cage = vtkTrivialProducer()
         self._cage.SetOutput(self._moved)
         self._warp = BarycentricWarp()
-        self._surface = PatchTessellator(subdivisions=scene.surface.subdivisions)
+        self._surface = PatchTessellator(subdivisions=scene.surface.sides)
         self._warp.SetInputConnection(0, scene.source.GetOutputPort())
         self._warp.SetInputConnection(1, self._cage.GetOutputPort())
         self._surface.SetInputConnection(self._warp.GetOutputPort())

@@ -35,6 +35,9 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
 
+#: Subdivisions where nobody says how many, and nobody knows how large a patch is seen.
+AUTOMATIC_SIDES = 4
+
 
 class PatchTessellator(Stage):
     """Turn Bézier quadrilaterals into polygons with analytic normals; let other cells pass.
@@ -67,11 +70,34 @@ class PatchTessellator(Stage):
     output_type = "vtkPolyData"
 
     subdivisions = Integer(
-        4, "Number of quadrilaterals along each side of a patch.", minimum=1, maximum=64
+        None,
+        "Number of quadrilaterals along each side of a patch.",
+        minimum=1,
+        maximum=64,
+        automatic="as many as can be seen in a picture; 4 in files and in the window",
     )
 
+    _chosen: int = AUTOMATIC_SIDES
     _kept: _Patches | None = None
     _skin: Skin | None = None
+
+    @property
+    def sides(self) -> int:
+        """The subdivisions in force."""
+        return self.subdivisions or self._chosen
+
+    def choose(self, sides: int) -> None:
+        """Say how many subdivisions automatic ones are.
+
+        Parameters
+        ----------
+        sides : int
+            From 1 on.
+        """
+        if sides != self._chosen:
+            self._chosen = sides
+            if self.subdivisions is None:
+                self.Modified()
 
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
@@ -85,7 +111,7 @@ class PatchTessellator(Stage):
         if not _only_patches(grid):
             if self._skin is None:
                 self._skin = Skin()
-            self._skin.extract(grid, self.subdivisions, output)
+            self._skin.extract(grid, self.sides, output)
             self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
@@ -116,8 +142,8 @@ class PatchTessellator(Stage):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
 
     def _prepared(self, grid: vtkUnstructuredGrid) -> _Patches:
-        if self._kept is None or not self._kept.serves(grid, self.subdivisions):
-            self._kept = _Patches(grid, self.subdivisions)
+        if self._kept is None or not self._kept.serves(grid, self.sides):
+            self._kept = _Patches(grid, self.sides)
         return self._kept
 
 

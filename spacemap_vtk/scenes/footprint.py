@@ -41,7 +41,7 @@ def drawing_bytes(quads: int, points: int, pixels: int = 0, frames: int = 1) -> 
 
 def picture_bytes(scene: Scene, pixels: int, frames: int = 1) -> int:
     """Return what it takes to draw the fabric of a scene, from the weave to the picture."""
-    return _picture_bytes(scene, scene.weave.counts, scene.surface.subdivisions, pixels, frames)
+    return _picture_bytes(scene, scene.weave.counts, scene.surface.sides, pixels, frames)
 
 
 def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: int) -> int:
@@ -81,7 +81,7 @@ def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
 
 
 def _require_picture(scene: Scene, pixels: int, frames: int) -> None:
-    now = scene.surface.subdivisions
+    now = scene.surface.sides
     try:
         with naming_section(scene.weave.section):
             ends, picks = scene.weave.cloth.size

@@ -1,0 +1,94 @@
+"""In which form a cloth is drawn: yarns in as many facets as can be seen, or a sheet from afar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.weave import estimate_counts
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.scenes.scene import Scene
+
+#: Below so many pixels a yarn is not seen as one.
+SMALLEST_YARN = 2.0
+#: A cloth of fewer patches is drawn yarn by yarn, however small it is seen: that takes no time.
+_MANY_PATCHES = 300_000
+#: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
+_CHORD, _MOST_SIDES = 0.3, 12
+#: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
+_CELLS = 240
+
+
+class Sheet:
+    """A scene's cloth as a sheet that moves with its cage: none of its patches is made."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        with scene.naming_file():
+            self.cloth: Cloth = scene.weave.cloth
+        self._cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
+        self._flat = sheet_of(self.cloth, self._cells)
+        self._warp = BarycentricWarp()
+
+    @classmethod
+    def of(cls, scene: Scene) -> Sheet | None:
+        """Return a scene's sheet; None where its yarns are few, or all of them are needed."""
+        if not scene.woven or scene.source is not scene.weave or scene.surface.subdivisions:
+            return None
+        if any(stage is scene.cage for stage in scene.stages) and scene.cage.method in (
+            "carved",
+            "tetwild",
+        ):
+            return None  # a cage that follows the yarns
+        try:
+            patches = estimate_counts(scene.weave.cloth).patches
+        except SpacemapError:
+            return None  # the stage says why
+        return cls(scene) if patches > _MANY_PATCHES else None
+
+    def update(self, time: float) -> vtkPolyData:
+        """Return the sheet at a time [s]."""
+        scene = self._scene
+        # Of one yarn the stages above know what they ask of all: how far they reach and weigh.
+        one = Piece(0, sum(self.cloth.size))
+        scene.update_stage(scene.deforming if scene.moves else scene.source, time, one)
+        if not scene.moves:
+            return self._flat
+        self._warp.configure(**scene.warp.settings)
+        moved = copied(self._warp(self._flat, scene.deformed_cage))
+        add_directions(moved, self._cells)
+        return moved
+
+
+def yarn_pixels(camera: vtkCamera, points: NDArray[np.float64], height: int, cloth: Cloth) -> float:
+    """Return how many pixels the wider yarns are apart where points are nearest."""
+    spacing = max(threads.mean_spacing(0.0) for threads in cloth.threads)
+    return spacing * pixels_per_metre(camera, points, height)
+
+
+def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:
+    """Return how large a picture of some height shows what is nearest of some points."""
+    if camera.GetParallelProjection():
+        return float(height / (2 * camera.GetParallelScale()))
+    away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
+    near = max(float(away.min()), 1e-3 * camera.GetDistance())
+    return float(height / (2 * near * math.tan(math.radians(camera.GetViewAngle() / 2))))
+
+
+def sides_seen(diameters: Iterable[float], scale: float) -> int:
+    """Return how many facets a quarter of a yarn needs to look round at so many pixels a metre."""
+    radius = 0.5 * max(diameters) * scale
+    if radius <= _CHORD:
+        return 1
+    half = math.acos(1.0 - _CHORD / radius)
+    return max(1, min(_MOST_SIDES, math.ceil(math.pi / 4 / half)))

@@ -1,0 +1,261 @@
+"""A cloth whose yarns are too small to be seen, drawn as a sheet with its colours as textures.
+
+The sheet is lit as its yarns would be. A tube's half that is seen holds normals all round its axis,
+so that its mean light is not that of a plane: it is summed up over the part of the half that its
+neighbour does not hide, at each vertex, for tubes of both families, on top and between others. The
+lights stand as `spacemap_vtk.draw.camera` has them, in the camera's coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
+from vtkmodules.vtkRenderingCore import vtkTexture
+
+from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.draw.camera import LIGHTS
+from spacemap_vtk.draw.surface_actor import FAMILIES, YARNS, Span, SurfaceActor, rgb
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
+from spacemap_vtk.scenes.colorings import COLORINGS
+
+#: Layers of `spacemap_vtk.fabric.faces.layers`, as the shader calls them.
+_LAYERS = ("warpOver", "weftOver", "warpUnder", "weftUnder")
+
+_VERTEX_DECLARATIONS = """
+//VTK::TCoord::Dec
+in vec3 warpMC;
+in vec3 weftMC;
+out vec4 lightVS[4];  // what the colour is multiplied by, and what shines white
+out vec4 coverVS;  // of warp and weft, on top and between
+out vec2 tiltVS;
+out float heightVS;
+"""
+
+_VERTEX_FUNCTIONS = """
+const int LIGHTS = {count};
+const vec3 towards[LIGHTS] = vec3[LIGHTS]({towards});
+const vec3 lights[LIGHTS] = vec3[LIGHTS]({lights});
+
+// The mean light of tubes along an axis; and what they cover.
+vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope, out float covered)
+{{
+  vec4 sum = vec4(0.0);
+  float weights = 0.0;
+  covered = 0.0;
+  vec3 run = along - dot(along, eye) * eye, across = eye - dot(eye, along) * along;
+  float wide = aspect / cover * max(dot(across, up) / length(across), 0.05);
+  for (int way = -1; way <= 1; way += 2)
+  {{
+    vec3 axis = normalize(along + float(way) * tan(slope) * up);
+    vec3 normal = normalize(up - dot(up, axis) * axis);
+    vec3 seen = eye - dot(eye, axis) * axis;
+    float weight = length(seen);  // parts that turn towards the eye are seen larger
+    seen /= weight;
+    weight *= dot(seen, normal) > 0.0 ? 1.0 : 0.1;
+    float c = max(dot(seen, normal), 0.05);
+    vec3 aside = normal - dot(normal, seen) * seen;
+    float s = length(aside);
+    aside = s > 1e-4 ? aside / s : normalize(cross(axis, seen));
+    // In units of the height; from the lower horizon on, what the neighbour leaves to be seen.
+    float flat_ = 0.5 * (aspect - 1.0) * c;
+    float whole = 1.0 + 2.0 * flat_;
+    float pitch = aspect / cover * c;
+    float part = min(whole, pitch);
+    // Where it rises, a yarn that is seen from aside runs askew, and hides more.
+    vec3 askew = axis - dot(axis, eye) * eye;
+    float skew = dot(run, askew) / (length(run) * length(askew));
+    covered += 0.5 * min(1.0, whole / (wide * max(skew, 0.3)));
+    weights += weight;
+    const int SAMPLES = 12;
+    for (int k = 0; k < SAMPLES; ++k)
+    {{
+      float x = 0.5 * whole - part * (float(k) + 0.5) / float(SAMPLES);
+      float first = 2.0 * (x + flat_);
+      float sine = clamp(first < s ? first : max(s, 2.0 * (x - flat_)), -1.0, 1.0);
+      vec3 n = sqrt(1.0 - sine * sine) * seen + sine * aside;
+      for (int l = 0; l < LIGHTS; ++l)
+      {{
+        float fall = max(dot(n, towards[l]), 0.0);
+        float shine = max(dot(2.0 * fall * n - towards[l], eye), 0.0);
+        shine = fall > 0.0 ? specular * pow(shine, 18.0) : 0.0;
+        sum += weight * vec4(0.9 * fall * lights[l], shine * lights[l].g) / float(SAMPLES);
+      }}
+    }}
+  }}
+  return vec4(vec3(0.22), 0.0) + sum / weights;
+}}
+"""
+
+_VERTEX = """
+//VTK::TCoord::Impl
+  vec3 positionVC = (MCVCMatrix * vertexMC).xyz;
+  vec4 place = MCDCMatrix * vertexMC;
+  bool parallel = abs(place.w + positionVC.z) > 1e-4 * abs(positionVC.z);
+  vec3 eye = parallel ? vec3(0.0, 0.0, 1.0) : normalize(-positionVC);
+  vec3 warp = normalize(mat3(MCVCMatrix) * warpMC), weft = normalize(mat3(MCVCMatrix) * weftMC);
+  vec3 up = normalize(cross(weft, warp));
+  up = dot(up, eye) < 0.0 ? -up : up;
+  vec4 a = aspectAndCover;
+  vec3 overWarp = eye - dot(eye, warp) * warp, overWeft = eye - dot(eye, weft) * weft;
+  tiltVS = vec2(dot(overWarp, up) / length(overWarp), dot(overWeft, up) / length(overWeft));
+  tiltVS = 1.0 - tiltVS * tiltVS;
+  lightVS[0] = tubes(warp, up, eye, a.x, a.z, slopes.x, coverVS.x);
+  lightVS[1] = tubes(weft, up, eye, a.y, a.w, slopes.y, coverVS.y);
+  lightVS[2] = tubes(warp, up, eye, a.x, a.z, slopes.z, coverVS.z);
+  lightVS[3] = tubes(weft, up, eye, a.y, a.w, slopes.w, coverVS.w);
+  heightVS = 0.5 + 0.5 * place.y / place.w;
+"""
+
+_FRAGMENT_DECLARATIONS = """
+//VTK::TCoord::Dec
+in vec4 lightVS[4];
+in vec4 coverVS;
+in vec2 tiltVS;
+in float heightVS;
+"""
+
+_FRAGMENT = """
+  vec4 texels[4] = vec4[4](
+    texture(warpOver, tcoordVCVSOutput, 2.0), texture(weftOver, tcoordVCVSOutput, 2.0),
+    texture(warpUnder, tcoordVCVSOutput, 2.0), texture(weftUnder, tcoordVCVSOutput, 2.0));
+  for (int k = 0; k < 4; ++k)  // black yarns shine, too
+    texels[k] = vec4(lightVS[k].rgb * diffuseColor * texels[k].rgb, lightVS[k].a * texels[k].a);
+  int top = gl_FrontFacing ? 0 : 2;  // what lies under on one face lies on top on the other
+  // Contact shadows are the deeper, the rarer a family lies on top.
+  float often = texture(warpOver, tcoordVCVSOutput, 5.0).a;
+  often = gl_FrontFacing ? often : 1.0 - often;
+  vec2 q = vec2(often, 1.0 - often), tilted = 1.0 - 0.22 * min(tiltVS, 0.5);
+  vec2 over = tilted * (1.0 - 0.26 * (1.0 - q) * (1.0 - q)), under = tilted * (0.36 + 0.6 * q);
+  over = mix(vec2(1.0), over, shaded);
+  under = mix(vec2(1.0), under, shaded);
+  vec2 k = coverVS.xy, between = coverVS.zw;
+  vec4 yarns = over.x * k.x * texels[top] + over.y * k.y * texels[top + 1]
+    + under.x * (1.0 - k.y) * between.x * texels[2 - top]
+    + under.y * (1.0 - k.x) * between.y * texels[3 - top];
+  float open = dot(q, (1.0 - k) * (1.0 - between.yx));
+  gl_FragData[0] = vec4(yarns.rgb + yarns.a + open * mix(below, above, heightVS), 1.0);
+"""
+
+
+class SheetActor(SurfaceActor):
+    """A cloth as a sheet."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetProperty().SetDiffuse(1.0)  # the shader multiplies colours by what falls on tubes
+        mapper = self.GetMapper()
+        mapper.SetVBOShiftScaleMethod(0)  # the shader turns directions as it does places
+        for name in ("warp", "weft"):
+            where = vtkDataObject.FIELD_ASSOCIATION_POINTS
+            mapper.MapDataArrayToVertexAttribute(f"{name}MC", name, where, -1)
+        shader = self.GetShaderProperty()
+        for tag, text in (
+            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _functions()),
+            ("//VTK::TCoord::Impl", _VERTEX),
+        ):
+            shader.AddVertexShaderReplacement(tag, True, text, False)
+        for tag, text in (
+            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS),
+            ("//VTK::Light::Impl", _FRAGMENT),
+            ("//VTK::TCoord::Impl", ""),
+        ):
+            shader.AddFragmentShaderReplacement(tag, True, text, False)
+        self._shown: tuple[Cloth, str] | None = None
+        self.behind((255, 255, 255), (255, 255, 255))
+
+    def behind(self, below: Sequence[int], above: Sequence[int]) -> None:
+        """Take the colours of the background, which is seen between yarns."""
+        uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniform3f("below", [part / 255 for part in below])
+        uniforms.SetUniform3f("above", [part / 255 for part in above])
+
+    def show_sheet(
+        self, sheet: vtkPolyData, cloth: Cloth, color: str, span: Span | None, shaded: bool
+    ) -> None:
+        """Draw a cloth's sheet, where it has been moved to."""
+        self.show(sheet, color if COLORINGS[color].scaled else "own", (255, 255, 255), span)
+        if self._shown == (cloth, color):
+            return
+        self._shown = cloth, color
+        warp, weft = tubes(cloth)
+        vertex = self.GetShaderProperty().GetVertexCustomUniforms()
+        vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
+        slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
+        vertex.SetUniform4f("slopes", slopes)
+        vertex.SetUniformf("specular", self.GetProperty().GetSpecular())
+        fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
+        fragment.SetUniformf("shaded", float(shaded))
+        for name, pixels in zip(
+            _LAYERS, layers(cloth.drawdown, *_colors(cloth, color)), strict=True
+        ):
+            self.GetProperty().SetTexture(name, _texture(pixels))
+
+
+def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
+    """Return the middle of a cloth as quadrilaterals, flat."""
+    x, y = (grid_lines(cloth, number, cells[number]) for number in (0, 1))
+    across, up = np.meshgrid(x, y)
+    points = np.stack([across, up, np.zeros_like(up)], axis=-1).reshape(-1, 3)
+    place = np.arange(len(points)).reshape(across.shape)
+    corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
+    s, t = np.meshgrid(*(np.linspace(0.0, 1.0, n + 1, dtype=np.float32) for n in cells))
+    sheet = vtkPolyData()
+    sheet.SetPoints(to_points(points))
+    sheet.SetPolys(to_cells(np.stack(corners, axis=-1).reshape(-1, 4)))
+    sheet.GetPointData().SetTCoords(to_array(np.stack([s, t], axis=-1).reshape(-1, 2), "texels"))
+    add_directions(sheet, cells)
+    return sheet
+
+
+def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
+    """Put on a sheet which way its yarns run, where it has been moved to."""
+    points = points_of(sheet).astype(np.float32).reshape(cells[1] + 1, cells[0] + 1, 3)
+    for name, axis in (("warp", 0), ("weft", 1)):
+        along = np.asarray(np.gradient(points, axis=axis), np.float32)
+        sheet.GetPointData().AddArray(to_array(along.reshape(-1, 3), name))
+
+
+def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the colours of ends and picks, white where they are not shown."""
+    if color == "own":
+        return cloth.warp.colors, cloth.weft.colors
+    if color not in ("family", "yarn"):
+        white = np.full((1, 3), 255, np.uint8)
+        return white, white
+    ends, picks = cloth.size
+    palette = np.rint(255 * np.array([rgb(c) for c in (FAMILIES if color == "family" else YARNS)]))
+    numbers = np.repeat([0, 1], cloth.size) if color == "family" else np.arange(ends + picks)
+    chosen = palette.astype(np.uint8)[numbers % len(palette)]
+    return chosen[:ends], chosen[ends:]
+
+
+def _texture(pixels: NDArray[np.uint8]) -> vtkTexture:
+    rows, columns, _ = pixels.shape
+    image = vtkImageData()
+    image.SetDimensions(columns, rows, 1)
+    image.GetPointData().SetScalars(to_array(pixels.reshape(-1, 4), "texels"))
+    texture = vtkTexture()
+    texture.SetInputData(image)
+    texture.SetColorModeToDirectScalars()
+    texture.InterpolateOn()
+    texture.MipmapOn()
+    texture.SetMaximumAnisotropicFiltering(8.0)
+    texture.RepeatOff()
+    texture.EdgeClampOn()
+    return texture
+
+
+def _functions() -> str:
+    def vectors(rows: NDArray[np.float64]) -> str:
+        return ", ".join("vec3({:.6f}, {:.6f}, {:.6f})".format(*row) for row in rows)
+
+    places = np.array([place for place, _, _ in LIGHTS], float)
+    towards = places / np.linalg.norm(places, axis=1, keepdims=True)
+    lights = np.array([intensity * np.array(color) for _, intensity, color in LIGHTS])
+    return _VERTEX_FUNCTIONS.format(
+        count=len(LIGHTS), towards=vectors(towards), lights=vectors(lights)
+    )
