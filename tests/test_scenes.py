@@ -201,7 +201,7 @@ def a_real_draft(scene: Scene) -> None:
     figures = report.fabric(scene)
     assert (figures["ends"], figures["picks"]) == (62, 62)
     assert figures["warp"]["section"] == "racetrack"
-    assert figures["cover"] == pytest.approx(1 - 0.2**2)  # both 80 % covered
+    assert figures["cover"] == pytest.approx(1 - 0.1**2)  # both 90 % covered
     assert "flattened" in figures["warnings"][0]
     assert abs(figures["least_clearance"]["distance"]) < 1e-15
 
