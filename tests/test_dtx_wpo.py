@@ -207,6 +207,33 @@ def test_a_dtx_that_is_none(change: tuple[str, str], said: str) -> None:
     assert said in str(told.value)
 
 
+def test_drafts_of_nothing() -> None:
+    with pytest.raises(InputError, match="it has 0 ends and 1 picks"):
+        read(b"@@StartDTX\n@@Threading\n@@Liftplan\n1\n@@EndDTX\n", ".dtx")
+    with pytest.raises(InputError, match="it has 0 ends and 2 picks"):
+        read(b"1: 0\n2: -\n", ".txt")
+
+
+@given(st.sampled_from([".dtx", ".wpo", ".txt"]), st.data())
+@settings(max_examples=150, deadline=None)
+def test_whatever_is_in_a_file_is_read_or_refused(ending: str, data: st.DataObject) -> None:
+    whole = {".dtx": DTX.encode(), ".wpo": wpo(102, 17, 12), ".txt": b"1: 1,3\n2: 2,4\n3: -\n"}[
+        ending
+    ]
+    content = bytearray(whole)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(content)))
+        content[place : place + data.draw(st.integers(0, 9))] = data.draw(
+            st.binary(max_size=3) | st.sampled_from([b"0", b"9", b"\n", b"-", b",", b"@@", b"%%"])
+        )
+    try:
+        found = read(bytes(content), ending, data.draw(st.booleans()))
+    except InputError:
+        return
+    assert found.loom is not None
+    np.testing.assert_array_equal(found.loom.drawdown(), found.drawdown)
+
+
 def test_what_a_dtx_cannot_hold_is_told() -> None:
     loom = Loom(threading=((1, 2), (2,)), tieup=((1,), (2,)), treadling=((1,), (2,)))
     warp = DraftThreads(spacing=1e-3, thickness=0.5e-3)

@@ -32,7 +32,9 @@ def unreadable(error: Exception) -> InputError:
 
 
 def check_size(ends: int, picks: int) -> None:
-    """Refuse more crossings than a draft can have."""
+    """Refuse no crossings, and more than a draft can have."""
+    if not ends * picks:
+        raise InputError(f"it has {ends} ends and {picks} picks", allowed="one of each, at least")
     if ends * picks > MAX_CROSSINGS:
         raise SizeError(
             f"a cloth of {ends} x {picks} yarns is too large",

@@ -119,6 +119,7 @@ def parse_liftplan(text: str, title: str = "") -> Draft:
             allowed=f"shafts from 1 to {_MOST_SHAFTS}",
             cure=_LIST_CURE,
         )
+    check_size(most, len(picks))
     loom = Loom(tuple((shaft,) for shaft in range(1, most + 1)), liftplan=tuple(picks))
     told = f"a liftplan says no threading: one straight draw over its {most} shafts is woven"
     return Draft(loom.drawdown(), loom, title=title, warnings=(told,))
