@@ -98,8 +98,9 @@ def arrays_to_points(data: Any) -> None:
     # and Clip, so in VTK 9.2 and still in 9.7). ParaView's *Slice*, *Clip* and *Contour* show
     # nonsense, or crash where that memory is no one's; with more patches that is more likely, with
     # 200,000 it is certain. Arrays of points are copied whole, and read right.
-    # Those of yarns do; `PatchTessellator` hands them to its polygons. An array in which neighbours
-    # differ stays where it is.
+    # Those of yarns do; `PatchTessellator` hands them to its polygons. A number in which neighbours
+    # differ, as what a yarn does from crossing to crossing, is its mean at the points that they
+    # share; of colours there is no mean, and they stay where they are.
     if not data.IsA("vtkUnstructuredGrid") or cell_types(data) != [VTK_BEZIER_QUADRILATERAL]:
         return
     cells, points = data.GetCellData(), data.GetPointData()
@@ -113,9 +114,14 @@ def arrays_to_points(data: Any) -> None:
         values = vtk_to_numpy(array)
         moved = np.zeros((data.GetNumberOfPoints(), *values.shape[1:]), values.dtype)
         moved[patches] = values[:, np.newaxis]
-        if (moved[patches] == values[:, np.newaxis]).all():
-            add_array(points, name, moved)
-            cells.RemoveArray(name)
+        if (moved[patches] != values[:, np.newaxis]).any():
+            if values.ndim > 1:
+                continue
+            corners, size = patches.ravel(), data.GetNumberOfPoints()
+            sums = np.bincount(corners, np.repeat(values, patches.shape[1]), size)
+            moved = (sums / np.maximum(np.bincount(corners, minlength=size), 1)).astype(np.float32)
+        add_array(points, name, moved)
+        cells.RemoveArray(name)
 
 
 def say(stage: Stage, error: BaseException | None) -> None:

@@ -16,6 +16,8 @@ modal = simple.ModalSolver(Input=cage, YoungsModulus=1e6)
 response = simple.ModalResponse(Input=modal, Duration=0.04, Frames=6)
 warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp, Subdivisions=3)
+yarns = simple.CrimpInterchange(Input=weave, Cage=response)
+kept = simple.BarycentricWarp(Input=yarns, Cage=response)  # with numbers that neighbours share not
 
 # As a session goes: played, changed, and with other filters on it before.
 view = simple.CreateRenderView(ViewSize=[60, 40])
@@ -59,7 +61,7 @@ def check(made: Any, whole: set[int]) -> None:
 
 
 picks = set(range(ENDS, 2 * ENDS))
-for source in (weave, warp):
+for source in (weave, warp, kept):
     cut = simple.Slice(Input=source)
     cut.SliceType.Origin = [0.1e-3, 0.0, 0.0]  # along the fifth end, across all picks
     check(cut, {4} | picks)
@@ -69,4 +71,10 @@ for source in (weave, warp):
     place = simple.Calculator(Input=source, ResultArrayName="x", Function="coordsX")
     check(simple.Contour(Input=place, ContourBy=["POINTS", "x"], Isosurfaces=[0.1e-3]), {4} | picks)
 assert response.GetClientSideObject().executions > 6
+kept.UpdatePipeline(0.02)
+points = kept.GetClientSideObject().GetOutputDataObject(0).GetPointData()
+rest = weave.GetClientSideObject().cloth.families
+low, high = (0.5 * min(f.crimp.crimp for f in rest), 2.0 * max(f.crimp.crimp for f in rest))
+crimp = vtk_to_numpy(points.GetArray("crimp"))
+assert low < crimp.min() < crimp.max() < high
 print("cut yarns keep their numbers and colours")
