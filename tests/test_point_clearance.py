@@ -7,6 +7,7 @@ import pytest
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.draw.coloring import largest_principal, measure, unit_of
+from spacemap_vtk.draw.surface_actor import natural_span
 from spacemap_vtk.fabric.point_clearance import gaps
 from spacemap_vtk.fabric.yarn_clearance import least_clearance
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -89,6 +90,7 @@ def test_the_largest_principal_value_is_numpys() -> None:
     ("color", "largest", "unit"),
     [
         ("displacement", 3e-3, "mm"),
+        ("displacement", natural_span(np.array([0.0, 0.101]))[1], "mm"),
         ("displacement", 2.0, "m"),
         ("clearance", 4e-5, "µm"),
         ("velocity", 0.02, "mm/s"),

@@ -137,6 +137,9 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
 
 def test_every_colouring_is_another_picture(open_scene: Any) -> None:
     window = open_scene()
+    of_yarns = ["crimp", "yarn_strain", "yarn_tension", "contact_force", "jammed"]
+    assert not set(of_yarns) & set(window.document.scene.colorings)
+    window.document.set_many("yarns", {"inextensible": False, "tension": "20 N"})
     pictures = []
     names = window.document.scene.colorings  # all but of what hangs
     assert names == [name for name in COLORINGS if name != "equilibrium"]
@@ -146,14 +149,14 @@ def test_every_colouring_is_another_picture(open_scene: Any) -> None:
         pictures.append(image(window))
         # What stands for a number has a scale, with its unit.
         bar = window.view.scene_view.surface.bar
-        assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn"))
+        assert bool(bar.GetVisibility()) == (name not in ("own", "family", "yarn", "jammed"))
         assert not bar.GetVisibility() or "[" in bar.GetTitle()
     for k, one in enumerate(pictures):
         for other in pictures[:k]:
             assert np.abs(one - other).max() > 60
     # Each was a change that can be undone.
-    assert window.document.undo.count() == len(names) - 1
-    assert window.document.values["view"]["color"] == "clearance"
+    assert window.document.undo.count() == 1 + len(names) - 1
+    assert window.document.values["view"]["color"] == names[-1]
 
 
 def test_no_far_side_of_a_yarn_is_drawn_and_none_is_missed(open_scene: Any) -> None:

@@ -79,7 +79,8 @@ def unit_of(color: str, largest: float) -> tuple[str, float]:
         return ("%", 0.01) if largest < 0.5 else ("", 1.0)
     best = names[0]
     for name in names:
-        if largest >= sizes[name] * 0.2:
+        # 0.2 m itself is 200 mm: scales end there that have a little more than 100 mm to show
+        if largest > sizes[name] * (0.2 + 1e-6):
             best = name
     return best, sizes[best]
 

@@ -13,6 +13,7 @@ from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Flag, Real, Series
 
+_FLATTEST = YarnMechanics().flattest
 #: What counts for yarns that stretch.
 _ELASTIC = {"inextensible": (False,)}
 
@@ -83,11 +84,12 @@ class YarnParameters(Stage):
         automatic="none: crossings flatten as the yarns need",
     )
     flattest = Real(
-        YarnMechanics().flattest,
+        None,
         "Least distance of the axes at a crossing, over that of the yarns as woven: where fibres "
         "lie as close as they can. 1: crossings are hard, and do not flatten.",
         above=0.0,
         maximum=1.0,
+        automatic=f"{_FLATTEST:.3g}, for fibres that fill 0.6 of a yarn's section",
     )
     bending = WarpAndWeft(
         Real(
@@ -105,7 +107,7 @@ class YarnParameters(Stage):
         rest = YarnMechanics(
             contact=self.contact or 0.0,
             bending=WarpAndWeft.pair(self.bending) or (0.0, 0.0),
-            flattest=self.flattest,
+            flattest=_FLATTEST if self.flattest is None else self.flattest,
         )
         if self.inextensible:
             return rest
