@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from spacemap_vtk.fabric import weave, yarn
 from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL
 from spacemap_vtk.fabric.cloth import AXES, Cloth
+from spacemap_vtk.fabric.double_weave import upper_cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -30,6 +32,11 @@ from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
+#: What is said of a draft of two cloths.
+_DOUBLE = (
+    "it is a double weave, two cloths of every other end and pick: it is drawn as one layer, where "
+    "the one above floats over the one below"
+)
 #: Of a drawdown, while it is repeated.
 _CROSSING_BYTES = 4
 
@@ -390,7 +397,10 @@ class WeaveSource(Stage):
                 allowed=read_words("draft"),
             )
         if self._read is None or self._read[0] != self._stamp:
-            self._read = self._stamp, read_draft(self.draft, self.trim)
+            draft = read_draft(self.draft, self.trim)
+            if upper_cloth(draft.drawdown) is not None:
+                draft = replace(draft, warnings=(*draft.warnings, _DOUBLE))
+            self._read = self._stamp, draft
         return self._read[1]
 
     @property
