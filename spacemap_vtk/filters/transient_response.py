@@ -19,7 +19,7 @@ from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.mesh_pencil import digest_of
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.mechanics.supports import held_components, held_directions
-from spacemap_vtk.parameters import Real
+from spacemap_vtk.parameters import Flag, Real
 
 if TYPE_CHECKING:
     from spacemap_vtk.mechanics.transient import Stepped
@@ -69,6 +69,12 @@ class TransientResponse(LoadedCage):
         above=0.0,
     )
     max_step = Real("20 ms", "Longest step.", unit="s", above=0.0)
+
+    still = Flag(
+        True,
+        "Still what swings across a sheet's thickness within microseconds: cloth that whips takes "
+        "far longer steps then. The energy of that is told as dissipated.",
+    )
 
     _modes: ModesReader | None = None
     _kept_motion: tuple[str, Stepped] | None = None
@@ -174,7 +180,8 @@ class TransientResponse(LoadedCage):
                 *vector.function,
             )
         ]
-        numbers = (model.modulus, model.density, *damping[:2], self.tolerance, self.max_step)
+        bounds = self.tolerance, self.max_step, self.still
+        numbers = (model.modulus, model.density, *damping[:2], *bounds)
         digest = digest_of(
             model.digest, *parts, displacement, velocity, self._settled, *map(float, numbers)
         )
@@ -189,6 +196,7 @@ class TransientResponse(LoadedCage):
             settled=self._settled,
             tolerance=self.tolerance * size,
             max_step=self.max_step,
+            still=self.still,
         )
         self._kept_motion = digest, motion
         self._stored = 0, 0.0
