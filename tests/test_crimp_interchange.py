@@ -60,10 +60,15 @@ def woven(name: str, **more: Any) -> WeaveSource:
 
 
 def pipeline(
-    source: WeaveSource, gradient: Any, **values: Any
+    source: WeaveSource,
+    gradient: Any,
+    cage_of: dict[str, Any] | None = None,
+    smooth: bool = False,
+    **values: Any,
 ) -> tuple[CrimpInterchange, BarycentricWarp]:
     """Yarns and warp behind a weave, in a cage that moves by a gradient or a function."""
-    cage = connect(source, TetraCage(divisions=(4, 3, 1), padding=0.1)).update().output
+    made = TetraCage(**{"divisions": (4, 3, 1), "padding": 0.1, **(cage_of or {})})
+    cage = connect(source, made).update().output
     grid = cage.NewInstance()
     grid.ShallowCopy(cage)
     points = points_of(grid)
@@ -71,7 +76,7 @@ def pipeline(
     add_array(grid.GetPointData(), "displacement", moved - points)
     crimp = CrimpInterchange(**values)
     connect((source, grid), crimp)
-    return crimp, connect((crimp, grid), BarycentricWarp())
+    return crimp, connect((crimp, grid), BarycentricWarp(smooth=smooth))
 
 
 def cells(stage: CrimpInterchange, name: str) -> np.ndarray:
@@ -206,8 +211,37 @@ def test_a_new_shape_runs_each_stage_once_and_locates_nothing_anew() -> None:
     assert surface.output.GetCellData().HasArray("yarn_strain")
 
 
-def test_pieces_make_up_the_whole() -> None:
+@pytest.mark.parametrize(
+    ("cage_of", "smooth"),
+    [
+        ({"divisions": (3, 3, 2)}, False),
+        ({"order": 2}, False),
+        ({"order": 2}, True),
+        ({}, True),
+        ({"method": "carved"}, False),
+    ],
+)
+def test_any_cage_and_either_warp_carry_feet(cage_of: dict[str, Any], smooth: bool) -> None:
     source = woven("twill")
+    sheet, other = (
+        points_of(pipeline(source, SHEARED, *how)[1].update().output)
+        for how in ((None, False), (cage_of, smooth))
+    )
+    assert abs(other - sheet).max() < 1e-9 * np.ptp(sheet)
+
+
+def test_in_single_precision_it_is_the_same() -> None:
+    double = points_of(pipeline(woven("twill"), SHEARED)[1].update().output)
+    crimp, warp = pipeline(woven("twill", precision="single"), SHEARED)
+    single = points_of(warp.update().output)
+    kept = [array_of(crimp.output.GetPointData(), name, "") for name in (FOOT, OFFSET)]
+    assert {array.dtype for array in (single, *kept)} == {np.dtype(np.float32)}
+    assert abs(single - double).max() < 1e-6 * np.ptp(double)
+
+
+@pytest.mark.parametrize("name", ["twill", "racetrack"])
+def test_pieces_make_up_the_whole(name: str) -> None:
+    source = woven(name)
     crimp, warp = pipeline(source, SHEARED)
     whole = points_of(warp.update().output).copy()
     strain = cells(crimp, "crimp").copy()

@@ -100,7 +100,9 @@ def gaps_of(
         flat[[0, -1]] -= np.maximum(half[[0, -1]] - overhang, 0.0) * (1 + (len(flat) == 1))
         room = np.maximum(inner - half[1:] - half[:-1], 0.0)
         step = half / size
-        position = np.stack([position - step, position + step], axis=2).reshape(len(size), -1)
+        position = np.stack([position - step, position + step], axis=2).reshape(
+            len(size), 2 * len(half)
+        )
         position[:, :1] = np.maximum(position[:, :1], first)
         position[:, -1:] = np.minimum(position[:, -1:], last)
         inner, both = np.empty((2, len(size), position.shape[1] - 1))

@@ -8,6 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk import (
     BarycentricWarp,
+    CrimpInterchange,
     ModalResponse,
     ModalSolver,
     MotionReader,
@@ -23,6 +24,7 @@ def connected(
     source: dict[str, Any],
     cage: dict[str, Any] | None = None,
     motion: dict[str, Any] | None = None,
+    yarns: dict[str, Any] | None = None,
 ) -> list[Stage]:
     """Return the stages from source to surface; a source with a file is an object."""
     first = ObjectSource(**source) if "file" in source else WeaveSource(**source)
@@ -41,6 +43,12 @@ def connected(
     warp, skin = BarycentricWarp(), PatchTessellator(subdivisions=2)
     warp.SetInputConnection(0, first.GetOutputPort())
     warp.SetInputConnection(1, stages[-1].GetOutputPort())
+    if yarns is not None:
+        crimp = CrimpInterchange(**yarns)
+        crimp.SetInputConnection(0, first.GetOutputPort())
+        crimp.SetInputConnection(1, stages[-1].GetOutputPort())
+        warp.SetInputConnection(0, crimp.GetOutputPort())
+        stages.insert(1, crimp)
     skin.SetInputConnection(warp.GetOutputPort())
     return [*stages, warp, skin]
 
@@ -56,7 +64,7 @@ def surface(data: vtkPolyData) -> dict[str, np.ndarray]:
     moved = vtk_to_numpy(data.GetPointData().GetArray("displacement"))
     corners = cells.reshape(-1, size)
     result = {"corners": points[corners], "moved": moved[corners]}
-    for name in ("yarn", "family", "color", "part"):
+    for name in ("yarn", "family", "color", "part", "crimp"):
         array = data.GetCellData().GetArray(name)
         if array is not None:
             result[name] = vtk_to_numpy(array)
