@@ -98,9 +98,9 @@ def arrays_to_points(data: Any) -> None:
     # and Clip, so in VTK 9.2 and still in 9.7). ParaView's *Slice*, *Clip* and *Contour* show
     # nonsense, or crash where that memory is no one's; with more patches that is more likely, with
     # 200,000 it is certain. Arrays of points are copied whole, and read right.
-    # Those of yarns do; `PatchTessellator` hands them to its polygons. A quantity or a flag in which
-    # neighbours differ, as what a yarn does from crossing to crossing, is its mean at the points
-    # that they share; of names and colours there is no mean, and they stay where they are.
+    # Those of yarns do; `PatchTessellator` hands them to its polygons. A quantity or a flag that
+    # differs between neighbours, as what a yarn does from crossing to crossing, is its mean at the
+    # points that they share; of names and colours there is no mean, and they stay where they are.
     if not data.IsA("vtkUnstructuredGrid") or cell_types(data) != [VTK_BEZIER_QUADRILATERAL]:
         return
     cells, points = data.GetCellData(), data.GetPointData()
