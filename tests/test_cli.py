@@ -801,9 +801,8 @@ def test_a_draft_too_large_to_be_drawn_is_told_of(
     figures = json.loads(capsys.readouterr().out)
     assert figures["ends"] == 150
     assert figures["warp"]["theta_deg"] > 0
-    assert figures["least_clearance"] is None
+    assert abs(figures["least_clearance"]["distance"]) < 1e-12  # of crops in which all occurs
     assert "too large to be drawn" in " ".join(figures["warnings"])
-    assert "least clearance is not looked for" in " ".join(figures["warnings"])
 
 
 def test_info_counts_what_is_built_and_builds_nothing(

@@ -239,6 +239,30 @@ class Cloth:
         """
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
+    def courses(self, number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the different courses of ends or picks: yarns of one course have equal axes.
+
+        Parameters
+        ----------
+        number : {0, 1}
+            Warp or weft.
+
+        Returns
+        -------
+        first : (courses,) int64
+            A yarn of each, ascending.
+        which : (yarns,) int64
+            The course of each yarn, a place in `first`.
+        """
+        upper, diameter = self.upper(number), self.yarns[number].diameter
+        sizes = diameter.view(np.uint8).reshape(len(upper), -1)
+        table = np.column_stack([np.packbits(upper, axis=1), sizes])
+        _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        return first[order], place[which.reshape(-1)]
+
     @cached_property
     def families(self) -> tuple[Family, Family]:
         """Mean measures of warp and weft, Peirce's figures among them."""

@@ -82,22 +82,23 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
     """Return by how much each yarn of a family is longer than straight, in m."""
     own, crossed, share = cloth.yarns[number], cloth.yarns[1 - number], cloth.shares[number]
+    chosen, which = cloth.courses(number)
     if cloth.axis == "spline":
-        past = cloth.families[number].overhang
-        path = spline_axes(cloth.upper(number), own, crossed, share, past)
+        past, upper = cloth.families[number].overhang, cloth.upper(number, chosen)
+        path = spline_axes(upper, own.chosen(chosen), crossed, share, past)
         straight = path.along[path.last] - path.along[0]
-        return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)
+        return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
     room = crossed.spacing - 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
-    excess = np.empty(cloth.size[number])
+    excess = np.empty(len(chosen))
     step = max(1, _CROSSINGS // cloth.size[1 - number])
     for first in range(0, len(excess), step):
-        some = slice(first, first + step)
+        some = chosen[first : first + step]
         upper = cloth.upper(number, some)
         arc, height = crossing_heights(upper, own.chosen(some), crossed, share)
         rise = np.abs(np.diff(height, axis=1))
         crimp = solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp
-        excess[some] = (crimp * room).sum(axis=1)
-    return excess
+        excess[first : first + step] = (crimp * room).sum(axis=1)
+    return excess[which]
 
 
 def _area(yarns: Yarns) -> NDArray[np.float64]:

@@ -112,10 +112,7 @@ def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
     wide = own.aspect * radius
     telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
     if cloth.axis == "spline":
-        course = np.column_stack(
-            [np.packbits(upper, axis=1), own.diameter.view(np.uint8).reshape(len(upper), -1)]
-        )
-        telling |= set(np.unique(course, axis=0, return_index=True)[1].tolist())
+        telling |= set(cloth.courses(number)[0].tolist())
         return np.array(sorted(telling))
     share = cloth.shares[number]
     top, bottom = np.empty(len(upper)), np.empty(len(upper))

@@ -208,7 +208,7 @@ def estimate_counts(cloth: Cloth) -> Counts:
 
 
 def count(cloth: Cloth) -> tuple[Counts, float]:
-    """Return what `build` makes of a cloth, some yarns at a time and without their patches.
+    """Return what `build` makes of a cloth, from one yarn of each course and without patches.
 
     Parameters
     ----------
@@ -235,12 +235,14 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
     Counts(points=848, patches=96, parts=20)
     """
     none, parts, worst = slice(0, 0), [0, 0], 0.0
-    for number, (yarns, shape) in enumerate(zip(cloth.size, _sections(cloth), strict=True)):
+    for number, shape in enumerate(_sections(cloth)):
+        chosen, which = cloth.courses(number)
+        yarns = np.bincount(which)
         step = max(1, _CROSSINGS // cloth.size[1 - number])
-        for first in range(0, yarns, step):
-            some = slice(first, first + step)
+        for first in range(0, len(chosen), step):
+            some = chosen[first : first + step]
             path = axes(cloth, Share(none, some) if number else Share(some, none))[number]
-            parts[number] += len(path.length)
+            parts[number] += int(path.parts @ yarns[first : first + step])
             worst = max(worst, _radial_error(path, shape.error, cloth.exact))
     return _counts(cloth, parts), worst
 

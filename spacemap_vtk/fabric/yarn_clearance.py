@@ -20,6 +20,7 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.crops import telling_crops
 from spacemap_vtk.fabric.weave import Weave
 
 Floats = NDArray[np.float64]
@@ -121,6 +122,54 @@ def least_clearance(cloth: Cloth, samples: int = 4) -> Clearance:
         ),
         samples,
     )
+
+
+def clearance_of_large(cloth: Cloth, most: int) -> Clearance | None:
+    """Return the least clearance of a cloth from crops in which each of its local weaves occurs.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As woven.
+    most : int
+        Crossings that are looked at, at most.
+
+    Returns
+    -------
+    Clearance or None
+        None where that is not enough, or where yarns differ or bend as splines do.
+
+    Raises
+    ------
+    InputError
+        A measure of the cloth does not fit another.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> over = np.indices((2000, 2000)).sum(axis=0) % 2
+    >>> found = clearance_of_large(Cloth(drawdown=over, warp=threads, weft=threads), 1000)
+    >>> abs(found.distance) < 1e-15
+    True
+    """
+    crops = telling_crops(cloth, most)
+    if crops is None:
+        return None
+    least: Clearance | None = None
+    for end, pick, crop in crops:
+        found = least_clearance(crop)
+        if least is not None and found.distance >= least.distance:
+            continue
+        few, many = crop.size[0], cloth.size[0]
+        a, b = (k + end if k < few else k - few + pick + many for k in found.yarns)
+        # both are centred
+        shift = np.zeros(3)
+        for axis, first in enumerate((end, pick)):
+            positions = cloth.yarns[axis].position
+            shift[axis] = positions[first] - crop.yarns[axis].position[0]
+        least = Clearance(found.distance, (a, b), found.place + shift)
+    return least
 
 
 def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4) -> Clearance:

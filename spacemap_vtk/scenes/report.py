@@ -16,7 +16,12 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
-from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_of, least_clearance
+from spacemap_vtk.fabric.yarn_clearance import (
+    Clearance,
+    clearance_of,
+    clearance_of_large,
+    least_clearance,
+)
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
@@ -29,7 +34,8 @@ from spacemap_vtk.mechanics.plates import DataSheet
 from spacemap_vtk.mechanics.realm import realm
 from spacemap_vtk.scenes.scene import Scene
 
-#: The clearance of larger cloth is not looked for: 10,000 crossings take 3 s.
+#: The clearance of larger cloth is looked for where its local weaves are few: 10,000 crossings
+#: take 3 s.
 MOST_CROSSINGS = 20_000
 #: Times of a motion that are looked at: at most, at least, and cells times times in between, which
 #: take 0.2 s; the motion of a cage of more cells is not told.
@@ -246,7 +252,11 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = motion(scene)
     if over.size > MOST_CROSSINGS:
-        scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
+        found = clearance_of_large(cloth, MOST_CROSSINGS // 2) if room else None
+        if found is not None:
+            figures["least_clearance"] = _clearance(found)
+        else:
+            scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
     elif room:
         figures["least_clearance"] = _clearance(least_clearance(cloth))
         if time is not None:
