@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject, Signal
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.job import Job, Swing
+from spacemap_vtk.app.job import Job, Pull, Swing
 from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
@@ -45,7 +45,7 @@ class Director(QObject):
         self._times, self._stages = times, stages
         self.generation = 0
         self._asked: Job | None = None
-        self.swing: Swing | None = None
+        self.swing: Swing | Pull | None = None
         self._running = self._step = ""
         self._share = 0.0
         #: Whether a drag goes on.
@@ -96,6 +96,13 @@ class Director(QObject):
             self._times.pause()
             self.swing = swing
             self.ask(coarse=True)
+
+    def pull(self, pull: Pull | None) -> None:
+        """Show the cloth pulled in place of the motion; None: the motion again."""
+        self._times.pause()
+        self.swing = pull
+        # The latest wish counts: a drag's last one, too.
+        self.ask(coarse=pull is not None)
 
     def hold(self, held: bool) -> None:
         """Put the smooth frame off while a drag goes on."""

@@ -22,6 +22,15 @@ class Swing:
 
 
 @dataclass(frozen=True)
+class Pull:
+    """The cloth stretched alike everywhere, in place of the motion."""
+
+    #: Stretches of space along warp and weft, 1 at rest.
+    warp: float
+    weft: float
+
+
+@dataclass(frozen=True)
 class Job:
     """A picture wanted."""
 
@@ -37,5 +46,5 @@ class Job:
     time: float
     #: Whether speed counts for more than smoothness.
     coarse: bool = False
-    #: The mode to show in place of the motion.
-    swing: Swing | None = field(default=None)
+    #: The mode, or the stretch, to show in place of the motion.
+    swing: Swing | Pull | None = field(default=None)

@@ -28,11 +28,13 @@ from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.gallery import Gallery
+from spacemap_vtk.app.job import Pull
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.modes_tab import ModesTab
 from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
+from spacemap_vtk.app.pull_tab import PullTab
 from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
@@ -82,6 +84,8 @@ class MainWindow(QMainWindow):
         self.plots = PlotsTab(self.document, self.engine)
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
+        self.pull = PullTab(self.document)
+        self.tabs.addTab(self.pull, "Pull")
         self.files = Files(self, self.document, self.errors)
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
@@ -200,12 +204,16 @@ class MainWindow(QMainWindow):
         self.director.progress.connect(self._show_progress)
         # A swing that cannot go on ends, as playing does: it would fail anew at every frame.
         self.director.failed.connect(self.modes.stop)
+        self.director.failed.connect(self.pull.stop)
         self.cancel.clicked.connect(self.director.cancel)
         self.director.given_up.connect(self._given_up)
         self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
-        self.times.play.clicked.connect(self.modes.stop)
-        self.document.replaced.connect(self.modes.stop)
+        self.pull.pulled.connect(self._pull)
+        for stop in (self.modes.stop, self.pull.stop):
+            self.times.play.clicked.connect(stop)
+            self.document.replaced.connect(stop)
+        self.modes.table.cellClicked.connect(self.pull.release)
         self.view.picked.connect(self._picked)
         self.plots.asked.connect(self._asked)
         self.view.picks_changed.connect(self.plots.show_points)
@@ -352,8 +360,14 @@ class MainWindow(QMainWindow):
         self.told.setText(text)
         self.told.setToolTip(warnings)
 
+    def _pull(self, pull: Pull | None) -> None:
+        if pull is not None:
+            self.modes.release()
+        self.director.pull(pull)
+
     def _asked(self, at: float, going_on: bool) -> None:
         self.modes.stop()
+        self.pull.stop()
         self.times.pause()
         self.times.go(at, going_on)
 

@@ -166,11 +166,15 @@ class ModesTab(QWidget):
     def stop(self) -> None:
         """Show the motion again."""
         if self._mode is not None:
-            self._mode = None
-            self._timer.stop()
-            self.table.clearSelection()
-            self.back.setEnabled(False)
+            self.release()
             self.swung.emit(None)
+
+    def release(self) -> None:
+        """Let nothing swing any more; something else is shown."""
+        self._mode = None
+        self._timer.stop()
+        self.table.clearSelection()
+        self.back.setEnabled(False)
 
     def _clicked(self, row: int, _column: int) -> None:
         self._mode = row

@@ -13,12 +13,13 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.interrupt import Interrupt
-from spacemap_vtk.app.job import Job, Swing
-from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.app.job import Job, Pull, Swing
+from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
 from spacemap_vtk.draw.frame import Frame, add_shape, copied, frame_of
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.memory import require
@@ -52,6 +53,7 @@ class Pipeline:
         self._looked_at: tuple[Motion | None, Stage | None] = None, None
         self._figures: dict[str, Any] | None = None
         self._swing = vtkTrivialProducer()
+        self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
         self._running: Stage | None = None
         #: Whether the present job is given up; whoever takes the next one sets it back.
@@ -81,7 +83,10 @@ class Pipeline:
         cage = None
         if swing and solver:
             cage = copied(solver.output)
-            _add_swing(scene, cage, swing)
+            if isinstance(swing, Pull):
+                _add_pull(cage, swing)
+            else:
+                _add_swing(scene, cage, swing)
             source = self._swung(scene, cage)
         coarse = job.coarse or swing is not None
         if coarse:
@@ -96,7 +101,7 @@ class Pipeline:
             frame_of(scene, job.time, drawn, cage, loads=swing is None),
             values=job.values,
             coarse=surface is self._coarse,
-            swing=swing.mode if swing else None,
+            swing=None if swing is None else getattr(swing, "mode", -1),
             generation=job.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion(scene, job.coarse),
@@ -194,7 +199,13 @@ class Pipeline:
         self._swing.SetOutput(cage)
         # A mode has no velocity that could ride along.
         self._swing_warp.configure(**{**scene.warp.settings, "carried": ""})
-        self._swing_warp.SetInputConnection(0, scene.source.GetOutputPort())
+        source, crimp = scene.source, scene.stage("crimp")
+        if isinstance(crimp, CrimpInterchange):
+            self._swing_crimp.configure(**crimp.settings)
+            self._swing_crimp.SetInputConnection(0, source.GetOutputPort())
+            self._swing_crimp.SetInputConnection(1, self._swing.GetOutputPort())
+            source = self._swing_crimp
+        self._swing_warp.SetInputConnection(0, source.GetOutputPort())
         self._swing_warp.SetInputConnection(1, self._swing.GetOutputPort())
         return self._swing_warp
 
@@ -207,3 +218,11 @@ def _add_swing(scene: Scene, cage: vtkUnstructuredGrid, swing: Swing) -> None:
     now = math.sin(2 * math.pi * swing.phase)
     angle = None if swing.angle is None else swing.angle * now
     add_shape(scene, cage, mode, swing.amplitude * side * now, angle)
+
+
+def _add_pull(cage: vtkUnstructuredGrid, pull: Pull) -> None:
+    """Stretch a cage about its middle."""
+    points = points_of(cage).astype(np.float64)
+    stretch = np.array([pull.weft, pull.warp, 1.0]) - 1.0
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    add_array(cage.GetPointData(), "displacement", stretch * (points - middle))

@@ -38,7 +38,7 @@ class Frame:
     arrows: Arrows | None = None
     #: Whether the surface is coarser than the scene asks for.
     coarse: bool = False
-    #: The mode that is shown in place of the motion.
+    #: The mode that is shown in place of the motion; -1 for a pull.
     swing: int | None = None
     #: Another number for another scene.
     generation: int = 0

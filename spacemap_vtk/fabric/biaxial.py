@@ -15,6 +15,21 @@ TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
 _HALVINGS = 24
 
 
+class StretchMap(NamedTuple):
+    """What a cloth does at a grid of stretches: values are (2, weft, warp) or (weft, warp)."""
+
+    warp: NDArray[np.float64]
+    weft: NDArray[np.float64]
+    force: NDArray[np.float64]
+    """Along warp and weft, in N/m; 0 of yarns that do not stretch."""
+    strain: NDArray[np.float64]
+    """Of warp and weft."""
+    distance: NDArray[np.float64]
+    """Least D over D at rest."""
+    border: NDArray[np.float64]
+    """(2, n) Where yarns jam."""
+
+
 class Tensile(NamedTuple):
     """A tensile test of n steps."""
 
@@ -45,11 +60,6 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
         In the order of `TESTS`. In a strip the other direction is as wide as it is without force:
         the widest at which its yarns do not pull, or at
         which they jam.
-
-    Raises
-    ------
-    InputError
-        The yarns do not stretch.
     """
     pulled = 1.0 + np.linspace(0.0, largest, steps)
     threshold = 1e-9 * crossings.resultants([[1.01], [1.01]]).force.max()
@@ -67,8 +77,37 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
                 low = np.where(taut, low, stretch[1 - family])
                 high = np.where(taut, stretch[1 - family], high)
             stretch[1 - family] = low
-        force, strain, held = crossings.resultants(stretch)
+        force, strain, _, held = crossings.resultants(stretch)
         if family < 2:
             force[1 - family] = 0.0  # where it jams, that carries what the yarns pull
         result.append(Tensile(name, held - 1.0, force, strain))
     return result
+
+
+def stretch_map(crossings: Interchange, low: float, high: float, side: int = 41) -> StretchMap:
+    """Return what a cloth does at stretches along warp and weft.
+
+    Parameters
+    ----------
+    crossings : Interchange
+        Those of the cloth.
+    low, high : float
+        Least and largest stretch.
+    side : int
+        How many of them, in either direction.
+
+    Returns
+    -------
+    StretchMap
+        Past the border of what yarns leave room for, what they do at the border.
+    """
+    stretch = np.linspace(low, high, side)
+    found = crossings.resultants(np.stack([a.ravel() for a in np.meshgrid(stretch, stretch)]))
+    return StretchMap(
+        stretch,
+        stretch,
+        found.force.reshape(2, side, side),
+        found.strain.reshape(2, side, side),
+        found.distance.reshape(side, side),
+        crossings.jam_border(),
+    )

@@ -106,9 +106,12 @@ class Resultants(NamedTuple):
     """What a cloth does that is stretched alike everywhere, n times."""
 
     force: Array
-    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m."""
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m; 0 of yarns that do not
+    stretch, for they take any."""
     strain: Array
     """(2, n) Largest of the yarns' strains."""
+    distance: Array
+    """(n,) Least D over D at rest."""
     stretch: Array
     """(2, n) Those asked for, or those at which the first crossing jams."""
 
@@ -225,7 +228,7 @@ class Interchange:
         near = None
         if start is not None:
             near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
-        _, *found, _ = self._pulls(cells, some, near)
+        found = self._pulls(cells, some, near)
         return Forces(
             *(
                 np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
@@ -245,24 +248,33 @@ class Interchange:
         -------
         Resultants
             One for each.
-
-        Raises
-        ------
-        InputError
-            The yarns do not stretch, so that there is no force.
         """
         asked = np.asarray(stretch, np.float64)
         first, back = self._kinds
-        count = asked.shape[1]
-        cells = self._cells.some(np.repeat(first, count))
-        held, _, force, _, strain = self._pulls(cells, np.tile(asked, len(first)), None)
-        held = held.reshape(2, -1, count)
+        shape = 2, len(first), asked.shape[1]
+        cells = self._cells.some(np.repeat(first, asked.shape[1]))
+        held, h, d = self._find(cells, np.tile(asked, len(first)), None)
+        room, length = cells.asked(held)
+        strain = np.maximum(bend(room, np.stack([h, d - h]), d).length - length, 0.0) / cells.whole
+        strain = np.where(cells.loose, np.maximum(held - 1.0, 0.0), strain)
+        force = np.zeros_like(held)
+        if self._stretches:
+            along = cells.own, cells.floats
+            energy = cells.energy(self._hinged)
+            force = derivatives(energy, room, length, h, d, along).slope[:2]
+            force += np.where(cells.loose, cells.tension * strain * cells.spacing**2, 0.0)
         weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
         return Resultants(
-            np.einsum("fkn,k->fn", force.reshape(2, -1, count), weights),
-            strain.reshape(2, -1, count).max(axis=1),
-            held.max(axis=1),
+            np.einsum("fkn,k->fn", force.reshape(shape), weights),
+            strain.reshape(shape).max(axis=1),
+            (d / cells.full).reshape(shape[1:]).min(axis=0),
+            held.reshape(shape).max(axis=1),
         )
+
+    @property
+    def kinds(self) -> int:
+        """How many crossings there are that differ from each other."""
+        return len(self._kinds[0])
 
     def jam_border(self, count: int = 64) -> Array:
         """Return the border of the stretches that the first crossing can reach.
@@ -320,8 +332,8 @@ class Interchange:
 
     def _pulls(
         self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Return held stretches, energy, its derivatives by them, and the yarns' strains."""
+    ) -> tuple[Array, Array, Array]:
+        """Return the energy and its derivatives by the stretches at which crossings stand."""
         if not self._stretches:
             raise InputError(
                 "yarns that do not stretch take any force",
@@ -357,10 +369,7 @@ class Interchange:
         force = found.slope[:2] + pull * over * cells.spacing
         tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
         value = found.value + (0.5 * pull * over**2).sum(axis=0)
-        heights = np.stack([h, d - h])
-        strain = np.maximum(bend(room, heights, d).length - length, 0.0) / cells.whole
-        strain = np.where(cells.loose, np.maximum(held - 1.0, 0.0), strain)
-        return held, value, force, tangent, strain
+        return value, force, tangent
 
     def _find(
         self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
