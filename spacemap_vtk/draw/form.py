@@ -17,6 +17,8 @@ from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: Below so many pixels a yarn is not seen as one.
@@ -50,6 +52,8 @@ class Sheet:
             "tetwild",
         ):
             return None  # a cage that follows the yarns
+        if COLORINGS[scene.view.color].array in CrimpInterchange.provides:
+            return None  # what each crossing does
         try:
             patches = estimate_counts(scene.weave.cloth).patches
         except SpacemapError:
