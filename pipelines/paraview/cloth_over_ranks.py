@@ -17,7 +17,7 @@ picture = Path(sys.argv[1] if len(sys.argv) > 1 else "cloth.png")
 yarns = int(sys.argv[2]) if len(sys.argv) > 2 else 16
 
 density, gravity = 300.0, 9.81  # kg/m3, m/s2
-weave = simple.WeaveSource(Ends=yarns, Picks=yarns)
+weave = simple.WeaveSource(Ends=yarns, Picks=yarns, Precision="single")
 weave.UpdatePipeline()
 west, east, foot, head, back, front = weave.GetDataInformation().GetBounds()  # of all processes
 height = 1.02 * (head - foot)
