@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.io.draft_file import read_draft
@@ -55,17 +57,19 @@ def test_a_draft_without_thickness_fills_its_spacing(tmp_path: Path) -> None:
 
 
 def test_fine_cloth_that_is_far_longer_is_cropped(tmp_path: Path) -> None:
-    file = tmp_path / "long.wif"
-    text = REAL.read_text().replace("Threads=62", "Threads=8", 1)
-    file.write_text(text)
+    file, picture = tmp_path / "long.wif", tmp_path / "a.png"
+    file.write_text(REAL.read_text().replace("Threads=62", "Threads=8", 1))
+    whole = Scene.read(file).weave.cloth.drawdown
     scene = red_and_blue(file)
-    image = drawn(scene, (160, 160))
+    carry_out(Order("picture", picture, size=(160, 160)), scene, lambda *done: None)
     told = next(text for text in scene.warnings if "in the picture" in text)
     assert told.startswith("picks 1 to 8 of 62 ")
-    seen = image[10::20, 10::20][::-1]
-    np.testing.assert_array_equal(seen[..., 0] > seen[..., 2], scene.weave.cloth.drawdown[:8])
+    assert scene.weave.cloth.size == (8, 8)  # no more is woven
+    seen = np.asarray(Image.open(picture)).astype(int)[10::20, 10::20][::-1]
+    np.testing.assert_array_equal(seen[..., 0] > seen[..., 2], whole[:8])
     # the whole, where its yarns are wide enough, or where that is asked for
     for words, size in ((), (160, 620)), (["view.camera=front"], (160, 160)):
-        whole = red_and_blue(file, *words)
-        drawn(whole, size)
-        assert not any("in the picture" in text for text in whole.warnings)
+        scene = red_and_blue(file, *words)
+        carry_out(Order("picture", picture, size=size), scene, lambda *done: None)
+        assert scene.weave.cloth.size == (8, 62)
+        assert not any("in the picture" in text for text in scene.warnings)

@@ -98,16 +98,9 @@ def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
 
 
 def aim(
-    camera: vtkCamera,
-    points: NDArray[np.float64],
-    aspect: float,
-    name: str | None,
-    zoom: float,
-    longest: float = np.inf,
-) -> tuple[float, float]:
-    """Place the camera so that the points just fill the picture; return the shares in sight."""
-    # `FLAT` shows of what is more than `longest` times as long as the picture the beginning only:
-    # what is at the left, or at the bottom.
+    camera: vtkCamera, points: NDArray[np.float64], aspect: float, name: str | None, zoom: float
+) -> None:
+    """Place the camera so that the points just fill the picture."""
     if name is None:
         seen_from = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
@@ -138,24 +131,14 @@ def aim(
     camera.SetViewUp(*up.tolist())
     camera.SetViewAngle(VIEW_ANGLE)
     if name == FLAT:
-        return _flatten(camera, points[:, :2], aspect, zoom, longest)
-    return 1.0, 1.0
+        _flatten(camera, points[:, :2], aspect, zoom)
 
 
-def _flatten(
-    camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: float, longest: float
-) -> tuple[float, float]:
-    """Take the perspective away; return the shares of width and height that are in sight."""
-    low, size = seen.min(axis=0), np.maximum(np.ptp(seen, axis=0), 1e-12)
-    frame = np.array([aspect, 1.0])  # of half the height that is seen
-    wanted = 0.5 * size / frame / (1 - 2 * _FLAT_MARGIN)
-    half = float(wanted.max())
-    if wanted.max() > longest * wanted.min():
-        half = float(wanted.min())
-    shown = np.minimum(2 * half * frame * (1 - 2 * _FLAT_MARGIN) / size, 1.0)
-    across, above = low + 0.5 * shown * size
+def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: float) -> None:
+    """Take the perspective away, and with it most of the margin."""
+    across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    half = 0.5 * float((np.ptp(seen, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
     camera.SetPosition(across, above, camera.GetPosition()[2])
     camera.SetFocalPoint(across, above, camera.GetFocalPoint()[2])
     camera.SetParallelProjection(True)
     camera.SetParallelScale(half / zoom)
-    return float(shown[0]), float(shown[1])

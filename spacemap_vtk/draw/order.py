@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
+from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning, naming_section
 from spacemap_vtk.io.output import check_output, telling_refusals, whole_file, whole_folder
 from spacemap_vtk.io.registry import DATA, writer, written
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
+#: A cloth is cropped where it is this many times as long as the picture, and its yarns would be
+#: less than so many pixels wide.
+_LONGEST, _WIDE = 2.0, 8
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
 
@@ -102,6 +105,8 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> Non
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     from spacemap_vtk.draw.picture import Picture
 
+    if order.place is None:
+        _crop(scene, order.size or (scene.view.size[0], scene.view.size[1]))
     time = order.times[0] if order.times else scene.view.time
     tell(0, 1)
     picture = Picture(scene, [time], order.size, order.panels, order.place)
@@ -109,6 +114,34 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     picture.close()
     tell(1, 1)
     return image
+
+
+def _crop(scene: Scene, size: tuple[int, int]) -> None:
+    """Leave the beginning of a still cloth, seen flat, that is far longer than its picture."""
+    # All of it would be a narrow strip, whose yarns nobody sees.
+    from spacemap_vtk.draw.camera import FLAT
+
+    if scene.view.camera != FLAT or scene.moves or scene.source is not scene.weave:
+        return
+    with scene.naming_file(), naming_section("weave"):
+        cloth = scene.weave.cloth
+    lengths = []
+    for threads, count in zip(cloth.threads, cloth.size, strict=True):
+        places = threads.yarns(count).position
+        lengths.append(float(places[-1] - places[0]) + threads.mean_spacing(cloth.diameter_sum))
+    shares = [length / pixels for length, pixels in zip(lengths, size, strict=True)]
+    long, short = (0, 1) if shares[0] > shares[1] else (1, 0)
+    count = cloth.size[long]
+    if shares[long] <= _LONGEST * shares[short] or _WIDE * count <= size[long]:
+        return
+    places = cloth.threads[long].yarns(count).position
+    seen = max(int((places - places[0] < (1 - 1e-9) * shares[short] * size[long]).sum()), 1)
+    name = ("ends", "picks")[long]
+    scene.weave.configure(**{name: seen})
+    scene.warn(
+        f"{name} 1 to {seen} of {count} are in the picture, which the cloth is far longer than: "
+        'view.camera = "front" shows all'
+    )
 
 
 def _storyboard(order: Order, scene: Scene, tell: Tell) -> Image:

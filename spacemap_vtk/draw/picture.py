@@ -32,9 +32,6 @@ Extent = tuple[NDArray[np.float64], Span | None]
 
 #: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
 _OBJECT_RELIEF = 0.03
-#: A cloth that is seen flat is cropped where it is this many times as long as the picture, and
-#: its yarns would be less than so many pixels wide.
-_LONGEST, _WIDE = 2.0, 8
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
 _SAMPLES = 2
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
@@ -210,12 +207,9 @@ class Picture:
         room = 0.0 if self._span is None else scale_share(size)
         camera = window.camera
         aspect = (1 - room) * size[0] / size[1]
-        longest = _LONGEST if _is_fine(scene, size) else np.inf
-        shares = aim(camera, extent, aspect, view.camera, view.zoom, longest)
+        aim(camera, extent, aspect, view.camera, view.zoom)
         if self._place is not None:
             self._place.take(camera)
-        elif scene.woven:
-            _tell_cropped(scene, shares)
         # A colour that stands for a number must be found again in the scale.
         shaded = view.shadows and panel != "cage" and self._span is None
         look = Look(fabric=panel != "cage", cage=panel != "fabric")
@@ -266,27 +260,6 @@ def _lost(scene: Scene) -> str:
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
     return points[:: max(1, len(points) // 20_000)]
-
-
-def _is_fine(scene: Scene, size: tuple[int, int]) -> bool:
-    """Return whether the yarns of a cloth would be narrow in a picture of the whole."""
-    counts = scene.weave.cloth.size if scene.woven else (0, 0)
-    return any(_WIDE * count > pixels for count, pixels in zip(counts, size, strict=True))
-
-
-def _tell_cropped(scene: Scene, shares: tuple[float, float]) -> None:
-    """Say which yarns are in sight."""
-    cloth = scene.weave.cloth
-    for share, threads, count, name in zip(
-        shares, cloth.threads, cloth.size, ("ends", "picks"), strict=True
-    ):
-        if share < 1.0:
-            places = threads.yarns(count).position
-            last = int(np.searchsorted(places, places[0] + share * (places[-1] - places[0])))
-            scene.warn(
-                f"{name} 1 to {max(last, 1)} of {count} are in the picture, which the cloth is far "
-                'longer than: view.camera = "front" shows all'
-            )
 
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
