@@ -53,8 +53,8 @@ class CrimpInterchange(YarnParameters):
     Examples
     --------
     >>> from spacemap_vtk import CrimpInterchange
-    >>> CrimpInterchange(inextensible=False, modulus="500 cN/tex").modulus
-    5000000.0
+    >>> CrimpInterchange(inextensible=False, modulus="300 cN/tex").modulus
+    3000000.0
     """
 
     section = "yarns"
