@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
+from scipy.integrate import trapezoid
 from scipy.special import ellipk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -181,6 +182,36 @@ def a_cloth_let_go(scene: Scene) -> None:
     assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
 
 
+def blown(along: int, way: int, far: float) -> Callable[[Scene], None]:
+    """Return the check of a cloth whose free end a pressure that follows it pushes far."""
+
+    def check(scene: Scene) -> None:
+        motion, modal = scene.stage("mover").motion, scene.modal  # type: ignore[union-attr]
+        flat = motion.points
+        end = np.isclose(way * flat[:, along], (way * flat[:, along]).max())
+        # Before it turns, as a free mass does: the second integral of pressure over mass per area.
+        (load,) = (load for load in scene.stage("mover").loads if load.follower)  # type: ignore[union-attr]
+        times = np.linspace(0.0, 0.06, 201)
+        push = np.array([load.function.value(time) for time in times]) * load.pressure
+        free = trapezoid((times[-1] - times) * push, times) / modal.areal_mass
+        start, set_off = (motion.at(time)[0][end, 2].mean() for time in times[[0, -1]])
+        assert set_off - start == pytest.approx(-free if load.on == "+z" else free, rel=0.05)
+        # It goes far, and what turns is not stretched; the work of all loads is found again.
+        line = np.flatnonzero(np.isclose(flat, flat.max(axis=0))[:, [1 - along, 2]].all(axis=1))
+        line = line[np.argsort(flat[line, along])]
+        gone = []
+        for time in np.linspace(0.0, scene.view.time, 12):
+            place = flat + motion.at(time)[0]
+            gone.append(abs(place[end, 2]).max())
+            length = np.linalg.norm(np.diff(place[line], axis=0), axis=1).sum()
+            assert length == pytest.approx(np.ptp(flat[:, along]), rel=0.02)
+        assert max(gone) > far
+        kinetic, strain, dissipated, work = motion.rows[:, 2:6].T
+        assert abs(kinetic + strain + dissipated - work).max() < 1e-9 * kinetic.max()
+
+    return check
+
+
 def a_banner_that_swings_far(scene: Scene) -> None:
     length, small = 0.26, report.modes(scene)["modes"][0]["frequency_hz"]
     fall = math.sqrt(GRAVITY / length)
@@ -222,4 +253,6 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "let_go": a_cloth_let_go,
     "yarn_to_cloth": yarns_cantilever,
     "swing": a_banner_that_swings_far,
+    "squall": blown(1, -1, 0.4),
+    "pennant": blown(0, 1, 0.2),
 }
