@@ -145,15 +145,17 @@ def test_axes_are_as_far_apart_as_the_crossings_say(name: str) -> None:
     assert checked == cloth.drawdown.size or name == "racetrack"
 
 
-@pytest.mark.parametrize("name", ["plain", "twill", "satin", "unequal"])
-def test_yarns_touch_and_never_overlap(name: str) -> None:
+@pytest.mark.parametrize("pull", [(0.97, 1.008), (1.02, 1.01)])
+@pytest.mark.parametrize("name", ["plain", "twill", "satin", "unequal", "racetrack"])
+def test_yarns_touch_and_never_overlap(name: str, pull: tuple[float, float]) -> None:
     source = woven(name, exact=True)
-    crimp, warp = pipeline(source, np.diag([0.97, 1.008, 1.2]), flattest=1.0)
+    crimp, warp = pipeline(source, np.diag([*pull, 1.2]))
     points = points_of(warp.update().output)
     weights = vtk_to_numpy(warp.output.GetPointData().GetRationalWeights())
     made = replace(build(source.cloth), weights=weights)
     apart = clearance_of(made, points).distance
-    assert abs(apart) < 1e-9 * source.cloth.diameter_sum
+    # Pressed yarns are thinner at their crossings, between these as thick as ever.
+    assert abs(apart) < 1e-6 * source.cloth.diameter_sum
     assert (cells(crimp, "yarn_strain") == 0.0).all()
 
 

@@ -4,7 +4,8 @@ Every ring of a tube stands on a foot: the place under its middle in the plane b
 weft. Feet are those of the cloth as it was woven, and stay. What is found anew is how each control
 point lies from where its foot has been carried to: along the yarn, up the surface's normal, aside.
 So sections turn with the surface, and are not squeezed by it; yarns are as far apart at crossings
-as they are said to be, along the normal that both share.
+as they are said to be, along the normal that both share. Where that is less than woven they are as
+much thinner there, so that they touch and do not overlap.
 
 Invariant: cells are those of `spacemap_vtk.fabric.weave.build`, whatever the heights.
 """
@@ -359,9 +360,8 @@ def _spread(
             one, other = (axis + 1) % 3, (axis + 2) % 3
             made[:, 2, axis] = n[:, one] * t[:, other] - n[:, other] * t[:, one]
         made[:, 2] *= family.radius[here, None]
-        if flat is not None:
-            made[:, 1] *= flat[here, None]
-            made[:, 2] /= flat[here, None]
+        if flat is not None:  # thinner all round: arcs go round what is round, and touch it
+            made[:, 1:] *= flat[here, None, None]
         points = out[first + begin * size : first + (begin + len(e)) * size]
         np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
 
