@@ -378,16 +378,22 @@ class Interchange:
         held, most = cells.held(stretch)
         room, length = cells.asked(held)
         full, floor = cells.full, cells.floor
-        # both as heights that yarns reach at the distance of rest
+        # `most` are the heights that yarns reach at the distance of rest
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
         h = np.clip(cells.rest, full - most[1], np.maximum(most[0], full - most[1]))
-        h = np.where(slack, h, full * most[0] / np.maximum(most.sum(axis=0), 1e-300))
         d = full.copy()
+        if self._stretches and start is None:
+            # what yarns lack of height they and the contact give as springs in a row would
+            slope = (cells.tension * np.sin(cells.theta) ** 2).clip(1e-300)
+            share = cells.contact / slope
+            give = np.maximum(full - most.sum(axis=0), 0.0) / (1.0 + share.sum(axis=0))
+            d = np.clip(full - give, floor, full)
+            h = np.where(slack, h, most[0] + share[0] * give)
+        elif start is not None:
+            h, d = start
         if self._stretches and self._hinged:
-            d = np.where(slack, full, np.clip(most.sum(axis=0), floor, full))
-            near = (np.where(slack, h, most[0]), d) if start is None else start
             free = np.broadcast_to(full, room.shape)
-            return held, *least(cells.energy(True), room, length, near, free, (floor, full))
+            return held, *least(cells.energy(True), room, length, (h, d), free, (floor, full))
 
         def settle(
             which: Array, energy: CrimpEnergy, bounds: Array, low: Array, high: Array
@@ -405,12 +411,7 @@ class Interchange:
 
         settle(slack, cells.bending(), most, full, full)
         free, pulled = np.broadcast_to(full, room.shape), ~slack
-        if self._stretches:
-            if start is None:
-                d = np.where(pulled, np.clip(most.sum(axis=0), floor, full), d)
-                h = np.where(pulled, np.minimum(most[0], d), h)
-            else:
-                h, d = (np.where(pulled, new, old) for new, old in zip(start, (h, d), strict=True))
+        if self._stretches and self._contact > 0.0:
             settle(pulled, cells.energy(False), free, floor, full)
             return held, h, d
         flat = pulled & (floor < full)
