@@ -243,6 +243,7 @@ def test_yarns_keep_their_length_in_any_weave(weave: str, share: float) -> None:
         YarnMechanics(contact=np.inf),
         YarnMechanics((50.0, 40.0), 5.0),
         YarnMechanics((50.0, 40.0), 5.0, (1e-9, 2e-9)),
+        YarnMechanics((50.0, 40.0), 5.0, (1e-7, 1e-7)),
         YarnMechanics((50.0, 40.0), np.inf, (1e-9, 1e-9)),
     ],
 )

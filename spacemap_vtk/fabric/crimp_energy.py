@@ -304,13 +304,16 @@ def _least_surely(
         by: Array = now.slope[1] + along * now.slope[0]
         return by
 
+    # not at the highest D itself: where both jam there h1 has no room to follow
+    top, high = high, high - 1e-6 * (high - low)
     ends, values = [low, high], [slope(low), slope(high)]
+    lowest, highest = values[0] >= 0.0, values[1] <= 0.0
     same = np.zeros(len(low))
     for turn in range(60):
         a, b = ends
         fa, fb = values
         part = np.clip(fa / np.where(fa == fb, 1.0, fa - fb), 0.02, 0.98) if turn % 3 else 0.5
-        d = np.where(fa >= 0.0, low, np.where(fb <= 0.0, high, a + part * (b - a)))
+        d = np.where(lowest, low, np.where(highest, high, a + part * (b - a)))
         if (b - a < 1e-9 * high).all():
             break
         f = slope(d)
@@ -319,9 +322,10 @@ def _least_surely(
         fb = np.where(left, np.where(same > 0.0, 0.5 * fb, fb), f)
         fa = np.where(left, f, np.where(same < 0.0, 0.5 * fa, fa))
         same = np.where(left, 1.0, -1.0)
-        settled = (values[0] >= 0.0) | (values[1] <= 0.0)
+        settled = lowest | highest | (f == 0.0)
         ends = [np.where(left | settled, d, a), np.where(left & ~settled, b, d)]
-        values = [np.where(settled, values[0], fa), np.where(settled, values[1], fb)]
+        values = [fa, fb]
+    d = np.where(d >= high, top, d)
     slope(d)
     return h, d
 
