@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.parallel import compiled
 
 _GROUP = 32  # patches; 16 and 64 are slower
-_ROW = 3 * _GROUP  # their x, y and z
+_ROW = 3 * _GROUP  # their x, y and z, patch after patch as they are written
 
 
 @compiled
@@ -42,7 +42,7 @@ def evaluate(
     first = np.zeros(_ROW, points.dtype)
     other = np.zeros(_ROW, points.dtype)
     origin = np.zeros(_ROW, kind)
-    net = np.zeros((4, 4 * _ROW), kind)  # along u, then along v, axis and patch
+    net = np.zeros((4, 4 * _ROW), kind)  # along u, then along v, patch and axis
     lines = np.zeros((steps, 4 * _ROW), kind)  # points of the curves along u
     slopes = np.zeros((steps, 4 * _ROW), kind)  # their derivatives
     point, du, dv = np.zeros((3, _ROW), kind)
@@ -52,9 +52,9 @@ def evaluate(
         for place in range(16):
             for patch in range(width):
                 row = np.intp(gather[place, start + patch])
-                other[patch] = points[row, 0]
-                other[_GROUP + patch] = points[row, 1]
-                other[2 * _GROUP + patch] = points[row, 2]
+                other[3 * patch] = points[row, 0]
+                other[3 * patch + 1] = points[row, 1]
+                other[3 * patch + 2] = points[row, 2]
             if place == 0:
                 first[:] = other
                 origin[:] = other
@@ -65,10 +65,9 @@ def evaluate(
             limit[:] = 0  # from the size of a patch: its other corners as seen from the first
             for along, across in ((3, 0), (0, 3), (3, 3)):
                 corner = net[along, across * _ROW :]
-                for axis in range(3):
-                    for patch in range(_GROUP):
-                        length = corner[axis * _GROUP + patch] * per_size
-                        limit[patch] += length * length
+                for patch in range(_GROUP):
+                    x, y, z = corner[3 * patch], corner[3 * patch + 1], corner[3 * patch + 2]
+                    limit[patch] += (x * x + y * y + z * z) * per_size * per_size
             for patch in range(_GROUP):
                 limit[patch] *= suspect
                 limit[patch] *= limit[patch]
@@ -96,20 +95,18 @@ def evaluate(
                         du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
                         dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
                 at = (j * steps + i) * count + start
-                for patch in range(width):
-                    to = 3 * (at + patch)
-                    positions[to] = point[patch]
-                    positions[to + 1] = point[_GROUP + patch]
-                    positions[to + 2] = point[2 * _GROUP + patch]
+                to = positions[3 * at : 3 * (at + width)]
+                for lane in range(3 * width):
+                    to[lane] = point[lane]
                 if normals is None:
                     continue
                 for patch in range(_GROUP):
-                    ux, uy, uz = du[patch], du[_GROUP + patch], du[2 * _GROUP + patch]
-                    vx, vy, vz = dv[patch], dv[_GROUP + patch], dv[2 * _GROUP + patch]
+                    ux, uy, uz = du[3 * patch], du[3 * patch + 1], du[3 * patch + 2]
+                    vx, vy, vz = dv[3 * patch], dv[3 * patch + 1], dv[3 * patch + 2]
                     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
                     square[patch] = x * x + y * y + z * z
                     over = one / np.sqrt(square[patch])
-                    du[patch], du[_GROUP + patch], du[2 * _GROUP + patch] = (
+                    du[3 * patch], du[3 * patch + 1], du[3 * patch + 2] = (
                         x * over,
                         y * over,
                         z * over,
@@ -122,11 +119,9 @@ def evaluate(
                         if square[patch] <= limit[patch]:
                             suspects[found] = at + patch
                             found += 1
-                for patch in range(width):
-                    to = 3 * (at + patch)
-                    normals[to] = du[patch]
-                    normals[to + 1] = du[_GROUP + patch]
-                    normals[to + 2] = du[2 * _GROUP + patch]
+                to = normals[3 * at : 3 * (at + width)]
+                for lane in range(3 * width):
+                    to[lane] = du[lane]
     return found
 
 
