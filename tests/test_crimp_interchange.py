@@ -306,6 +306,8 @@ def test_a_modulus_is_for_the_count_of_each_yarn() -> None:
 def test_yarns_that_cannot_be_are_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         pipeline(woven("plain"), np.eye(3), **values)[0].update()
+    with pytest.raises(InputError, match=message):
+        CrimpInterchange(**values).check()
 
 
 def test_what_is_no_weave_is_refused() -> None:

@@ -112,23 +112,10 @@ class YarnParameters(Stage):
         )
         if self.inextensible:
             return rest
+        self.check()
         tension, modulus = WarpAndWeft.pair(self.tension), WarpAndWeft.pair(self.modulus)
-        if tension is not None and modulus is not None:
-            raise InputError(
-                "there are a tension and a modulus, and each follows from the other",
-                key="tension",
-                value=tension[0],
-                cure="Leave out one of the two",
-            )
-        if tension is not None:
-            return rest._replace(tension=tension)
         if modulus is None:
-            raise InputError(
-                "yarns that stretch need to resist it",
-                key="tension",
-                allowed='a force as "50 N", or modulus = "300 cN/tex"',
-                cure="Give one of the two, or leave inextensible true",
-            )
+            return rest if tension is None else rest._replace(tension=tension)
         if cloth.density is None:
             raise InputError(
                 "a modulus is for a yarn count, and this cloth does not say how heavy yarns are",
@@ -142,3 +129,22 @@ class YarnParameters(Stage):
             force = size * cloth.density * area
             each[number] = force[:, None] if number else force
         return rest._replace(tension=each)
+
+    def check(self) -> None:
+        """Check that yarns that stretch have one stiffness."""
+        if self.inextensible:
+            return
+        if self.tension is not None and self.modulus is not None:
+            raise InputError(
+                "there are a tension and a modulus, and each follows from the other",
+                key="tension",
+                value=self.tension,
+                cure="Leave out one of the two",
+            )
+        if self.tension is None and self.modulus is None:
+            raise InputError(
+                "yarns that stretch need to resist it",
+                key="tension",
+                allowed='a force as "50 N", or modulus = "300 cN/tex"',
+                cure="Give one of the two, or leave inextensible true",
+            )
