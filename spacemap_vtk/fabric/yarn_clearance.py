@@ -20,7 +20,7 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crops import telling_crops
+from spacemap_vtk.fabric.partition import telling_crops
 from spacemap_vtk.fabric.weave import Weave
 
 Floats = NDArray[np.float64]

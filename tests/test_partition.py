@@ -12,9 +12,9 @@ import pytest
 
 from spacemap_vtk.fabric.axes import axes
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crops import telling_crops
 from spacemap_vtk.fabric.draft import twill
 from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.partition import telling_crops
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn_clearance import clearance_of_large, least_clearance
