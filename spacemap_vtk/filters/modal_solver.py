@@ -21,7 +21,12 @@ from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.fitted_cage import FittedCage
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
-from spacemap_vtk.mechanics.bending import Locking, layers_through_thickness, locking, sheet_of
+from spacemap_vtk.mechanics.bending import (
+    Locking,
+    layers_through_thickness,
+    locking,
+    proportions_of,
+)
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
@@ -393,7 +398,7 @@ class ModalSolver(FittedCage):
         bending, twist = self._locking[1]
         if max(bending, twist) <= BENDS_ALIKE:
             return
-        sheet = sheet_of(model.points, model.cells)
+        sheet = proportions_of(model.points, model.cells)
         linear = model.cells.shape[1] == 4
         off = {"bend": bending} if linear else {}
         if twist > BENDS_ALIKE:

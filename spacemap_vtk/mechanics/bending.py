@@ -45,7 +45,7 @@ class Locking(NamedTuple):
     """That which suffers most: it twists, as all does that bends about both axes at once."""
 
 
-class Sheet(NamedTuple):
+class Proportions(NamedTuple):
     """The shape of a thin mesh, and of its tetrahedra."""
 
     normal: int
@@ -60,7 +60,7 @@ class Sheet(NamedTuple):
     """Mean extent of a tetrahedron along the normal [m]."""
 
 
-def sheet_of(vertices: FloatArray, tetrahedra: IntArray) -> Sheet:
+def proportions_of(vertices: FloatArray, tetrahedra: IntArray) -> Proportions:
     """Return the shape of a mesh, as its bounding box tells it.
 
     Parameters
@@ -72,7 +72,7 @@ def sheet_of(vertices: FloatArray, tetrahedra: IntArray) -> Sheet:
 
     Returns
     -------
-    Sheet
+    Proportions
         Its thickness and the size of its tetrahedra.
     """
     extent = np.ptp(vertices, axis=0)
@@ -80,7 +80,7 @@ def sheet_of(vertices: FloatArray, tetrahedra: IntArray) -> Sheet:
     normal = int(np.argmin(extent))
     long = [axis for axis in range(3) if extent[normal] <= _THIN * extent[axis]]
     width = size[long or range(3)].mean()
-    return Sheet(normal, long, float(extent[normal]), float(width), float(size[normal]))
+    return Proportions(normal, long, float(extent[normal]), float(width), float(size[normal]))
 
 
 def layers_through_thickness(vertices: FloatArray, tetrahedra: IntArray) -> float:
@@ -100,7 +100,7 @@ def layers_through_thickness(vertices: FloatArray, tetrahedra: IntArray) -> floa
         along it; infinite for a mesh that is no sheet or bar (thinnest extent above a third of
         the largest one).
     """
-    sheet = sheet_of(vertices, tetrahedra)
+    sheet = proportions_of(vertices, tetrahedra)
     return sheet.thickness / sheet.height if sheet.long else float("inf")
 
 
@@ -163,7 +163,7 @@ def locking(
     material of ν above 0.3 is taken for one of 0.3, as vertices move aside. A sheet that is not
     level with the axes is taken for a block, and judged in nothing.
     """
-    sheet = sheet_of(vertices, tetrahedra)
+    sheet = proportions_of(vertices, tetrahedra)
     corners, linear = tetrahedra[:, :4], tetrahedra.shape[1] == 4
     if not sheet.long or not (linear or len(sheet.long) == 2):
         return Locking(1.0, 1.0)
@@ -242,7 +242,7 @@ class _Ritz:
     """A thin plate on a sheet's rectangle, held where the sheet is, in products of polynomials."""
 
     def __init__(
-        self, vertices: FloatArray, corners: IntArray, held: NDArray[np.bool_], sheet: Sheet
+        self, vertices: FloatArray, corners: IntArray, held: NDArray[np.bool_], sheet: Proportions
     ) -> None:
         low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
         gauss, weights = legendre.leggauss(_DEGREE + 1)
@@ -314,7 +314,7 @@ def _polynomials(places: FloatArray, derivative: int) -> FloatArray:
 def _varying_twist(
     vertices: FloatArray,
     held: NDArray[np.bool_],
-    sheet: Sheet,
+    sheet: Proportions,
     plate: _Plate,
     elasticity: FloatArray,
 ) -> float:
