@@ -49,10 +49,11 @@ def test_its_loads_damping_and_start_are_those_of_modal_response() -> None:
     assert set(ModalResponse.parameters) - set(TransientResponse.parameters) == {"residual_vectors"}
 
 
-def test_what_is_small_is_as_its_modes_have_it() -> None:
+@pytest.mark.parametrize("damping", [{"alpha": 3.0}, {"damping_ratio": (0.05, 0.02)}])
+def test_what_is_small_is_as_its_modes_have_it(damping: dict[str, Any]) -> None:
     """A light breath on a hung cage, in every array that both write."""
     load = {"pressure": 1e-4, "on": "+z", "time": "ramp", "rise": 0.01}
-    given: dict[str, Any] = {"loads": [load], "alpha": 3.0}
+    given: dict[str, Any] = {"loads": [load], **damping}
     hung: dict[str, Any] = {"gravity": (0, 0, -0.05)}
     modal = chain(ModalResponse(**given), **hung)
     stepped = chain(TransientResponse(**given, max_step=2e-5, tolerance=1.0), **hung)
@@ -159,7 +160,6 @@ def test_it_is_stopped_and_goes_on() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"damping_ratio": 0.02}, r"damping_ratio.*alpha and beta, or damping_pairs"),
         (
             {"loads": [{"gravity": [0, 0, 1], "time": "harmonic", "frequency": 3, "steady": True}]},
             r"loads\[0\]\.steady.*Leave it out",

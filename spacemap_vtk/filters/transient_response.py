@@ -88,13 +88,7 @@ class TransientResponse(LoadedCage):
 
     def check(self) -> None:
         """Check damping, loads and start."""
-        if np.any(self.damping.ratio):
-            raise InputError(
-                "a ratio damps modes, and what swings far has none",
-                key="damping_ratio",
-                value=self.damping_ratio,
-                cure="Give alpha and beta, or damping_pairs, which makes them of two ratios.",
-            )
+        super().check()
         for number, load in enumerate(self.loads):
             if load.steady:
                 raise InputError(
@@ -169,6 +163,7 @@ class TransientResponse(LoadedCage):
             displacement += self._hung(grid, modes, vectors)
         elif model.displacement is not None:
             displacement += model.displacement
+        ratios = [modes.eigenvalues, modes.shapes] if np.any(self.damping.ratio) else []
         damping, size = self.damping, float(np.linalg.norm(np.ptp(model.points, axis=0)))
         parts = [
             part
@@ -182,8 +177,15 @@ class TransientResponse(LoadedCage):
         ]
         bounds = self.tolerance, self.max_step, self.still
         numbers = (model.modulus, model.density, *damping[:2], *bounds)
+        ratios += [np.asarray(damping.ratio)] if ratios else []
         digest = digest_of(
-            model.digest, *parts, displacement, velocity, self._settled, *map(float, numbers)
+            model.digest,
+            *parts,
+            *ratios,
+            displacement,
+            velocity,
+            self._settled,
+            *map(float, numbers),
         )
         if self._kept_motion is not None and self._kept_motion[0] == digest:
             return

@@ -1,6 +1,6 @@
 """A step of a body's nonlinear equations of motion, that keeps energy whatever its length.
 
-    M ẍ + α M ẋ + f(x, ẋ) = F,    f = Σ G(x)ᵀ C (ε + β ε̇)
+    M ẍ + (α M + U Uᵀ) ẋ + f(x, ẋ) = F,    f = Σ G(x)ᵀ C (ε + β ε̇)
 
 Between two states the midpoint rule is taken, with the mean of both ends' stresses in place of the
 stress in the middle. As strains are quadratic in the positions z, the gradients G in the middle do
@@ -86,9 +86,12 @@ class Midpoint:
         beta: float,
         pressed: Sequence[Pressed] = (),
         late: NDArray[np.bool_] | None = None,
+        drag: FloatArray | None = None,
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
         self.pressed, self._late = pressed, 0.0 if late is None else late.astype(np.float64)
+        #: U, (N, m).
+        self.drag = np.empty((self.mass.shape[0], 0)) if drag is None else drag
         #: What a change of rate in a step resists with, over the mean rate less that of the start.
         self._heavy = self.mass if late is None else self.mass @ sp.diags(1 / (1 + self._late))
         self._least = LEAST * math.sqrt(float(mass.diagonal().sum()))
@@ -104,7 +107,7 @@ class Midpoint:
 
     def impulse(self, parts: list[Part], move: FloatArray) -> FloatArray:
         """Return that of the damping against a sudden move q."""
-        return self.alpha * (self.mass @ move) + self._viscous(parts, move)
+        return self._dragged(move) + self._viscous(parts, move)
 
     def step(
         self,
@@ -128,7 +131,7 @@ class Midpoint:
             stress = [self._mean(a, b, span) for a, b in zip(parts, ends, strict=True)]
             middle = [(a.gradients + b.gradients) / 2 for a, b in zip(parts, ends, strict=True)]
             left = heavy @ move - moving + self._force(parts, stress, middle)
-            left -= self._load(loads[1], position, move)
+            left += self.drag @ (self.drag.T @ move) / span - self._load(loads[1], position, move)
             if solve is None:
                 if made == MADE:
                     return None
@@ -144,7 +147,7 @@ class Midpoint:
                     for pressed, pressure in zip(self.pressed, loads[1].pressures, strict=True):
                         if pressure:
                             tangent -= pressure * pressed.tangent(position, move)
-                    solve = self.body.unsymmetric(tangent)
+                    solve = self._solution(tangent, span)
                 except SolverError:
                     return None
                 made += 1
@@ -177,7 +180,7 @@ class Midpoint:
     ) -> Step:
         ends = self.at(position + move)
         later = rate + 2 / (1 + self._late) * (move / span - rate)
-        damped = self.alpha / span * float(move @ (self.mass @ move))
+        damped = float(move @ self._dragged(move)) / span
         damped += float((self._late * (later - rate)) @ (self.mass @ (later - rate))) / 2
         for a, b in zip(parts, ends, strict=True):
             damped += self.beta / span * float(np.vdot(b.strain - a.strain, b.stress - a.stress))
@@ -185,7 +188,7 @@ class Midpoint:
         # the start to the middle of the step gives. The tangent takes out of it what swings faster
         # than the step, whose error is bounded by how far it swings (Hosea and Shampine 1996).
         push = self._force(parts, [p.stress for p in parts], [p.gradients for p in parts])
-        push += self.alpha * (self.mass @ rate) + self._viscous(parts, rate)
+        push += self._dragged(rate) + self._viscous(parts, rate)
         push -= self._load(loads[0], position, np.zeros_like(move))
         wrong = solve(self.mass @ ((later - rate) / span) + push) / 3
         error = float(abs(self.body.basis @ wrong).max())
@@ -203,6 +206,26 @@ class Midpoint:
     def _mean(self, first: Part, last: Part, span: float) -> FloatArray:
         change = last.stress - first.stress
         return first.stress + (0.5 + self.beta / span) * change
+
+    def _solution(self, tangent: sp.csr_matrix, span: float) -> Solve:
+        """Return the solution with a tangent and U Uᵀ / span (Woodbury)."""
+        solve, drag = self.body.unsymmetric(tangent), self.drag
+        if not drag.size:
+            return solve
+        whole = solve(drag)
+        small = np.linalg.inv(span * np.eye(drag.shape[1]) + drag.T @ whole)
+
+        def solved(right: FloatArray) -> FloatArray:
+            found = solve(right)
+            result: FloatArray = found - whole @ (small @ (drag.T @ found))
+            return result
+
+        return solved
+
+    def _dragged(self, move: FloatArray) -> FloatArray:
+        """Return (α M + U Uᵀ) of a move, or of a rate."""
+        force: FloatArray = self.alpha * (self.mass @ move) + self.drag @ (self.drag.T @ move)
+        return force
 
     def _viscous(self, parts: list[Part], move: FloatArray) -> FloatArray:
         """Return β Gᵀ C G of a move, or of a rate."""

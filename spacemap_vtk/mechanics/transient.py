@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
@@ -48,11 +49,12 @@ class Stepped:
     Parameters
     ----------
     cage : CageModes
-        The cage, whose modes do not matter. What it hangs under, if it does, goes on to act.
+        The cage; its modes matter to ratios alone. What it hangs under, if it does, goes on to act.
     loads : sequence of LoadVector
         What acts beside that, made by `CageModes.vector`.
     damping : Damping
-        α and β: of what swings far there are no modes that could have ratios.
+        α and β; or ratios of the cage's modes: forces on how fast each moves, and a β that gives
+        those above them at least the ratio of the last.
     displacement : ndarray of float64, shape (V, 3), optional
         At t = 0, from where nothing is deformed [m]; by default where the cage hangs.
     velocity : ndarray of float64, shape (V, 3), optional
@@ -108,7 +110,7 @@ class Stepped:
         self.model = model = cage.model
         self.points, self.cells = model.points, model.cells
         self.loads, self._settled = tuple(loads), settled
-        _refuse(cage, self.loads, damping)
+        _refuse(cage, self.loads)
         size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
         self.tolerance = 1e-5 * size if tolerance is None else tolerance
         sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
@@ -129,7 +131,8 @@ class Stepped:
             if load.faces is not None
         ]
         late = _directors(body, len(pencil.surface.pairs)) if still and pencil.surface else None
-        self._rule = Midpoint(body, mass, damping.alpha, damping.beta, pressed, late)
+        beta, drag = _of_ratios(cage, body, mass, damping)
+        self._rule = Midpoint(body, mass, damping.alpha, beta, pressed, late, drag)
         self._dead = body.basis.T @ dead.ravel()
         self._pushes = [
             pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
@@ -423,13 +426,39 @@ def _directors(body: Body, pairs: int) -> NDArray[np.bool_]:
     return np.asarray((half > 0) & (middle == 0)).ravel()
 
 
-def _refuse(cage: CageModes, loads: Sequence[LoadVector], damping: Damping) -> None:
-    if np.any(damping.ratio):
+def _of_ratios(
+    cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
+) -> tuple[float, FloatArray | None]:
+    """Return β, and U of what ratios of modes resist with beside it: C = β K + U Uᵀ."""
+    values = cage.eigenvalues
+    swing = values > 0
+    if not np.any(damping.ratio):
+        return damping.beta, None
+    if not swing.any():
         raise InputError(
-            "a ratio damps modes, and what swings far has none",
+            "a ratio damps modes that swing, and there are none",
             key="damping_ratio",
-            cure="Give alpha and beta, or damping_pairs, which makes them of two ratios.",
+            cure="Take more modes, or give alpha and beta.",
         )
+    # C = M φ (2 ζ ω) φᵀ M (Caughey and O'Kelly 1965), of which β K has as much as leaves none of it
+    # negative. What is short-waved has no mode here, and would be damped by nothing else.
+    resisted = Damping(ratio=damping.ratio).alphas(np.maximum(values, 0.0))
+    beta = damping.beta + float((resisted[swing] / values[swing]).min())
+    fields = cage.model.pencil.coordinates(cage.shapes.T)
+    mine = np.zeros((len(values), len(values)))
+    for part in body.at(body.start):
+        strained = np.stack(
+            [part.kind.changes(part.gradients, body.moved(field)) for field in fields.T]
+        )
+        stress = np.stack([part.kind.stresses(change) for change in strained])
+        mine += stress.reshape(len(values), -1) @ strained.reshape(len(values), -1).T
+    rest, turn = np.linalg.eigh(np.diag(resisted) - beta * cage.model.modulus * mine)
+    kept = rest > 1e-9 * rest[-1]
+    sizes = np.sqrt(cage.model.modulus * rest[kept])
+    return beta, mass @ (fields @ turn[:, kept]) * sizes
+
+
+def _refuse(cage: CageModes, loads: Sequence[LoadVector]) -> None:
     if any(load.function.steady for load in loads):
         raise InputError(
             "what has been going on for ever has no start that steps could begin with",
