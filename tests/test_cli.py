@@ -781,19 +781,24 @@ def test_a_draft_without_room_for_its_yarns_is_a_draft(
     assert why in refused(capsys, "validate", str(file), "-q", *changed)
 
 
-def test_a_draft_too_large_to_be_drawn_is_told_of(
+def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, copy = tmp_path / "large.wif", tmp_path / "copy.wif"
     words = ["--set", "weave.ends=150", "--set", "weave.picks=150"]
     assert run("export", "basket_2", "-o", str(file), "-q", *words) == 0
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100_000_000)
+    few = ["--size", "200x150", "--set", "animation.stop=0.1"]
     for picture in ("render", "animate"):
-        output = str(tmp_path / ("a.png" if picture == "render" else "a.gif"))
-        message = refused(capsys, picture, str(file), "-o", output, "-q")
-        assert "weave.ends = 150: a weave of 150 x 150 yarns would need about 0." in message
+        output = tmp_path / ("a.png" if picture == "render" else "a.gif")
+        assert (
+            run(picture, str(file), "-o", str(output), *few[: 2 if picture == "render" else 4]) == 0
+        )
+        assert "drawn as a sheet: a yarn is" in capsys.readouterr().err
+    message = refused(capsys, "export", str(file), "-o", str(tmp_path / "a.vtp"), "-q")
+    assert "weave.ends = 150: a weave of 150 x 150 yarns would need about 0." in message
     assert run("validate", str(file)) == 0
-    assert "too large to be drawn" in capsys.readouterr().err
+    assert "too large to be made whole" in capsys.readouterr().err
     assert run("export", str(file), "-o", str(copy)) == 0
     np.testing.assert_array_equal(read_wif(copy).drawdown, read_wif(file).drawdown)
     capsys.readouterr()
@@ -802,7 +807,7 @@ def test_a_draft_too_large_to_be_drawn_is_told_of(
     assert figures["ends"] == 150
     assert figures["warp"]["theta_deg"] > 0
     assert abs(figures["least_clearance"]["distance"]) < 1e-12  # of crops in which all occurs
-    assert "too large to be drawn" in " ".join(figures["warnings"])
+    assert "too large to be made whole" in " ".join(figures["warnings"])
 
 
 def test_info_counts_what_is_built_and_builds_nothing(

@@ -75,7 +75,7 @@ def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
     assert there.mean() < 8
     # The scene is as it was: asked for all, it makes all.
     picture.scene.update(0.05)
-    assert picture.scene.polygons.GetNumberOfCells() > 100_000
+    assert picture.scene.polygons.GetNumberOfCells() > 60_000
 
 
 def test_a_sheet_shows_what_rides_along_and_says_what_it_cannot(
@@ -94,7 +94,7 @@ def test_a_sheet_shows_what_rides_along_and_says_what_it_cannot(
 def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(form, "_MANY_PATCHES", 0)
     _, near = drawn({}, 200)
-    assert near.sheet is None
+    assert near.pieces is not None
     _, told = drawn({}, 90, surface={"subdivisions": 1})
     assert told.sheet is None  # who says how many facets gets them
     scene = Scene({"weave": {}, "cage": {"method": "carved"}, "response": {}})

@@ -25,6 +25,8 @@ from spacemap_vtk.scenes.scene import Scene
 SMALLEST_YARN = 2.0
 #: A cloth of fewer patches is drawn yarn by yarn, however small it is seen: that takes no time.
 _MANY_PATCHES = 300_000
+#: More quadrilaterals are a mistake in their number: they take minutes.
+_MOST_QUADS = 500_000_000
 #: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
 _CHORD, _MOST_SIDES = 0.3, 12
 #: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
@@ -38,14 +40,14 @@ class Sheet:
         self._scene = scene
         with scene.naming_file():
             self.cloth: Cloth = scene.weave.cloth
-        self._cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
-        self._flat = sheet_of(self.cloth, self._cells)
+        self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
+        self._flat = self.moved = sheet_of(self.cloth, self.cells)
         self._warp = BarycentricWarp()
 
     @classmethod
-    def of(cls, scene: Scene) -> Sheet | None:
-        """Return a scene's sheet; None where its yarns are few, or all of them are needed."""
-        if not scene.woven or scene.source is not scene.weave or scene.surface.subdivisions:
+    def of(cls, scene: Scene, fits: bool = True) -> Sheet | None:
+        """Return a scene's sheet; None where its yarns fit into memory, or all of them must."""
+        if not scene.woven or scene.source is not scene.weave:
             return None
         if any(stage is scene.cage for stage in scene.stages) and scene.cage.method in (
             "carved",
@@ -58,7 +60,9 @@ class Sheet:
             patches = estimate_counts(scene.weave.cloth).patches
         except SpacemapError:
             return None  # the stage says why
-        return cls(scene) if patches > _MANY_PATCHES else None
+        sides = scene.surface.subdivisions
+        many = not fits or (sides is None and patches > _MANY_PATCHES)
+        return cls(scene) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
 
     def update(self, time: float) -> vtkPolyData:
         """Return the sheet at a time [s]."""
@@ -67,17 +71,11 @@ class Sheet:
         one = Piece(0, sum(self.cloth.size))
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, one)
         if not scene.moves:
-            return self._flat
+            return self.moved
         self._warp.configure(**scene.warp.settings)
-        moved = copied(self._warp(self._flat, scene.deformed_cage))
-        add_directions(moved, self._cells)
-        return moved
-
-
-def yarn_pixels(camera: vtkCamera, points: NDArray[np.float64], height: int, cloth: Cloth) -> float:
-    """Return how many pixels the wider yarns are apart where points are nearest."""
-    spacing = max(threads.mean_spacing(0.0) for threads in cloth.threads)
-    return spacing * pixels_per_metre(camera, points, height)
+        self.moved = copied(self._warp(self._flat, scene.deformed_cage))
+        add_directions(self.moved, self.cells)
+        return self.moved
 
 
 def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:

@@ -28,8 +28,8 @@ class Offscreen:
     ) -> None:
         prepare_offscreen()
         self.renderer = lit_renderer()
-        self._size = size
-        if beside is not None and beside._size == size:
+        self.size = size
+        if beside is not None and beside.size == size:
             self.render_window: vtkRenderWindow = beside.render_window
         else:
             self.render_window = _window(size, samples, pixels)
@@ -50,11 +50,21 @@ class Offscreen:
 
     def draw(self, front: bool = True) -> NDArray[np.uint8]:
         """Draw."""
+        self.renderer.ResetCameraClippingRange()
+        self.render(front)
+        return self.pixels()
+
+    def render(self, front: bool = True, over: bool = False) -> None:
+        """Draw within the camera's present range, over what was drawn before or in place of it."""
         for renderer in self.render_window.GetRenderers():
             renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
-        self.renderer.ResetCameraClippingRange()
+        self.renderer.SetPreserveColorBuffer(over)
+        self.renderer.SetPreserveDepthBuffer(over)
         self.render_window.Render()
-        width, height = self._size
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return what was drawn last."""
+        width, height = self.size
         pixels = vtkUnsignedCharArray()
         # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
         # plain mean of them.
@@ -63,7 +73,7 @@ class Offscreen:
 
     def depth(self) -> NDArray[np.float32]:
         """Return how far from the camera is what was drawn last."""
-        width, height = self._size
+        width, height = self.size
         buffer = vtkFloatArray()
         self.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
         z = vtk_to_numpy(buffer).reshape(height, width)[::-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,17 +14,18 @@ from vtkmodules.vtkRenderingCore import vtkActor
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
-from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen, yarn_pixels
-from spacemap_vtk.draw.frame import arrows_of, frame_of
+from spacemap_vtk.draw.coloring import add_measure, measure
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
+from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.pieces import Pieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.footprint import require_picture
+from spacemap_vtk.scenes.footprint import fits_picture, require_picture
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
@@ -87,9 +89,10 @@ class Picture:
         self._place = place
         self.scene = scene
         width, height = size or scene.view.size
-        sheet = Sheet.of(scene)
+        demand = width * height, len(times)
+        sheet = Sheet.of(scene, fits_picture(scene, *demand))
         if sheet is None:
-            require_picture(scene, width * height, len(times))
+            require_picture(scene, *demand)
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         room, self._span = extent or over_motion(scene, times, sheet)
@@ -100,32 +103,32 @@ class Picture:
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, widths, strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
-        #: What is drawn in place of yarns; None: they are.
-        self.sheet = self._formed(sheet, room, height, len(times))
-        drawn = scene.polygons if self.sheet is None else self.sheet.update(times[0])
-        self._cut = cut_of(scene.view, drawn)
+        #: What all yarns are in; None: they are few, and in memory together.
+        self.sheet = sheet
+        #: What makes the yarns one piece after another; None: they are together, or not seen.
+        self.pieces: Pieces | None = None
+        self._choose_form(room, height)
+        self._cut = cut_of(scene.view, scene.polygons if sheet is None else sheet.moved)
 
-    def _formed(
-        self, sheet: Sheet | None, room: NDArray[np.float64], height: int, frames: int
-    ) -> Sheet | None:
-        """Choose facets by what can be seen of a yarn; return the sheet where that is nothing."""
+    def _choose_form(self, room: NDArray[np.float64], height: int) -> None:
+        """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
         if not scene.woven:
-            return None
-        cloth = scene.weave.cloth
+            return
+        cloth, automatic = scene.weave.cloth, scene.surface.subdivisions is None
         scale = pixels_per_metre(camera, room, height)
-        pixels = yarn_pixels(camera, room, height, cloth)
-        if sheet is not None and pixels < SMALLEST_YARN:
+        scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
+        pixels = scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+        if self.sheet is None:
+            return
+        if automatic and pixels < SMALLEST_YARN:
             lost = _lost(scene)
             scene.warn(
                 f"drawn as a sheet: a yarn is {pixels:.2g} pixels"
                 + (f", and what {lost} is not seen" if lost else "")
             )
-            return sheet
-        scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
-        if sheet is not None:
-            require_picture(scene, height * height, frames)
-        return None
+        else:
+            self.pieces = Pieces(scene, scene.surface.sides)
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -146,19 +149,24 @@ class Picture:
         else:
             surface, cloth = self.sheet.update(time), self.sheet.cloth
         frame = frame_of(self.scene, time, surface, loads=view.loads, cloth=cloth)
-        for panel in self.panels:
-            panel.shown.show(frame, view, panel.look, self._span, self._cut)
-        return np.concatenate([self._drawn(panel) for panel in self.panels], axis=1)
+        return np.concatenate([self._drawn(panel, frame) for panel in self.panels], axis=1)
 
-    def _drawn(self, panel: _Panel) -> Image:
-        (window, shown, _, shaded), shade = panel, None
-        shaded = shaded and self.sheet is None
-        depths = []
-        if shaded and any(sign.GetVisibility() for sign in shown.signs):
-            # One without the other, and the other without the one.
-            depths = [_depth_without(window, part) for part in (shown.signs, shown.solids)]
-        pixels = window.draw()
-        if shaded:  # a sheet has the shadows of its yarns in its colours
+    def _drawn(self, panel: _Panel, frame: Frame) -> Image:
+        window, shown, look, shaded = panel
+        view = self.scene.view
+        shown.show(frame, view, look, self._span, self._cut)
+        # A sheet has the shadows of its yarns in its colours.
+        shaded = shaded and (self.sheet is None or self.pieces is not None)
+        shade, depths = None, []
+        if self.pieces is not None and look.fabric:
+            depths = self._draw_pieces(panel, frame)
+            pixels = window.pixels()
+        else:
+            if shaded and any(sign.GetVisibility() for sign in shown.signs):
+                # One without the other, and the other without the one.
+                depths = [_depth_without(window, part) for part in (shown.signs, shown.solids)]
+            pixels = window.draw()
+        if shaded:
             shade = self._shade(window, *(depths or [window.depth()]))
         height, width = pixels.shape[:2]
         image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
@@ -169,6 +177,40 @@ class Picture:
             mean = np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255)
             image[rows.start // _SAMPLES : rows.stop // _SAMPLES] = mean
         return image
+
+    def _draw_pieces(self, panel: _Panel, frame: Frame) -> list[NDArray[np.float32]]:
+        """Draw the yarns over one another, then all else; return the depths of both, if needed."""
+        window, shown, look, _ = panel
+        assert self.pieces is not None
+        assert self.sheet is not None
+        view, renderer = self.scene.view, window.renderer
+        # One range for all: what is drawn first must not be farther for what comes later.
+        low, high = np.array(renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
+        bounds = np.stack([low - self._relief, high + self._relief], axis=1)
+        renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
+        later = (*shown.signs, shown.ghost, shown.sheet.bar)
+        others = [prop for prop in later if prop.GetVisibility()]
+        shown.sheet.VisibilityOff()
+        signs = []
+        if panel.shaded and others:
+            window.render(front=False)
+            signs = [window.depth()]
+        for prop in others:
+            prop.VisibilityOff()
+        window.render(front=False)
+        width, height = window.size
+        for piece in self.pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
+            some = copied(piece)
+            add_measure(some, frame.color)
+            shown.show_more(replace(frame, surface=some, cloth=None, closed=True), view, look)
+            window.render(front=False, over=True)
+        depths = [window.depth(), *signs] if panel.shaded else []
+        for prop in others:
+            prop.VisibilityOn()
+        for prop in (shown.surface, shown.face):
+            prop.VisibilityOff()
+        window.render(over=True)
+        return depths
 
     def _shade(
         self,

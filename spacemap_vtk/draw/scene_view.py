@@ -111,6 +111,17 @@ class SceneView:
         self.loads.SetVisibility(view.loads)
         self.cut_open(cut)
 
+    def show_more(self, frame: Frame, view: View, look: Look) -> None:
+        """Show another part of the fabric in place of the last, all else as it is."""
+        assert self._shown is not None
+        span = self._shown[3]
+        self.surface.SetVisibility(look.fabric)
+        self._show_surface(frame, view, look, span)
+        self.surface.bar.VisibilityOff()
+        solid = look.fabric and not look.wireframe
+        cut = self.cut if solid else None
+        self.face.fill(frame.surface, cut, frame.color, view.object_color, span)
+
     def cut_open(self, cut: Cut | None) -> None:
         """Cut what is shown open with another plane, or show the whole."""
         if cut is not None:

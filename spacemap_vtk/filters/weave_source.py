@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
@@ -73,6 +74,8 @@ class WeaveSource(Stage):
     _read: tuple[tuple[Any, ...], Draft] | None = None
     #: For which parameters, and which cloth.
     _resolved: tuple[tuple[Any, ...], Cloth] | None = None
+    #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
+    _whole: tuple[Cloth, float | None, NDArray[np.float64] | None] | None = None
 
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
@@ -439,11 +442,25 @@ class WeaveSource(Stage):
             ):
                 add_array(output.GetFieldData(), f"{name}_{figure}", np.array([float(value)]))
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
-        mass = fabric_figures(cloth)["areal_mass"]  # for a sheet as which the cloth moves
-        add_array(output.GetFieldData(), "areal_mass", np.array([mass]))
+        if self._whole is None or self._whole[0] is not cloth:
+            # of all yarns, and the same for each piece
+            bounds = whole_bounds(cloth) if self.piece.of > 1 else None
+            self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
+        _, mass, bounds = self._whole
+        add_array(output.GetFieldData(), "areal_mass", np.array([mass]))  # for one that is a sheet
         add_cloth(output, cloth)
         if self.piece.of > 1:
-            tell_bounds(output, whole_bounds(cloth))
+            tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
+
+    def lend(self, other: WeaveSource) -> None:
+        """Spare another source of the same cloth to read and measure it anew.
+
+        Parameters
+        ----------
+        other : WeaveSource
+            With the same settings.
+        """
+        other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
 
     def _require(self, size: int, ends: int, picks: int, pieces: int = 1) -> None:
         require(

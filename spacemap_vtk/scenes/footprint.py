@@ -73,6 +73,15 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, pixels: int, frames: in
     return total
 
 
+def fits_picture(scene: Scene, pixels: int, frames: int = 1) -> bool:
+    """Return whether pictures fit into memory if all yarns are there together."""
+    try:
+        require_picture(scene, pixels, frames)
+    except SizeError:
+        return False
+    return True
+
+
 def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
     """Refuse pictures that would not fit into memory, before any is taken."""
     if scene.woven:

@@ -272,13 +272,15 @@ class Scene:
         Raises
         ------
         SpacemapError
-            If the draft cannot be read, the fabric is impossible or too large, the cage's material
-            is none, the damping contradicts itself, or the animation has no frames.
+            If the draft cannot be read, the fabric is impossible, the cage's material is none,
+            the damping contradicts itself, or the animation has no frames.
         """
         with self.naming_file():
             found = self.obstacle() if self.woven else None
             draft = None if any(part == "weave" for part, _ in self._assigned) else self.weave.draft
-            if found is not None and (draft is None or draft != self.file):
+            # What is too large can be drawn: in parts, or from afar.
+            impossible = isinstance(found, GeometryError)
+            if found is not None and impossible and (draft is None or draft != self.file):
                 raise found
             self._check_color()
             for stage in self.stages:
@@ -342,7 +344,7 @@ class Scene:
                     _ = self.weave.counts
                     return None
                 except SizeError as error:
-                    found, what = error, "it is too large to be drawn"
+                    found, what = error, "it is too large to be made whole, as files have it"
         found.section = "weave"
         parameter = self.weave.parameters.get(found.key or "")
         if isinstance(found.value, float) and parameter is not None:

@@ -1,0 +1,94 @@
+"""A cloth's yarns, some after others: made, moved, drawn and let go, so that few are in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.draw.form import Sheet
+from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.fabric.partition import share_of
+from spacemap_vtk.fabric.threads import Some
+from spacemap_vtk.fabric.weave import estimate_counts
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.scenes.scene import Scene
+
+#: Patches and quadrilaterals of a piece, at most: some hundred megabytes.
+_PATCHES, _QUADS = 100_000, 800_000
+
+
+class Pieces:
+    """The yarns of a scene, piece by piece, in stages of their own."""
+
+    # The scene's stages keep what they have made of the cage, which all pieces need.
+
+    def __init__(self, scene: Scene, sides: int) -> None:
+        self._scene, self._cloth = scene, scene.weave.cloth
+        patches = estimate_counts(self._cloth).patches
+        wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
+        self.count = min(ceil(wanted), sum(self._cloth.size))
+        self._stages: list[Stage] = [
+            type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
+        ]
+        first, last = self._stages[0], self._stages[-1]
+        assert isinstance(first, WeaveSource)
+        assert isinstance(last, PatchTessellator)
+        scene.weave.lend(first)
+        last.choose(sides)
+        for before, stage in zip(self._stages, self._stages[1:], strict=False):
+            stage.SetInputConnection(0, before.GetOutputPort())
+
+    def in_sight(
+        self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
+    ) -> Iterator[vtkPolyData]:
+        """Yield the surfaces of those pieces of which something is in a picture."""
+        if self._scene.moves:
+            cage = copied(self._scene.deformed_cage)
+            for stage in self._stages[1:]:
+                if len(stage.takes) > 1:
+                    stage.SetInputDataObject(1, cage)
+        columns, rows = _seen(sheet, camera, aspect)
+        for number in range(self.count):
+            share = share_of(self._cloth, number, self.count)
+            if _any(columns, share.ends, self._cloth.size[0]) or _any(
+                rows, share.picks, self._cloth.size[1]
+            ):
+                with self._scene.naming_file():
+                    self._stages[-1].update(time, Piece(number, self.count))
+                yield self._stages[-1].output
+
+
+def _seen(
+    sheet: Sheet, camera: vtkCamera, aspect: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which columns and rows of a sheet's cells are in a picture."""
+    matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
+    table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    points = points_of(sheet.moved).astype(np.float64)
+    places = np.column_stack([points, np.ones(len(points))]) @ table.T
+    columns, rows = sheet.cells
+    x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
+    seen = np.ones((rows, columns), bool)
+    for beyond in (x < -w, x > w, y < -w, y > w):
+        # A cell with all corners on one side is not in sight.
+        seen &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
+    return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
+
+
+def _any(seen: NDArray[np.bool_], some: Some, count: int) -> bool:
+    """Return whether any of some yarns is in cells that are seen, or beside one."""
+    assert isinstance(some, slice)
+    if some.start >= some.stop:
+        return False
+    first = int(some.start * len(seen) / count) - 1
+    last = ceil(some.stop * len(seen) / count) + 1
+    return bool(seen[max(first, 0) : last].any())

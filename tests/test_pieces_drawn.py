@@ -1,0 +1,87 @@
+"""Yarns that are drawn some after others make the picture that they make together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from spacemap_vtk.draw import form, pieces
+from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.scenes.scene import Scene
+
+VALUES: dict[str, Any] = {
+    "weave": {"ends": 12, "picks": 12, "pattern": "twill 2/2", "warp_color": "#2850a0"},
+    "cage": {"divisions": [4, 4, 1]},
+    "modal": {"elements": "sheet"},
+    "response": {"gravity": [0.5, -9.8, 2.0]},
+}
+
+
+def picture_of(
+    place: Viewpoint | None = None, show: str = "fabric", **sections: Any
+) -> tuple[NDArray[np.int64], Picture]:
+    picture = Picture(Scene({**VALUES, **sections}), [0.02], (200, 160), [show], place)
+    image = picture.draw(0.02).astype(np.int64)
+    picture.close()
+    return image, picture
+
+
+def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    monkeypatch.setattr(pieces, "_PATCHES", 500)
+
+
+@pytest.mark.parametrize(
+    ("show", "sections"),
+    [
+        ("fabric", {}),
+        ("both", {"view": {"loads": True}}),
+        ("fabric", {"view": {"color": "displacement"}}),
+        ("fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}),
+        ("fabric", {"yarns": {}}),
+    ],
+)
+def test_pieces_make_the_picture_of_the_whole(
+    show: str, sections: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The same camera: what it is aimed at is the sheet's outline, or the yarns'.
+    near = Viewpoint((0.004, 0.002, 0.016), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    whole, picture = picture_of(near, show, **sections)
+    assert picture.pieces is None
+    in_pieces(monkeypatch)
+    parts, picture = picture_of(near, show, **sections)
+    assert picture.pieces is not None
+    assert picture.pieces.count > 4
+    apart = np.abs(parts - whole).max(axis=2)
+    # A scale's ends are those of the sheet; edges of lines stand in half shadows.
+    assert np.mean(apart > 4) < (0.03 if show == "both" or "view" in sections else 0.01)
+    assert np.abs(parts.mean(axis=(0, 1)) - whole.mean(axis=(0, 1))).max() < 0.3
+
+
+def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    corner = Viewpoint((0.0025, 0.0025, 0.004), (0.0025, 0.0025, 0.0), (0.0, 1.0, 0.0))
+    whole, _ = picture_of(corner)
+    in_pieces(monkeypatch)
+    parts, picture = picture_of(corner)
+    assert picture.pieces is not None
+    made = picture.pieces._stages[0].executions
+    assert 0 < made < 0.7 * picture.pieces.count
+    assert np.mean(np.abs(parts - whole).max(axis=2) > 4) < 0.01
+
+
+def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole, picture = picture_of(surface={"subdivisions": 6})
+    assert picture.pieces is None
+    monkeypatch.setattr(pieces, "_PATCHES", 500)
+    monkeypatch.setattr("spacemap_vtk.draw.picture.fits_picture", lambda *_: False)
+    parts, picture = picture_of(surface={"subdivisions": 6})
+    assert picture.pieces is not None
+    made = picture.pieces._stages
+    assert made[-1].output.GetNumberOfCells() == 36 * made[0].output.GetNumberOfCells()
+    assert np.abs(parts.mean(axis=(0, 1)) - whole.mean(axis=(0, 1))).max() < 2
