@@ -136,10 +136,11 @@ def plot(
     biaxial: Annotated[
         bool,
         Parameter(
-            negative=(),
+            negative="",
             help="In place of these the cloth's tensile tests, from its yarns (section yarns): "
             "force per width against extension, of a strip whose other direction is free, along "
             "the warp and along the weft, and of both pulled alike.",
+            show_default=False,
         ),
     ] = False,
     set_: Set = (),
