@@ -150,7 +150,7 @@ class Director(QObject):
     def _refine(self) -> None:
         if self._engine.busy or self.held:
             self.rest.start()
-        elif not self._times.playing and self.swing is None:
+        elif not self._times.playing and not isinstance(self.swing, Swing):
             self.ask(coarse=False)
 
     def _ready(self) -> None:
@@ -166,7 +166,7 @@ class Director(QObject):
         for stage in scene.stages:
             if stage in skipped:
                 continue
-            waits = frame.coarse and stage.section == "surface"
+            waits = stage.section == "surface" and (frame.coarse or frame.swing is not None)
             self._stages.set_state(stage.section, "stale" if waits else "fresh")
         self._end_notice()
         if not frame.coarse:

@@ -210,6 +210,7 @@ class MainWindow(QMainWindow):
         self.errors.run.clicked.connect(self._run)
         self.modes.swung.connect(self.director.swing_mode)
         self.pull.pulled.connect(self._pull)
+        self.pull.held.connect(self.director.hold)
         for stop in (self.modes.stop, self.pull.stop):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)

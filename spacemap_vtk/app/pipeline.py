@@ -88,9 +88,10 @@ class Pipeline:
             else:
                 _add_swing(scene, cage, swing)
             source = self._swung(scene, cage)
-        coarse = job.coarse or swing is not None
-        if coarse:
-            surface = self._coarse_surface(scene, source) or surface
+        # A swing never rests, a pull does.
+        coarse = job.coarse or isinstance(swing, Swing)
+        if coarse or swing is not None:
+            surface = self._coarse_surface(scene, source, coarse) or surface
         if surface is self._coarse:
             surface.update(job.time)
         else:
@@ -100,7 +101,7 @@ class Pipeline:
         return replace(
             frame_of(scene, job.time, drawn, cage, loads=swing is None),
             values=job.values,
-            coarse=surface is self._coarse,
+            coarse=coarse and surface is self._coarse,
             swing=None if swing is None else getattr(swing, "mode", -1),
             generation=job.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
@@ -185,10 +186,12 @@ class Pipeline:
             )
         self._drawn = size
 
-    def _coarse_surface(self, scene: Scene, source: Stage) -> PatchTessellator | None:
+    def _coarse_surface(self, scene: Scene, source: Stage, coarse: bool) -> PatchTessellator | None:
         """Return the quick tessellator, connected; None where the scene's own is as coarse."""
         patches = max(1, scene.source.GetOutputDataObject(0).GetNumberOfCells())
-        subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
+        subdivisions = scene.surface.sides
+        if coarse:
+            subdivisions = max(1, int(math.sqrt(COARSE_QUADS / patches)))
         if subdivisions >= scene.surface.sides and source is not self._swing_warp:
             return None
         self._coarse.subdivisions = min(subdivisions, scene.surface.sides)

@@ -7,16 +7,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.interchange import Interchange
+from spacemap_vtk.fabric.interchange import Interchange, Resultants
 
 #: The tests, in the order of their curves.
 TESTS = ("strip along the warp", "strip along the weft", "biaxial 1 : 1")
 #: Halvings of the interval in which a free direction lies.
 _HALVINGS = 24
+#: How far past straight yarns a map goes, over their crimp, and its least and most.
+_PAST = (0.25, 0.02, 0.05)
+#: How far a map goes below rest, over how far it goes above, if no jam is nearer or further off.
+_BELOW = 1.5
+#: Solutions that a map is made of at most, and its least and largest number of points a side.
+_SOLUTIONS = 60_000
+_SIDE = (15, 61)
 
 
 class StretchMap(NamedTuple):
-    """What a cloth does at a grid of stretches: values are (2, weft, warp) or (weft, warp)."""
+    """What a cloth does at m x m stretches: values are (2, weft, warp) or (weft, warp)."""
 
     warp: NDArray[np.float64]
     weft: NDArray[np.float64]
@@ -24,10 +31,14 @@ class StretchMap(NamedTuple):
     """Along warp and weft, in N/m; 0 of yarns that do not stretch."""
     strain: NDArray[np.float64]
     """Of warp and weft."""
-    distance: NDArray[np.float64]
-    """Least D over D at rest."""
-    border: NDArray[np.float64]
-    """(2, n) Where yarns jam."""
+    slack: NDArray[np.bool_]
+    """Whether yarns are longer than their room."""
+    exchange: NDArray[np.float64]
+    """(2, n) Stretches along warp and weft at which they begin to be pulled: there they trade
+    crimp."""
+    jam: NDArray[np.float64]
+    """(2, m) Least stretch of the warp at each one of the weft, and of the weft at each of the
+    warp."""
 
 
 class Tensile(NamedTuple):
@@ -77,37 +88,63 @@ def tensile_tests(crossings: Interchange, largest: float, steps: int = 51) -> li
                 low = np.where(taut, low, stretch[1 - family])
                 high = np.where(taut, stretch[1 - family], high)
             stretch[1 - family] = low
-        force, strain, _, held = crossings.resultants(stretch)
+        force, strain, _, _, held = crossings.resultants(stretch)
         if family < 2:
             force[1 - family] = 0.0  # where it jams, that carries what the yarns pull
         result.append(Tensile(name, held - 1.0, force, strain))
     return result
 
 
-def stretch_map(crossings: Interchange, low: float, high: float, side: int = 41) -> StretchMap:
-    """Return what a cloth does at stretches along warp and weft.
+def stretch_map(crossings: Interchange) -> StretchMap:
+    """Stretch a cloth along warp and weft, from where it jams to past straight yarns.
 
     Parameters
     ----------
     crossings : Interchange
         Those of the cloth.
-    low, high : float
-        Least and largest stretch.
-    side : int
-        How many of them, in either direction.
 
     Returns
     -------
     StretchMap
-        Past the border of what yarns leave room for, what they do at the border.
+        Coarser where there are many kinds of crossings. Past a jam, what they do at its border.
     """
-    stretch = np.linspace(low, high, side)
-    found = crossings.resultants(np.stack([a.ravel() for a in np.meshgrid(stretch, stretch)]))
+    state = crossings.solve(np.ones((2, *crossings.shape)))
+    crimp = state.crimp.max(axis=(1, 2))
+    share, some, most = _PAST
+    high = 1.0 + crimp + np.clip(share * crimp, some, most)
+    side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kinds), *_SIDE))
+    low = np.empty(2)
+    for family in (0, 1):
+        jam = _jam(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some
+        low[family] = max(jam.min(), min(jam.max(), 1.0 - _BELOW * (high[family] - 1.0)))
+    axes = np.linspace(low, high, side, axis=1)
+    found = crossings.resultants(np.stack(np.meshgrid(*axes)).reshape(2, -1))
+    # along lines on which both stretches grow, slack yarns are pulled once
+    span, aside = (high - low)[:, None], np.linspace(-1.0, 1.0, side)
+    start = 1.0 + span * np.array([[1.0], [-1.0]]) * aside
+    below, above = -np.ones(side), np.ones(side)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (below + above)
+        loose = _slack(crossings.resultants(np.maximum(start + span * middle, 0.1)))
+        below, above = np.where(loose, middle, below), np.where(loose, above, middle)
     return StretchMap(
-        stretch,
-        stretch,
+        axes[0],
+        axes[1],
         found.force.reshape(2, side, side),
         found.strain.reshape(2, side, side),
-        found.distance.reshape(side, side),
-        crossings.jam_border(),
+        _slack(found).reshape(side, side),
+        start + span * above,
+        np.stack([_jam(crossings, family, axes[1 - family]) for family in (0, 1)]),
     )
+
+
+def _slack(found: Resultants) -> NDArray[np.bool_]:
+    """Return where yarns are longer than their room by more than rounding."""
+    return np.asarray((found.slack > 1e-9).any(axis=0))
+
+
+def _jam(crossings: Interchange, family: int, other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least stretch that a family's yarns reach at each stretch along the other's."""
+    stretch = np.stack([other, other])
+    stretch[family] = 0.1
+    return crossings.resultants(stretch).stretch[family]

@@ -110,6 +110,8 @@ class Resultants(NamedTuple):
     stretch, for they take any."""
     strain: Array
     """(2, n) Largest of the yarns' strains."""
+    slack: Array
+    """(2, n) Least share of its length by which a yarn is longer than its room."""
     distance: Array
     """(n,) Least D over D at rest."""
     stretch: Array
@@ -255,8 +257,9 @@ class Interchange:
         cells = self._cells.some(np.repeat(first, asked.shape[1]))
         held, h, d = self._find(cells, np.tile(asked, len(first)), None)
         room, length = cells.asked(held)
-        strain = np.maximum(bend(room, np.stack([h, d - h]), d).length - length, 0.0) / cells.whole
-        strain = np.where(cells.loose, np.maximum(held - 1.0, 0.0), strain)
+        over = (bend(room, np.stack([h, d - h]), d).length - length) / cells.whole
+        over = np.where(cells.loose, held - 1.0, over)
+        strain = np.maximum(over, 0.0)
         force = np.zeros_like(held)
         if self._stretches:
             along = cells.own, cells.floats
@@ -267,6 +270,7 @@ class Interchange:
         return Resultants(
             np.einsum("fkn,k->fn", force.reshape(shape), weights),
             strain.reshape(shape).max(axis=1),
+            np.maximum(-over, 0.0).reshape(shape).min(axis=1),
             (d / cells.full).reshape(shape[1:]).min(axis=0),
             held.reshape(shape).max(axis=1),
         )
