@@ -211,6 +211,8 @@ def test_a_new_shape_runs_each_stage_once_and_locates_nothing_anew() -> None:
     assert (crimp._kept, warp._kept) == kept
     assert not any(surface.output.GetPointData().HasArray(name) for name in (FOOT, OFFSET))
     assert surface.output.GetCellData().HasArray("yarn_strain")
+    moved = points_of(source.output) + array_of(warp.output.GetPointData(), "displacement", "")
+    assert np.allclose(moved, points_of(warp.output), rtol=0.0, atol=1e-16)
 
 
 @pytest.mark.parametrize(
