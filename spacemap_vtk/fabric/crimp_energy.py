@@ -26,6 +26,8 @@ _LEAST, _SLIVER = 1e-9, 1e-7
 _NEAR = 0.5
 #: Steps below this share of D end Newton's method, for the next one would be its square.
 _ENOUGH = 1e-8
+#: Likewise of squares of heights, in which lengths are all but linear, over D**2.
+_ALIKE = 1e-9
 
 
 class Gap(NamedTuple):
@@ -70,7 +72,7 @@ def taut_height(room: Array, length: Array, distance: Array) -> Array:
         step = (goal - 2.0 * d * np.arctan(t) - s) * (p + s) * (1.0 + t * t)
         fresh = np.clip(square + step, 0.0, most * most)
         result[live] = fresh
-        going = np.abs(fresh - square) > 1e-13 * d * d
+        going = np.abs(fresh - square) > _ALIKE * d * d
         if not going.any():
             break
         live, square = live[going], fresh[going]
@@ -96,7 +98,7 @@ def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
         fresh = np.maximum(np.sqrt(np.maximum(h * (h + 2.0 * step), 0.0)), least)
         result[:, live] = fresh
         # pressed far past the floor it does not matter how far
-        going = (np.abs(fresh * fresh - h * h) > 1e-14 * d * d).any(axis=0) & (d > 0.5 * floor)
+        going = (np.abs(fresh * fresh - h * h) > _ALIKE * d * d).any(axis=0) & (d > 0.5 * floor)
         if not going.any():
             return result
         h, p, goal = fresh[:, going], p[:, going], goal[:, going]
@@ -259,19 +261,20 @@ def least(
         done = np.maximum(np.abs(to - h), np.abs(new - d)) < _ENOUGH * d
         lost[live[done & better & (part > 0.1)]] = False
         done &= better | (part < 1.0)
-        h, d = np.where(better, to, h), np.where(better, new, d)
+        if not better.all():
+            to, new = np.where(better, to, h), np.where(better, new, d)
+            then = Derivatives(*(np.where(better, y, x) for x, y in zip(now, then, strict=True)))
+        h, d, now = to, new, then
         part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
         result[:, live] = h, d
         on = ~done
         if not on.any():
             break
-        now = Derivatives(
-            *(np.where(better, y, x)[..., on] for x, y in zip(now, then, strict=True))
-        )
         if done.any():
             live, h, d, low, high = live[on], h[on], d[on], low[on], high[on]
             room, length, most, noise = room[:, on], length[:, on], most[:, on], noise[on]
             part, energy = part[on], energy.some(on)
+            now = Derivatives(*(array[..., on] for array in now))
     lost &= whole[-2] < whole[-1]
     if lost.any():
         energy, *rest = whole
@@ -333,7 +336,7 @@ def _least_surely(
 def _bounds(room: Array, most: Array, d: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return between which h1 no yarn is jammed nor past its most, and (2, n) which ends jam."""
     root = np.sqrt(np.maximum((d - room) * (d + room), 0.0))
-    jam = np.where(room < d, d - root, d)
+    jam = d - root
     up = np.minimum(most, jam)
     low = d - up[1]
     return low, np.maximum(up[0], low), (room < d) & (jam <= most * (1.0 + 1e-9))
