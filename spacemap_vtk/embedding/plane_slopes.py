@@ -25,8 +25,8 @@ from spacemap_vtk.mechanics.shell import mid_surface
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Steps of Newton's rule to a place in a quadrilateral: one in a parallelogram, and few in others.
-_STEPS = 5
+#: Most steps of Newton's rule to a place in a quadrilateral: in a parallelogram it takes one.
+_STEPS = 8
 
 
 class PlaneSlopes:
@@ -99,14 +99,15 @@ def _of_quads(
     corners = (0.5 * (upper + lower))[quads][quad, :, :2]
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     at = np.zeros((len(places), 2))
-    for step in range(_STEPS):
+    for _ in range(_STEPS):
         one = 1.0 + at[:, None] * signs
         slopes = 0.25 * signs * one[:, :, ::-1]  # (N, 4, 2) by ξ and η
         jacobian = np.einsum("nac,nai->nci", corners, slopes)
-        if step < _STEPS - 1:
-            found = 0.25 * np.einsum("nac,na->nc", corners, one.prod(axis=2))
-            away = np.linalg.solve(jacobian, (places[:, :2] - found)[:, :, None])[:, :, 0]
-            at += away
+        found = 0.25 * np.einsum("nac,na->nc", corners, one.prod(axis=2))
+        away = np.linalg.solve(jacobian, (places[:, :2] - found)[:, :, None])[:, :, 0]
+        if abs(away).max(initial=0.0) < 1e-12:
+            break
+        at += away
     along = np.einsum("nai,nic->cna", slopes, np.linalg.inv(jacobian))
     return [
         Interpolation(

@@ -51,8 +51,9 @@ class Recrimp:
     >>> from spacemap_vtk.fabric.weave import build
     >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
-    >>> woven = Recrimp(cloth)
-    >>> woven.feet.shape, bool(np.allclose(woven.points, build(cloth).points, atol=1e-15))
+    >>> yarns = Recrimp(cloth)
+    >>> woven = yarns.spread(yarns.feet) + yarns.rest
+    >>> yarns.feet.shape, bool(np.allclose(woven, build(cloth).points, atol=1e-15))
     ((64, 3), True)
     """
 
@@ -86,15 +87,15 @@ class Recrimp:
         )
 
     @property
-    def points(self) -> Floats:
-        """(N, 3) Control points as woven [m]."""
+    def rest(self) -> NDArray[np.floating[Any]]:
+        """(N, 3) How control points lie from their feet as woven [m]."""
         still = np.ones((2, *self.cloth.drawdown.shape))
         shares = np.reshape(self.cloth.shares, (2, 1, 1))
         along = np.zeros_like(self.feet)
         for number, family in enumerate(self._families):
             along[family.rings, 1 - number] = 1.0
         up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
-        return self.spread(self.feet) + self.vectors(shares * self._distance, still, along, up)
+        return self.vectors(shares * self._distance, still, along, up)
 
     @property
     def warp_rings(self) -> int:

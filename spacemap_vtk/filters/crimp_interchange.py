@@ -173,7 +173,8 @@ class CrimpInterchange(YarnParameters):
         share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
         recrimp = Recrimp(cloth, share)
         points = points_of(weave)
-        woven = recrimp.points
+        feet = recrimp.spread(recrimp.feet)
+        woven = feet + recrimp.rest
         if len(woven) != len(points) or abs(woven - points).max() > _APART * abs(woven).max():
             raise InputError(
                 "the points on port 0 are not where their cloth has been woven",
@@ -196,7 +197,7 @@ class CrimpInterchange(YarnParameters):
             crimp=crossed.solve(np.ones((2, *cloth.drawdown.shape))).crimp,
             tension=tension if tension.ndim == 3 else tension.reshape(2, 1, 1),
             slopes=PlaneSlopes(places, points_of(cage).astype(np.float64), elements_of(cage)),
-            foot=to_array(recrimp.spread(recrimp.feet).astype(precision), FOOT),
+            foot=to_array(feet.astype(precision, copy=False), FOOT),
             precision=precision,
         )
         return self._kept
