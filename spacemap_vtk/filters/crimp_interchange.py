@@ -23,6 +23,7 @@ from spacemap_vtk.fabric.recrimp import Recrimp
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
+from spacemap_vtk.memory import require
 
 Floats = NDArray[np.float64]
 
@@ -170,6 +171,12 @@ class CrimpInterchange(YarnParameters):
                 f'axes by "{cloth.axis}" hold no distance between yarns that could be kept',
                 allowed='axis = "arcs" of [weave]',
             )
+        count = weave.GetNumberOfPoints()
+        require(
+            estimate_bytes(count),
+            f"to let the yarns of {count} points keep their length",
+            cure="Use fewer ends and picks, or leave [yarns] out.",
+        )
         share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
         recrimp = Recrimp(cloth, share)
         points = points_of(weave)
@@ -217,7 +224,7 @@ def estimate_bytes(points: int) -> int:
         Bytes.
     """
     # Feet and offsets; of each ring, of twelve points, its slopes, their weights and its frames.
-    return points * (24 + 24 + 700 // 12)
+    return points * (24 + 24 + 1000 // 12)
 
 
 @dataclass
