@@ -15,6 +15,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Pull, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import Frame, add_shape, copied, frame_of
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -29,6 +31,13 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
 COARSE_QUADS = 8_000
+#: Patches of a cloth that is drawn yarn by yarn when it is at rest; while it moves it is a sheet.
+FINE_PATCHES = 1_000_000
+#: What is told of a cloth that the window does not show yarn by yarn.
+_AS_SHEET = (
+    "of so many yarns the window shows a sheet in their colours; pictures show yarns where they "
+    "are two pixels wide"
+)
 
 
 class Pipeline:
@@ -55,6 +64,7 @@ class Pipeline:
         self._swing = vtkTrivialProducer()
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
+        self._sheet: Sheet | None = None
         self._running: Stage | None = None
         #: Whether the present job is given up; whoever takes the next one sets it back.
         self.stopped = False
@@ -73,11 +83,22 @@ class Pipeline:
         solver, mover = scene.stage("solver"), scene.stage("mover")
         swing = job.swing if solver else None
         skipped = scene.moving if swing else []
+        # A swing never rests, a pull does.
+        coarse = job.coarse or isinstance(swing, Swing)
+        sheet, piece = self._sheet_of(scene), WHOLE
+        endless = sheet is not None and sheet.patches > FINE_PATCHES
+        if sheet is not None and endless:
+            piece = sheet.one
+        elif sheet is not None and not coarse:
+            scene.surface.choose(max(1, int(math.sqrt(FINE_PATCHES / sheet.patches))))
+            sheet = None
+        if sheet is not None:  # in place of what has yarns
+            skipped = [*skipped, *(stage for stage in stages[1:] if stage.makes == "object")]
         # What lies above is fresh, and each update asks all the stages above, which takes its time.
         first = min(self._first, stages.index(mover)) if mover else self._first
         for stage in stages[first:]:
             if stage not in skipped:
-                self._update(scene, stage, job.time)
+                self._update(scene, stage, job.time, piece)
         self._first = len(stages)
         source: Stage = stages[-1]
         cage = None
@@ -87,24 +108,32 @@ class Pipeline:
                 _add_pull(cage, swing)
             else:
                 _add_swing(scene, cage, swing)
-            source = self._swung(scene, cage)
-        # A swing never rests, a pull does.
-        coarse = job.coarse or isinstance(swing, Swing)
-        if coarse or swing is not None:
-            surface = self._coarse_surface(scene, source, coarse) or surface
-        if surface is self._coarse:
-            surface.update(job.time)
+            source = source if sheet else self._swung(scene, cage)
+        if sheet is not None:
+            drawn = sheet.moved
+            if scene.moves:
+                drawn = sheet.ride(scene.deformed_cage if cage is None else cage)
         else:
-            self._update(scene, surface, job.time)
-        drawn = surface.GetOutputDataObject(0)
-        self._require_drawn(drawn)
+            if coarse or swing is not None:
+                surface = self._coarse_surface(scene, source, coarse) or surface
+            if surface is self._coarse:
+                surface.update(job.time)
+            else:
+                self._update(scene, surface, job.time, WHOLE)
+            drawn = surface.GetOutputDataObject(0)
+            self._require_drawn(drawn)
+        cloth = None if sheet is None else sheet.cloth
         return replace(
-            frame_of(scene, job.time, drawn, cage, loads=swing is None),
+            frame_of(scene, job.time, drawn, cage, loads=swing is None, cloth=cloth),
             values=job.values,
-            coarse=coarse and surface is self._coarse,
+            coarse=coarse and not endless and (surface is self._coarse or sheet is not None),
             swing=None if swing is None else getattr(swing, "mode", -1),
             generation=job.generation,
-            warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
+            warnings=tuple(
+                dict.fromkeys(
+                    [text for s in scene.stages for text in s.warnings] + [_AS_SHEET] * endless
+                )
+            ),
             motion=None if swing else self._motion(scene, job.coarse),
         )
 
@@ -134,7 +163,14 @@ class Pipeline:
             stage.SetAbortExecute(1)
             self._interrupt.end()
 
-    def _update(self, scene: Scene, stage: Stage, at: float) -> None:
+    def _sheet_of(self, scene: Scene) -> Sheet | None:
+        """Return the sheet that a cloth of many yarns is drawn as."""
+        found = self._sheet
+        if found is None or not found.serves(scene):
+            self._sheet = found = Sheet.of(scene)
+        return found
+
+    def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
         if self.stopped:
             raise Cancelled("the run was stopped")
         section, before = stage.section, stage.executions
@@ -150,7 +186,7 @@ class Pipeline:
         observer = stage.AddObserver("ProgressEvent", tell)
         begun = time.perf_counter()
         try:
-            self._interrupt.guard(lambda: self._unless_stopped(scene, stage, at))
+            self._interrupt.guard(lambda: self._unless_stopped(scene, stage, at, piece))
         except Cancelled:
             # Wherever it was ended: what it had begun is not taken for a result.
             stage.Modified()
@@ -161,11 +197,11 @@ class Pipeline:
         if stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
 
-    def _unless_stopped(self, scene: Scene, stage: Stage, at: float) -> None:
+    def _unless_stopped(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
         # Once more: whoever stopped it may have looked before it was known what runs.
         if self.stopped:
             raise Cancelled("the run was stopped")
-        scene.update_stage(stage, at)
+        scene.update_stage(stage, at, piece)
 
     def _motion(self, scene: Scene, coarse: bool) -> dict[str, Any] | None:
         """Return how far the motion turns; a drag's, which has another at each frame, waits."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.processes import Piece
@@ -36,8 +36,10 @@ _CELLS = 240
 class Sheet:
     """A scene's cloth as a sheet that moves with its cage: none of its patches is made."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, patches: int) -> None:
         self._scene = scene
+        #: How many its yarns would have.
+        self.patches = patches
         with scene.naming_file():
             self.cloth: Cloth = scene.weave.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
@@ -62,18 +64,28 @@ class Sheet:
             return None  # the stage says why
         sides = scene.surface.subdivisions
         many = not fits or (sides is None and patches > _MANY_PATCHES)
-        return cls(scene) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
+        return cls(scene, patches) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
+
+    def serves(self, scene: Scene) -> bool:
+        """Return whether it is still that of a scene, which may have changed."""
+        same = scene is self._scene and scene.surface.subdivisions is None
+        return same and scene.weave.cloth is self.cloth and scene.source is scene.weave
+
+    @property
+    def one(self) -> Piece:
+        """A piece of one yarn, of which the stages above know what they ask of all."""
+        return Piece(0, sum(self.cloth.size))
 
     def update(self, time: float) -> vtkPolyData:
         """Return the sheet at a time [s]."""
         scene = self._scene
-        # Of one yarn the stages above know what they ask of all: how far they reach and weigh.
-        one = Piece(0, sum(self.cloth.size))
-        scene.update_stage(scene.deforming if scene.moves else scene.source, time, one)
-        if not scene.moves:
-            return self.moved
-        self._warp.configure(**scene.warp.settings)
-        self.moved = copied(self._warp(self._flat, scene.deformed_cage))
+        scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
+        return self.ride(scene.deformed_cage) if scene.moves else self.moved
+
+    def ride(self, cage: vtkUnstructuredGrid) -> vtkPolyData:
+        """Return the sheet where a cage takes it."""
+        self._warp.configure(**self._scene.warp.settings)
+        self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
         return self.moved
 
