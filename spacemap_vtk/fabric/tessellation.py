@@ -246,7 +246,8 @@ class Tessellation:
         origin = columns[0].astype(kind) if len(columns) else np.zeros(columns.shape[1], kind)
         origin[~np.isfinite(origin)] = 0
         most = max((chunk.row_count for chunk in self._chunks), default=0)
-        origins = np.tile(origin, (most + 1, 1))
+        origins = np.empty((most + 1, len(origin)), kind)
+        origins[:] = origin
 
         bicubic = self.bicubic if rational is None else None
         if bicubic is not None and columns.dtype.kind != "f":
@@ -381,7 +382,7 @@ def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
 def _with_ones(matrix: Floats) -> Floats:
     """Return a matrix that adds the last row of a net to what it makes of the others."""
     # Last, so that it is added last: the sum of the others is small, and keeps its digits.
-    return np.pad(matrix, ((0, 0), (0, 1)), constant_values=1)
+    return np.concatenate((matrix, np.ones((len(matrix), 1), matrix.dtype)), axis=1)
 
 
 def _flat(rows: Floats) -> Floats:
