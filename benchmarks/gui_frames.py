@@ -1,4 +1,4 @@
-"""Frames a second of the window, on the 7 x 7 scene, while a slider is dragged or time plays.
+"""Frames a second of the window, on the 7 x 7 scene: dragging a slider or the pad, and playing.
 
 Where other programs run at the same time, the processor's milliseconds for a frame say more: of the
 window's thread, of the engine's, and of OpenGL's in software.
@@ -107,6 +107,28 @@ def playing(window: MainWindow) -> str:
     return line
 
 
+def pulling(window: MainWindow) -> str:
+    """Return the frames a second while cloth of yarns that stretch is pulled to and fro."""
+    window.document.set_many("yarns", {"inextensible": False, "tension": "50 N", "contact": "9 N"})
+    window.tabs.setCurrentWidget(window.pull)
+    wait_until(lambda: window.pull.map.map is not None and not window.engine.busy)
+    window.pull.map.dragged.emit(1.01, 0.99)
+    live(1000)  # what all pulls share
+    window.director.hold(True)
+    frames, clocks = Frames(window), Clocks()
+    begun = time.perf_counter()
+    step = 0
+    while time.perf_counter() - begun < SECONDS:
+        share = abs((step % 100) / 50 - 1)
+        window.pull.map.dragged.emit(1.0 + 0.05 * share, 1.0 - 0.03 * share)
+        step += 1
+        live(5)
+    line = clocks.line(frames.stop())
+    window.director.hold(False)
+    window.pull.stop()
+    return line
+
+
 def main() -> None:
     """Print a table."""
     begin_collecting()  # as `spacemap gui` does
@@ -126,6 +148,7 @@ def main() -> None:
     ):
         print(f"{section}.{name:<16} {rate(window, section, name, low, high)}")
     print(f"playing                {playing(window)}")
+    print(f"pulling                {pulling(window)}")
     window.document.undo.setClean()
     window.close()
     app.processEvents()
