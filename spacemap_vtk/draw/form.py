@@ -49,7 +49,7 @@ class Sheet:
     @classmethod
     def of(cls, scene: Scene, fits: bool = True) -> Sheet | None:
         """Return a scene's sheet; None where its yarns fit into memory, or all of them must."""
-        if not scene.woven or scene.source is not scene.weave:
+        if not scene.woven or scene.source is not scene.weave or not _rides(scene):
             return None
         if any(stage is scene.cage for stage in scene.stages) and scene.cage.method in (
             "carved",
@@ -69,7 +69,8 @@ class Sheet:
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
-        return same and scene.weave.cloth is self.cloth and scene.source is scene.weave
+        same = same and scene.weave.cloth is self.cloth and scene.source is scene.weave
+        return same and _rides(scene)
 
     @property
     def one(self) -> Piece:
@@ -88,6 +89,14 @@ class Sheet:
         self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
         return self.moved
+
+
+def _rides(scene: Scene) -> bool:
+    """Return whether colours show what a sheet has: no numbers of yarns beside one another."""
+    of_cage = {name for stage in scene.stages if stage.makes == "cage" for name in stage.arrays}
+    of_cage |= scene.warp.arrays.keys()
+    color = scene.view.color
+    return color in ("own", "family", "yarn") or COLORINGS[color].array in of_cage
 
 
 def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:

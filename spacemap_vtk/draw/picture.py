@@ -24,7 +24,6 @@ from spacemap_vtk.draw.pieces import Pieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
-from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import fits_picture, require_picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -122,11 +121,7 @@ class Picture:
         if self.sheet is None:
             return
         if automatic and pixels < SMALLEST_YARN:
-            lost = _lost(scene)
-            scene.warn(
-                f"drawn as a sheet: a yarn is {pixels:.2g} pixels"
-                + (f", and what {lost} is not seen" if lost else "")
-            )
+            scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
         else:
             self.pieces = Pieces(scene, scene.surface.sides)
 
@@ -289,15 +284,6 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
     if scene.view.ghost:
         clouds.append(_some(rest_of(drawn)))
     return np.concatenate(clouds, dtype=np.float64), natural_span(np.array(ends)) if ends else None
-
-
-def _lost(scene: Scene) -> str:
-    """Return what the colours of a scene mean, where a sheet cannot show it."""
-    color = COLORINGS[scene.view.color]
-    riding = {name for stage in scene.stages if stage.makes == "cage" for name in stage.arrays}
-    if scene.view.color in ("own", "family", "yarn") or color.array in riding:
-        return ""
-    return f'its colours mean, "{color.label}",'
 
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -120,8 +120,8 @@ in float heightVS;
 
 _FRAGMENT = """
   vec4 texels[4] = vec4[4](
-    texture(warpOver, tcoordVCVSOutput, 2.0), texture(weftOver, tcoordVCVSOutput, 2.0),
-    texture(warpUnder, tcoordVCVSOutput, 2.0), texture(weftUnder, tcoordVCVSOutput, 2.0));
+    texture(warpOver, tcoordVCVSOutput, 2.5), texture(weftOver, tcoordVCVSOutput, 2.5),
+    texture(warpUnder, tcoordVCVSOutput, 2.5), texture(weftUnder, tcoordVCVSOutput, 2.5));
   for (int k = 0; k < 4; ++k)  // black yarns shine, too
     texels[k] = vec4(lightVS[k].rgb * diffuseColor * texels[k].rgb, lightVS[k].a * texels[k].a);
   int top = gl_FrontFacing ? 0 : 2;  // what lies under on one face lies on top on the other

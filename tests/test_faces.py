@@ -1,0 +1,48 @@
+"""The layers and lines of a cloth that is seen from afar."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
+from spacemap_vtk.fabric.partition import whole_bounds
+from spacemap_vtk.fabric.threads import Threads
+
+
+def test_each_crossing_has_its_two_yarns_once() -> None:
+    random = np.random.default_rng(3)
+    drawdown = random.random((5, 7)) < 0.5
+    warp, weft = (random.integers(1, 256, (n, 3), np.uint8) for n in (7, 5))
+    ends_over, picks_over, ends_under, picks_under = layers(drawdown, warp, weft)
+    assert np.array_equal(
+        ends_over[..., :3] + ends_under[..., :3], np.broadcast_to(warp, (5, 7, 3))
+    )
+    both = picks_over[..., :3] + picks_under[..., :3]
+    assert np.array_equal(both, np.broadcast_to(weft[:, None], (5, 7, 3)))
+    assert np.array_equal(ends_over[..., 3] == 255, drawdown)
+    assert np.array_equal(picks_over[..., 3] == 255, ~drawdown)
+
+
+def test_lines_end_where_the_cloth_does() -> None:
+    spacing = np.array([1e-3, 2e-3, 1e-3, 3e-3])
+    cloth = Cloth(
+        drawdown=np.indices((4, 5)).sum(axis=0) % 2 == 0,
+        warp=Threads(diameter=4e-4, spacing=spacing),
+        weft=Threads(diameter=4e-4, spacing=1e-3),
+    )
+    bounds = whole_bounds(cloth).reshape(3, 2)
+    for number in (0, 1):
+        lines = grid_lines(cloth, number, cloth.size[number])
+        assert np.allclose(lines[[0, -1]], bounds[number])
+        places = cloth.yarns[number].position
+        assert ((lines[:-1] < places) & (places < lines[1:])).all()
+
+
+def test_floats_lie_flat() -> None:
+    threads = Threads(diameter=2e-4, spacing=5e-4)
+    plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
+    satin = np.eye(8, dtype=bool)
+    tight, loose = (tubes(Cloth(drawdown=d, warp=threads, weft=threads)) for d in (plain, satin))
+    assert tight[0].cover == 2e-4 / 5e-4
+    assert 0.0 < loose[0].slope_over < 0.6 * tight[0].slope_over
