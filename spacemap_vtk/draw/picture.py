@@ -20,7 +20,7 @@ from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.pieces import Pieces
+from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import averaged, contact_shade, strips
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
@@ -105,7 +105,7 @@ class Picture:
         #: What all yarns are in; None: they are few, and in memory together.
         self.sheet = sheet
         #: What makes the yarns one piece after another; None: they are together, or not seen.
-        self.pieces: Pieces | None = None
+        self.pieces: DrawnPieces | None = None
         self._choose_form(room, height)
         self._cut = cut_of(scene.view, scene.polygons if sheet is None else sheet.moved)
 
@@ -123,7 +123,7 @@ class Picture:
         if automatic and pixels < SMALLEST_YARN:
             scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
         else:
-            self.pieces = Pieces(scene, scene.surface.sides)
+            self.pieces = DrawnPieces(scene, scene.surface.sides)
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.

@@ -26,7 +26,7 @@ from spacemap_vtk.scenes.scene import Scene
 _PATCHES, _QUADS = 100_000, 800_000
 
 
-class Pieces:
+class DrawnPieces:
     """The yarns of a scene, piece by piece, in stages of their own."""
 
     # The scene's stages keep what they have made of the cage, which all pieces need.
