@@ -107,6 +107,8 @@ class Picture:
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
         self._choose_form(room, height)
+        if self.pieces is not None:
+            require_picture(scene, *demand, self.pieces.count)
         self._cut = cut_of(scene.view, scene.polygons if sheet is None else sheet.moved)
 
     def _choose_form(self, room: NDArray[np.float64], height: int) -> None:

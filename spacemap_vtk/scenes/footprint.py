@@ -82,14 +82,14 @@ def fits_picture(scene: Scene, pixels: int, frames: int = 1) -> bool:
     return True
 
 
-def require_picture(scene: Scene, pixels: int, frames: int = 1) -> None:
+def require_picture(scene: Scene, pixels: int, frames: int = 1, pieces: int = 1) -> None:
     """Refuse pictures that would not fit into memory, before any is taken."""
     if scene.woven:
         with scene.naming_file():
-            _require_picture(scene, pixels, frames)
+            _require_picture(scene, pixels, frames, pieces)
 
 
-def _require_picture(scene: Scene, pixels: int, frames: int) -> None:
+def _require_picture(scene: Scene, pixels: int, frames: int, pieces: int) -> None:
     now = scene.surface.sides
     try:
         with naming_section(scene.weave.section):
@@ -101,7 +101,7 @@ def _require_picture(scene: Scene, pixels: int, frames: int) -> None:
         return  # what cannot be woven has no size; the stage says why
 
     def needed(subdivisions: int, share: float = 1.0) -> int:
-        part = Counts(*(round(share**2 * number) for number in counts))
+        part = Counts(*(round(share**2 * number / pieces) for number in counts))
         return round(_MARGIN * _picture_bytes(scene, part, subdivisions, pixels, frames))
 
     def cure(free: int) -> str:
