@@ -24,10 +24,11 @@ Array = NDArray[np.float64]
 _LEAST, _SLIVER = 1e-9, 1e-7
 #: Over the room: a straight part below which a yarn is near its jam.
 _NEAR = 0.5
-#: Steps below this share of D end Newton's method, for the next one would be its square.
-_ENOUGH = 1e-8
+#: Steps below this share of D end Newton's method, for the next one would be its square; where
+#: yarns that bend come near a jam, steps are small before that.
+_ENOUGH, _ENOUGH_BENT = 1e-7, 1e-8
 #: Likewise of squares of heights, in which lengths are all but linear, over D**2.
-_ALIKE = 1e-9
+_ALIKE = 1e-7
 
 
 class Gap(NamedTuple):
@@ -44,8 +45,8 @@ def bend(room: Array, height: Array, distance: Array) -> Gap:
     """Return Peirce's figures; past the jam those of no straight part."""
     s = np.sqrt(np.maximum(room * room - height * (2.0 * distance - height), 0.0))
     t = height / (room + s)
-    theta, share = 2.0 * np.arctan(t), 1.0 / (1.0 + t * t)
-    return Gap(theta, s, distance * theta + s, 2.0 * t * share, (1.0 - t * t) * share)
+    theta, share = 2.0 * np.arctan(t), 2.0 / (1.0 + t * t)
+    return Gap(theta, s, distance * theta + s, t * share, share - 1.0)
 
 
 def jam_height(room: Array, distance: Array) -> Array:
@@ -59,35 +60,40 @@ def jam_height(room: Array, distance: Array) -> Array:
 def taut_height(room: Array, length: Array, distance: Array) -> Array:
     """Return the heights at which yarns are as long as asked; 0 where they are too short."""
     shape = room.shape
-    most = jam_height(room, distance).ravel()
+    most = jam_height(room, distance).ravel() ** 2
+    live: NDArray[np.int64] = np.arange(room.size)
     p, goal, d = room.ravel(), length.ravel(), distance.ravel()
     # Peirce's own approximation, c = (9/16) (h/p)**2, is off by some per cent
-    square = np.minimum(16.0 / 9.0 * p * np.maximum(goal - p, 0.0), most * most)
-    result, live = square.copy(), np.arange(len(p))
+    square = np.minimum(16.0 / 9.0 * p * np.maximum(goal - p, 0.0), most)
+    result = np.empty_like(square)
     for _ in range(40):
         h = np.sqrt(square)
         s = np.sqrt(np.maximum(p * p - h * (2.0 * d - h), 0.0))
-        t = h / (p + s)
+        reach = p + s
+        t = h / reach
         # in h**2 the length is all but linear: d l / d(h**2) = sin(theta) / (2 h)
-        step = (goal - 2.0 * d * np.arctan(t) - s) * (p + s) * (1.0 + t * t)
-        fresh = np.clip(square + step, 0.0, most * most)
-        result[live] = fresh
-        going = np.abs(fresh - square) > _ALIKE * d * d
-        if not going.any():
+        step = (goal - 2.0 * d * np.arctan(t) - s) * reach * (1.0 + t * t)
+        before, square = square, np.clip(square + step, 0.0, most)
+        done = np.abs(square - before) <= _ALIKE * d * d
+        if done.any():
+            result[live[done]] = square[done]
+            on = np.flatnonzero(~done)
+            live = live[on]
+            square, p, goal, d, most = (one[on] for one in (square, p, goal, d, most))
+        if not len(live):
             break
-        live, square = live[going], fresh[going]
-        p, goal, d, most = p[going], goal[going], d[going], most[going]
+    result[live] = square
     return np.sqrt(result).reshape(shape)
 
 
 def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
     """Return heights (2, n) at which both yarns are as long as asked, by crossings that flatten."""
     # Heights whose sum is below the floor say no more than that; the start is that of a larger D.
-    result, live = height.copy(), np.arange(height.shape[1])
+    result, live = np.empty_like(height), np.arange(height.shape[1])
     p, goal, least = room, length, _LEAST * floor
     h = np.where(length > room, np.maximum(height, least), least)
     for _ in range(30):
-        d = h.sum(axis=0)
+        d = h[0] + h[1]
         gap = bend(p, h, d)
         a, b = gap.theta, gap.theta - gap.sin
         # a yarn that is too short to bend at all is straight
@@ -95,14 +101,17 @@ def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
         step = a[::-1] * missing - b * missing[::-1]
         step /= a[0] * a[1] - b[0] * b[1]
         # Newton's step, taken in squares: lengths are all but linear in them
-        fresh = np.maximum(np.sqrt(np.maximum(h * (h + 2.0 * step), 0.0)), least)
-        result[:, live] = fresh
+        square, before = np.maximum(h * (h + 2.0 * step), 0.0), h
+        h = np.maximum(np.sqrt(square), least)
         # pressed far past the floor it does not matter how far
-        going = (np.abs(fresh * fresh - h * h) > _ALIKE * d * d).any(axis=0) & (d > 0.5 * floor)
-        if not going.any():
+        done = (np.abs(h * h - before * before) <= _ALIKE * d * d).all(axis=0) | (d <= 0.5 * floor)
+        if done.any():
+            result[:, live[done]] = h[:, done]
+            on = np.flatnonzero(~done)
+            live, least, floor = live[on], least[on], floor[on]
+            h, p, goal = (one.take(on, axis=1) for one in (h, p, goal))
+        if not len(live):
             return result
-        h, p, goal = fresh[:, going], p[:, going], goal[:, going]
-        live, least, floor = live[going], least[going], floor[going]
     result[:, live] = _both_taut_surely(p, goal, h.sum(axis=0), floor)
     return result
 
@@ -137,7 +146,7 @@ class CrimpEnergy(NamedTuple):
 
     def some(self, which: NDArray) -> CrimpEnergy:
         """Return that of some crossings."""
-        return CrimpEnergy(*(array[..., which] for array in self))
+        return CrimpEnergy(*(array.take(which, axis=-1) for array in self))
 
 
 class Derivatives(NamedTuple):
@@ -179,28 +188,32 @@ def derivatives(
         by.insert(0, cos * along[0] + along[1])
         turn.insert(0, -sin * along[0] / s)
     last = len(by) - 1
-    first = [force * one for one in by]
-    second = {
-        (i, j): pull * by[i] * by[j] + force * s * turn[i] * turn[j]
-        for j in range(last + 1)
-        for i in range(j + 1)
-    }
-    if energy.hinge.any():
+    first, across = [force * one for one in by], force * s
+    hinged = bool(energy.hinge.any())
+    if hinged:
         hinge, bent = energy.hinge / distance, theta - energy.rest
         moment, work = 2.0 * hinge * bent, hinge * bent * bent
         value += work.sum(axis=0)
+        across += 2.0 * hinge
+    left, right = [pull * one for one in by], [across * one for one in turn]
+    if hinged:
         # theta by i and j is change_i turn_j - turn_i thin_j
         change, thin = [-sin / s, sin / s], [(h - distance) / s**2, -h / s**2]
         if along is not None:
             change.insert(0, -cos * along[0] / s)
             thin.insert(0, room * along[0] / s**2)
+        turned = [moment * one for one in turn]
+        right = [one + moment * two for one, two in zip(right, change, strict=True)]
+    second = {
+        (i, j): left[i] * by[j] + right[i] * turn[j] for j in range(last + 1) for i in range(j + 1)
+    }
+    if hinged:
         for (i, j), term in second.items():
-            term += 2.0 * hinge * turn[i] * turn[j]
-            term += moment * (change[i] * turn[j] - turn[i] * thin[j])
+            term -= turned[i] * thin[j]
         for i in range(last + 1):
-            first[i] += moment * turn[i]
-            second[i, last] -= moment * turn[i] / distance
-        second[last, last] += 2.0 * work / distance**2 - moment * turn[last] / distance
+            first[i] += turned[i]
+            second[i, last] -= turned[i] / distance
+        second[last, last] += 2.0 * work / distance**2 - turned[last] / distance
         first[last] -= work / distance
     slope, curve = _of_both(first, second, last)
     slope[-1] += energy.contact * squash
@@ -243,7 +256,7 @@ def least(
     low, high = distances
     result, live, lost = np.empty((2, len(low))), np.arange(len(low)), np.ones(len(low), bool)
     hinged = bool(energy.hinge.any())
-    whole = energy, room, length, most, low, high
+    whole, enough = (energy, room, length, most, low, high), _ENOUGH_BENT if hinged else _ENOUGH
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
     d = np.clip(start[1], low, high)
     bottom, top, _ = _bounds(room, most, d)
@@ -256,30 +269,32 @@ def least(
     now, part = derivatives(energy, room, length, h, d), np.ones(len(low))
     for _ in range(30):
         to, new = _step(now, hinged, part, room, most, h, d, low, high)
+        done = np.maximum(np.abs(to - h), np.abs(new - d)) < enough * d
+        if done.any():
+            result[:, live[done]] = to[done], new[done]
+            lost[live[done & (part > 0.1)]] = False
+            on = np.flatnonzero(~done)
+            live, part, noise, energy = live[on], part[on], noise[on], energy.some(on)
+            h, d, low, high, to, new = (one[on] for one in (h, d, low, high, to, new))
+            room, length, most = (one.take(on, axis=1) for one in (room, length, most))
+            now = Derivatives(*(one.take(on, axis=-1) for one in now))
+        if not len(live):
+            break
         then = derivatives(energy, room, length, to, new)
         better = then.value <= now.value * (1.0 + 1e-12) + noise
-        done = np.maximum(np.abs(to - h), np.abs(new - d)) < _ENOUGH * d
-        lost[live[done & better & (part > 0.1)]] = False
-        done &= better | (part < 1.0)
-        if not better.all():
+        if better.all():
+            part = np.minimum(3.0 * part, 1.0)
+        else:
             to, new = np.where(better, to, h), np.where(better, new, d)
             then = Derivatives(*(np.where(better, y, x) for x, y in zip(now, then, strict=True)))
+            part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
         h, d, now = to, new, then
-        part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
-        result[:, live] = h, d
-        on = ~done
-        if not on.any():
-            break
-        if done.any():
-            live, h, d, low, high = live[on], h[on], d[on], low[on], high[on]
-            room, length, most, noise = room[:, on], length[:, on], most[:, on], noise[on]
-            part, energy = part[on], energy.some(on)
-            now = Derivatives(*(array[..., on] for array in now))
+    result[:, live] = h, d
     lost &= whole[-2] < whole[-1]
     if lost.any():
-        energy, *rest = whole
-        result[:, lost] = _least_surely(
-            energy.some(lost), *(array[..., lost] for array in (*rest, result))
+        left, (energy, *rest) = np.flatnonzero(lost), whole
+        result[:, left] = _least_surely(
+            energy.some(left), *(array[..., left] for array in (*rest, result))
         )
     return result[0], result[1]
 
@@ -358,45 +373,53 @@ def _step(
     # is what a variable u from 0 to 1 makes of its bounds, whose square is the distance from there.
     bottom, top, jams = _bounds(room, most, d)
     width = np.maximum(top - bottom, _LEAST * d)
-    share = np.clip((h - bottom) / width, 0.0, 1.0)
-    heights = np.stack([h, d - h])
-    near = jams & hinged & (room**2 - heights * (2.0 * d - heights) < (_NEAR * room) ** 2)
-    ends, some = near[::-1], bool(near.any())
-    u = _inverse(share, ends) if some else share
-    _, first, second = _shape(u, ends) if some else (0.0, 1.0, 0.0)
+    u = share = np.clip((h - bottom) / width, 0.0, 1.0)
     # near an end, or on it, h1 moves with it as D changes
-    moves = near | np.stack([share >= 1.0, share <= 0.0])
-    root = np.maximum(np.sqrt(np.maximum((d - room) * (d + room), 0.0)), 1e-3 * d)
-    slope = np.where(jams, 1.0 - d / root, 1.0 * (room >= d) * (most >= d))
-    bend = np.where(moves & jams, room**2 / root**3, 0.0)
-    up, down = moves[0] * slope[0], moves[1] * (1.0 - slope[1])
-
+    moves, some = np.stack([share >= 1.0, share <= 0.0]), False
     (gh, gd), ((hh, hd), (_, dd)) = now.slope, now.curve
-    by_u, by_d, by_both = width * first, down + (up - down) * share, (up - down) * first
-    gu, gd = gh * by_u, gd + gh * by_d
-    uu = hh * by_u**2 + gh * width * second
-    ud = (hh * by_d + hd) * by_u + gh * by_both
-    dd = dd + 2.0 * hd * by_d + hh * by_d**2 + gh * (bend[0] * share - bend[1] * (1.0 - share))
+    gu, uu, ud = gh * width, hh * width**2, hd * width
+    if hinged:
+        heights = np.stack([h, d - h])
+        near = jams & (room**2 - heights * (2.0 * d - heights) < (_NEAR * room) ** 2)
+        ends, some = near[::-1], bool(near.any())
+        moves |= near
+    first: Array | float = 1.0
+    if some:
+        u = _inverse(share, ends)
+        _, first, second = _shape(u, ends)
+        uu, ud = uu * first**2 + gu * second, ud * first
+        gu = gu * first
+    if moving := bool(moves.any()):
+        root = np.maximum(np.sqrt(np.maximum((d - room) * (d + room), 0.0)), 1e-3 * d)
+        slope = np.where(jams, 1.0 - d / root, 1.0 * (room >= d) * (most >= d))
+        bend = np.where(moves & jams, room**2 / root**3, 0.0)
+        up, down = moves[0] * slope[0], moves[1] * (1.0 - slope[1])
+        by_d = down + (up - down) * share
+        gd = gd + gh * by_d
+        ud += (hh * by_d * width + gh * (up - down)) * first
+        dd = dd + 2.0 * hd * by_d + hh * by_d**2
+        dd += gh * (bend[0] * share - bend[1] * (1.0 - share))
     # against a saddle: downhill along either variable
     tiny = np.finfo(float).tiny ** 0.5
     uu = np.maximum(np.abs(uu), tiny)
     held = ((u <= 0.0) & (gu >= 0.0)) | ((u >= 1.0) & (gu <= 0.0))
     slide = np.where(held, 0.0, -ud / uu)
-    along = np.abs(np.abs(dd) + slide * (2.0 * ud + slide * uu))
-    along = np.maximum(along, 1e-9 * np.abs(dd) + tiny)
-    new = np.clip(d - (gd + slide * gu) / along, low, high)
-    move = np.where(held, 0.0, part * -(gu + ud * (new - d)) / uu)
-    v, new = np.clip(u + move, 0.0, 1.0), d + part * (new - d)
+    dd = np.abs(dd)
+    along = np.maximum(np.abs(dd + slide * (2.0 * ud + slide * uu)), 1e-9 * dd + tiny)
+    move = np.clip(d - (gd + slide * gu) / along, low, high) - d
+    v = np.clip(u - np.where(held, 0.0, part * (gu + ud * move) / uu), 0.0, 1.0)
+    new = d + part * move
 
     lowest, highest, jams = _bounds(room, most, new)
-    bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)
+    if moving:
+        bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)
     to = bottom + (top - bottom) * (_shape(v, ends)[0] if some else v)
-    # where there is bending not all the way to a jam, where it would be caught
-    gap = 0.05 * hinged * (highest - lowest)
-    return (
-        np.clip(to, lowest + jams[1] * gap * share, highest - jams[0] * gap * (1.0 - share)),
-        new,
-    )
+    if hinged:
+        # where there is bending not all the way to a jam, where it would be caught
+        gap = 0.05 * (highest - lowest)
+        lowest = lowest + jams[1] * gap * share
+        highest = highest - jams[0] * gap * (1.0 - share)
+    return np.clip(to, lowest, highest), new
 
 
 def _shape(u: Array, ends: NDArray[np.bool_]) -> tuple[Array, Array, Array]:

@@ -54,7 +54,7 @@ class Crossings(NamedTuple):
     """(n,) k_D over D at rest; 0 where contact is hard."""
 
     def some(self, which: NDArray) -> Crossings:
-        return Crossings(*(array[..., which] for array in self))
+        return Crossings(*(array.take(which, axis=-1) for array in self))
 
     def asked(self, stretch: Array) -> tuple[Array, Array]:
         """Return the room for the gap's arcs, and the length that its yarn has for it."""

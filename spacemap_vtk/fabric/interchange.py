@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import inf, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -185,12 +185,17 @@ class Interchange:
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
         contact = 2.0 * cells.contact * (cells.full - d)
-        if self._stretches:
-            free = cells.energy(self._hinged)._replace(contact=np.zeros_like(d))
+        if self._stretches and self._hinged:
+            free = cells.energy(True)._replace(contact=np.zeros_like(d))
             contact = 2.0 * np.maximum(derivatives(free, room, length, h, d).slope[-1], 0.0)
+        elif self._stretches:
+            # what the yarns' pull changes with D, as much as their lengths do
+            pull = cells.energy(False).tension * np.maximum(gap.length - length, 0.0)
+            press = pull * (gap.theta - gap.sin)
+            contact = 2.0 * (press[0] + press[1] + pull[1] * gap.sin[1])
         return CrimpState(
             *(
-                np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
+                self._laid(array, back)
                 for array in (
                     0.5 * heights,
                     d,
@@ -231,12 +236,7 @@ class Interchange:
         if start is not None:
             near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
         found = self._pulls(cells, some, near)
-        return Forces(
-            *(
-                np.take(array, back, axis=-1).reshape(*array.shape[:-1], *self.shape)
-                for array in found
-            )
-        )
+        return Forces(*(self._laid(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
         """Return the forces of the whole cloth, stretched alike everywhere, many times at once.
@@ -311,7 +311,7 @@ class Interchange:
             parts.append(line)
         return np.concatenate([parts[2][:, ::-1], parts[0], parts[1]], axis=1)
 
-    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64]]:
+    def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64] | slice]:
         """Return crossings, their stretches, and which of them each one of the cloth is."""
         asked = np.asarray(stretch, np.float64)
         if asked.shape != (2, *self.shape):
@@ -324,7 +324,13 @@ class Interchange:
         if np.ptp(asked, axis=1).max() <= 1e-14:
             first, back = self._kinds
             return self._cells.some(first), asked[:, first], back
-        return self._cells, asked, np.arange(asked.shape[1])
+        return self._cells, asked, slice(None)
+
+    def _laid(self, array: NDArray[Any], back: NDArray[np.int64] | slice) -> NDArray[Any]:
+        """Return what crossings in a row have, as the cloth has it."""
+        if not isinstance(back, slice):
+            array = array.take(back, axis=-1)
+        return array.reshape(*array.shape[:-1], *self.shape)
 
     @cached_property
     def _kinds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -402,15 +408,15 @@ class Interchange:
         def settle(
             which: Array, energy: CrimpEnergy, bounds: Array, low: Array, high: Array
         ) -> None:
-            if which.any():
-                near = h[which], d[which]
-                h[which], d[which] = least(
-                    energy.some(which),
-                    room[:, which],
-                    length[:, which],
-                    near,
-                    bounds[:, which],
-                    (low[which], high[which]),
+            some = np.flatnonzero(which)
+            if len(some):
+                h[some], d[some] = least(
+                    energy.some(some),
+                    room.take(some, axis=1),
+                    length.take(some, axis=1),
+                    (h[some], d[some]),
+                    bounds.take(some, axis=1),
+                    (low[some], high[some]),
                 )
 
         settle(slack, cells.bending(), most, full, full)
@@ -418,11 +424,13 @@ class Interchange:
         if self._stretches and self._contact > 0.0:
             settle(pulled, cells.energy(False), free, floor, full)
             return held, h, d
-        flat = pulled & (floor < full)
-        if flat.any():
-            heights = both_taut(room[:, flat], length[:, flat], most[:, flat], floor[flat])
-            d[flat] = np.clip(heights.sum(axis=0), floor[flat], full[flat])
-            h[flat] = heights[0] * d[flat] / heights.sum(axis=0)
+        flat = np.flatnonzero(pulled & (floor < full))
+        if len(flat):
+            taken = (one.take(flat, axis=-1) for one in (room, length, most, floor))
+            heights = both_taut(*taken)
+            both = heights[0] + heights[1]
+            d[flat] = np.clip(both, floor[flat], full[flat])
+            h[flat] = heights[0] * d[flat] / both
         settle(pulled & (d <= floor), cells.energy(False), free, floor, floor)
         return held, h, d
 
