@@ -107,11 +107,13 @@ def crossings(
     spacing = each(along, across)
     # thick among thin, a crossing that is repeated may be tighter than any gap of the cloth
     flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
-    floats = np.empty(shape)
-    floats[0], floats[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
-    loose = np.isinf(floats)
+    share, float_ = np.empty((2, *shape))
+    share[0], share[1] = _floats(cloth.drawdown), _floats(cloth.drawdown.T)[:, None]
+    float_[0] = _float_spacing(cloth.drawdown, weft.spacing, along)
+    float_[1] = _float_spacing(cloth.drawdown.T, warp.spacing, across).T
+    loose = np.isinf(share)
     # such a yarn bends nowhere: a gap that is always wide, for a length that is never reached
-    floats, own = np.where(loose, 0.0, spacing * floats), np.where(loose, 0.0, spacing)
+    floats, own = float_ * np.where(loose, 0.0, share), np.where(loose, 0.0, spacing)
     flat = np.where(loose, -10.0 * full, flat)
     gap = bend(own - flat, rest, full)
     length = np.where(loose, 1e3 * full, gap.length)
@@ -160,6 +162,15 @@ def _floats(drawdown: NDArray[np.bool_]) -> Array:
     with np.errstate(divide="ignore"):
         share: Array = (period - changes) / changes
     return share
+
+
+def _float_spacing(drawdown: NDArray[np.bool_], spacing: Array, around: Array) -> Array:
+    """Return the mean spacing in the floats of each column's yarn; that at each where all agree."""
+    if not len(spacing) or np.ptp(spacing) == 0.0:
+        return np.broadcast_to(around[:, None], drawdown.shape)
+    same = drawdown[1:] == drawdown[:-1]
+    same |= ~same.any(axis=0)
+    return np.broadcast_to(spacing @ same / same.sum(axis=0), drawdown.shape)
 
 
 def _around(spacing: Array, alone: float) -> Array:

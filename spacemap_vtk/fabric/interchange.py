@@ -4,7 +4,7 @@ Where space stretches by lambda_w along the warp and lambda_f along the weft, a 
 spacings, and two unknowns: h1, the crimp height of the warp, and D, twice the distance of the axes
 (h2 = D - h1). Each crossing is taken as if it were repeated all over the cloth: were neighbours
 coupled by the rise between them, heights that alternate from crossing to crossing would cost
-nothing, and the problem had no single answer.
+nothing, and the problem had no single answer. Where crossings differ `joined` corrects them.
 
 - In a gap where a yarn changes side it is as long as Peirce says; flats of what it crosses, and
   floats, are straight. Floats are shared out evenly over the gaps with a change of side in the
@@ -47,6 +47,7 @@ from spacemap_vtk.fabric.crimp_energy import (
     least,
 )
 from spacemap_vtk.fabric.crossings import Crossings, crossings
+from spacemap_vtk.fabric.joined import Joined, Said
 
 #: Share of a section that fibres fill where they lie as close as they can, in hexagons.
 CLOSEST = pi / (2.0 * sqrt(3.0))
@@ -157,6 +158,9 @@ class Interchange:
         #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
         self.cell: Array
         self._cells, self.cell = crossings(cloth, tension, *yarns[1:])
+        same = all((field == field[..., :1]).all() for field in self._cells)
+        loose = self._cells.loose.reshape(2, *self.shape)
+        self._joined = None if same else Joined(cloth, loose)
 
     def solve(self, stretch: ArrayLike, start: CrimpState | None = None) -> CrimpState:
         """Return what the crossings do.
@@ -193,7 +197,7 @@ class Interchange:
             pull = cells.energy(False).tension * np.maximum(gap.length - length, 0.0)
             press = pull * (gap.theta - gap.sin)
             contact = 2.0 * (press[0] + press[1] + pull[1] * gap.sin[1])
-        return CrimpState(
+        state = CrimpState(
             *(
                 self._laid(array, back)
                 for array in (
@@ -209,6 +213,15 @@ class Interchange:
                 )
             )
         )
+        if self._joined is None:
+            return state
+        slack = np.maximum(-over / cells.whole, 0.0) + (held - some).max(axis=0)
+        grown, spare, floor = (
+            self._laid(array, back) for array in (gap.length - cells.length, slack, cells.floor)
+        )
+        said = Said(grown, state.stretch, spare)
+        height = self._joined.heights(state.height, 0.5 * floor, said)
+        return state._replace(height=height, distance=2.0 * height.sum(axis=0))
 
     def forces(self, stretch: ArrayLike, start: CrimpState | None = None) -> Forces:
         """Return the crossings' energy and its derivatives by the stretch.

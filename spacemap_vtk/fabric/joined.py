@@ -1,0 +1,127 @@
+"""Yarns through crossings that differ, as long as their crossings say.
+
+Each crossing is solved as if it were repeated. Between crossings of unequal heights, spacings or
+diameters an axis is not as long as the mean of what both say, by the square of what they differ.
+So each yarn's heights are raised or lowered in one proportion until the whole of it is, and D
+follows, between its least and that of rest; where the other yarn is slack D stays, and that one
+gives way. A yarn that is slack somewhere, or jams, is left as it is. All changes continuously.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.crimp_energy import Array, Gap, bend
+
+#: Slack, or stretch past a jam, from which on a yarn is left as it is; between, in part.
+_RAMP = 1e-3
+#: Most by which a step changes heights, of them.
+_MOST = 0.05
+#: Share of its length to which a yarn's is found, and steps to that end.
+_EXACT, _STEPS = 1e-11, 12
+
+
+class Said(NamedTuple):
+    """What crossings say; arrays are (2, picks, ends)."""
+
+    grown: Array
+    """By how much a gap's axis is longer than at rest, in metres."""
+    stretch: Array
+    """At which they stand."""
+    slack: Array
+    """What the yarn is longer than its room, and space is past its jam, over lengths."""
+
+
+class _Family(NamedTuple):
+    """The gaps between crossings of warp or weft: (yarns, gaps)."""
+
+    changes: NDArray[np.bool_]
+    spacing: Array
+    flat: Array
+    length: Array
+    """(yarns,) From first to last crossing at rest, less the flats."""
+
+
+class Joined:
+    """The yarns of a cloth between their crossings; loose are those that never change side."""
+
+    def __init__(self, cloth: Cloth, loose: Array) -> None:
+        warp, weft = cloth.yarns
+        self._full = 0.5 * np.add.outer(weft.diameter, warp.diameter)
+        self._loose = loose
+        self._families: list[_Family] = []
+        rest = np.reshape(cloth.shares, (2, 1, 1)) * self._full
+        for number, crossed in enumerate((weft, warp)):
+            upper = cloth.upper(number)
+            flat = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
+            changes = upper[:, 1:] != upper[:, :-1]
+            self._families.append(_Family(changes, crossed.spacing, flat, np.zeros(len(upper))))
+            length = self._drawn(number, rest, crossed.spacing - flat).length.sum(axis=1)
+            self._families[number] = self._families[number]._replace(length=length)
+
+    def heights(self, height: Array, floor: Array, said: Said) -> Array:
+        """Return heights at which yarns are as long as said; floor is the least sum of both."""
+        height = height.copy()
+        taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _RAMP, 0.0, 1.0))
+        # of each yarn, that of its slackest crossing
+        taut[0], taut[1] = taut[0].min(axis=0), taut[1].min(axis=1)[:, None]
+        gives = 1.1 - taut
+        gives /= gives.sum(axis=0)
+        rooms: list[Array] = []
+        goals: list[Array] = []
+        for number, family in enumerate(self._families):
+            wider = family.spacing * (_mean(_rows(said.stretch, number)) - 1.0)
+            grown = np.where(family.changes, _mean(_rows(said.grown, number)), wider)
+            goals.append(family.length + grown.sum(axis=1))
+            rooms.append(family.spacing * _mean(_rows(said.stretch, number)) - family.flat)
+        moved = [np.zeros_like(goal) for goal in goals]
+        for _ in range(_STEPS):
+            found = True
+            for number, family in enumerate(self._families):
+                gap, part = self._drawn(number, height, rooms[number]), _rows(taut, number)[:, 0]
+                own = _rows(height, number)
+                wider = _mean(own * _rows(taut[::-1], number))
+                rise = np.where(family.changes, 2.0 * _mean(own), np.abs(np.diff(own, axis=1)))
+                by = (gap.sin * rise + 2.0 * (gap.theta - gap.sin) * wider).sum(axis=1)
+                # as springs would share it: a yarn that is all but slack hardly moves
+                missing = part * (goals[number] - gap.length.sum(axis=1))
+                missing -= (1.0 - part) * by * moved[number]
+                live = (np.abs(missing) > _EXACT * family.length) & (by > 1e-9 * family.length)
+                if not live.any():
+                    continue
+                found, other = False, 1 - number
+                step = np.where(live, missing / np.where(live, by, 1.0), 0.0).clip(-_MOST, _MOST)
+                moved[number] += step
+                move = step[:, None] * own
+                move = move if number else move.T
+                height[number] += move
+                height[other] -= (1.0 - taut[other]) * move
+                # what is too much for D goes where yarns are slack
+                total = height.sum(axis=0)
+                height += gives * (np.clip(total, floor, self._full) - total)
+                np.maximum(height, 0.0, out=height)
+            if found:
+                break
+        return height
+
+    def _drawn(self, number: int, height: Array, room: Array) -> Gap:
+        """Return the gaps of warp or weft as they are drawn, less the flats."""
+        family, rows = self._families[number], _rows(height, number)
+        wide = 2.0 * height.sum(axis=0)
+        wide = _mean(wide if number else wide.T)
+        rise = np.where(family.changes, 2.0 * _mean(rows), np.abs(np.diff(rows, axis=1)))
+        return bend(np.maximum(room, 1e-9 * wide), rise, wide)
+
+
+def _rows(table: Array, number: int) -> Array:
+    """Return what each yarn has at its crossings, of (2, picks, ends)."""
+    return table[1] if number else table[0].T
+
+
+def _mean(rows: Array) -> Array:
+    """Return that of neighbours."""
+    return 0.5 * (rows[:, 1:] + rows[:, :-1])
