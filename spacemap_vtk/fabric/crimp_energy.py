@@ -198,10 +198,11 @@ def derivatives(
     left, right = [pull * one for one in by], [across * one for one in turn]
     if hinged:
         # theta by i and j is change_i turn_j - turn_i thin_j
-        change, thin = [-sin / s, sin / s], [(h - distance) / s**2, -h / s**2]
+        lean, square = sin / s, s * s
+        change, thin = [-lean, lean], [(h - distance) / square, -h / square]
         if along is not None:
             change.insert(0, -cos * along[0] / s)
-            thin.insert(0, room * along[0] / s**2)
+            thin.insert(0, room * along[0] / square)
         turned = [moment * one for one in turn]
         right = [one + moment * two for one, two in zip(right, change, strict=True)]
     second = {
@@ -254,6 +255,7 @@ def least(
     """Return (h1, D) of the least energy, by Newton's method with a line search."""
     # `most` bounds both heights, (2, n), beside the jam; `distances` bound D.
     low, high = distances
+    firm = low is high
     result, live, lost = np.empty((2, len(low))), np.arange(len(low)), np.ones(len(low), bool)
     hinged = bool(energy.hinge.any())
     whole, enough = (energy, room, length, most, low, high), _ENOUGH_BENT if hinged else _ENOUGH
@@ -261,8 +263,9 @@ def least(
     d = np.clip(start[1], low, high)
     bottom, top, _ = _bounds(room, most, d)
     # where both are jammed there is no way but to lower D
-    d = np.where(top - bottom < 1e-3 * d, np.maximum(low, d - 0.1 * (high - low)), d)
-    bottom, top, _ = _bounds(room, most, d)
+    if not firm and (tight := top - bottom < 1e-3 * d).any():
+        d = np.where(tight, np.maximum(low, d - 0.1 * (high - low)), d)
+        bottom, top, _ = _bounds(room, most, d)
     # at the jam itself bending has no slope to start from
     inside = 0.01 * hinged * (top - bottom)
     h = np.clip(start[0], bottom + inside, top - inside)
@@ -275,7 +278,8 @@ def least(
             lost[live[done & (part > 0.1)]] = False
             on = np.flatnonzero(~done)
             live, part, noise, energy = live[on], part[on], noise[on], energy.some(on)
-            h, d, low, high, to, new = (one[on] for one in (h, d, low, high, to, new))
+            h, d, low, to, new = (one[on] for one in (h, d, low, to, new))
+            high = low if firm else high[on]
             room, length, most = (one.take(on, axis=1) for one in (room, length, most))
             now = Derivatives(*(one.take(on, axis=-1) for one in now))
         if not len(live):
@@ -290,8 +294,7 @@ def least(
             part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
         h, d, now = to, new, then
     result[:, live] = h, d
-    lost &= whole[-2] < whole[-1]
-    if lost.any():
+    if not firm and (lost := lost & (whole[-2] < whole[-1])).any():
         left, (energy, *rest) = np.flatnonzero(lost), whole
         result[:, left] = _least_surely(
             energy.some(left), *(array[..., left] for array in (*rest, result))
@@ -376,7 +379,7 @@ def _step(
     u = share = np.clip((h - bottom) / width, 0.0, 1.0)
     # near an end, or on it, h1 moves with it as D changes
     moves, some = np.stack([share >= 1.0, share <= 0.0]), False
-    (gh, gd), ((hh, hd), (_, dd)) = now.slope, now.curve
+    firm, (gh, gd), ((hh, hd), (_, dd)) = low is high, now.slope, now.curve
     gu, uu, ud = gh * width, hh * width**2, hd * width
     if hinged:
         heights = np.stack([h, d - h])
@@ -389,10 +392,10 @@ def _step(
         _, first, second = _shape(u, ends)
         uu, ud = uu * first**2 + gu * second, ud * first
         gu = gu * first
-    if moving := bool(moves.any()):
+    if moving := not firm and bool(moves.any()):
         root = np.maximum(np.sqrt(np.maximum((d - room) * (d + room), 0.0)), 1e-3 * d)
-        slope = np.where(jams, 1.0 - d / root, 1.0 * (room >= d) * (most >= d))
-        bend = np.where(moves & jams, room**2 / root**3, 0.0)
+        slope = jams * (1.0 - d / root) + (~jams & (room >= d) & (most >= d))
+        bend = (moves & jams) * (room**2 / root**3)
         up, down = moves[0] * slope[0], moves[1] * (1.0 - slope[1])
         by_d = down + (up - down) * share
         gd = gd + gh * by_d
@@ -403,14 +406,18 @@ def _step(
     tiny = np.finfo(float).tiny ** 0.5
     uu = np.maximum(np.abs(uu), tiny)
     held = ((u <= 0.0) & (gu >= 0.0)) | ((u >= 1.0) & (gu <= 0.0))
-    slide = np.where(held, 0.0, -ud / uu)
-    dd = np.abs(dd)
-    along = np.maximum(np.abs(dd + slide * (2.0 * ud + slide * uu)), 1e-9 * dd + tiny)
-    move = np.clip(d - (gd + slide * gu) / along, low, high) - d
+    move: Array | float = 0.0
+    if not firm:
+        slide = np.where(held, 0.0, -ud / uu)
+        dd = np.abs(dd)
+        along = np.maximum(np.abs(dd + slide * (2.0 * ud + slide * uu)), 1e-9 * dd + tiny)
+        move = np.clip(d - (gd + slide * gu) / along, low, high) - d
     v = np.clip(u - np.where(held, 0.0, part * (gu + ud * move) / uu), 0.0, 1.0)
-    new = d + part * move
 
-    lowest, highest, jams = _bounds(room, most, new)
+    new, lowest, highest = d, bottom, top
+    if not firm:
+        new = d + part * move
+        lowest, highest, jams = _bounds(room, most, new)
     if moving:
         bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)
     to = bottom + (top - bottom) * (_shape(v, ends)[0] if some else v)
@@ -438,7 +445,9 @@ def _shape(u: Array, ends: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
 def _inverse(share: Array, ends: NDArray[np.bool_]) -> Array:
     """Return the u of that share."""
     low, high = ends
-    both = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * share) / 3.0)
-    one = np.where(low, np.sqrt(share), 1.0 - np.sqrt(1.0 - share))
-    result: Array = np.where(low & high, both, np.where(low | high, one, share))
+    result = share.copy()
+    one, other, both = (np.flatnonzero(x) for x in (low & ~high, high & ~low, low & high))
+    result[one] = np.sqrt(share[one])
+    result[other] = 1.0 - np.sqrt(1.0 - share[other])
+    result[both] = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * share[both]) / 3.0)
     return result

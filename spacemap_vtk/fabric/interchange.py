@@ -423,13 +423,14 @@ class Interchange:
         ) -> None:
             some = np.flatnonzero(which)
             if len(some):
+                lowest = low[some]
                 h[some], d[some] = least(
                     energy.some(some),
                     room.take(some, axis=1),
                     length.take(some, axis=1),
                     (h[some], d[some]),
                     bounds.take(some, axis=1),
-                    (low[some], high[some]),
+                    (lowest, lowest if low is high else high[some]),
                 )
 
         settle(slack, cells.bending(), most, full, full)
