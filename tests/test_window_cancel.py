@@ -228,7 +228,7 @@ def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -
     cancel_when_running(window, "surface")
     assert "coarser" in window.errors.text
     scene = tmp_path / "large.toml"
-    scene.write_text("[weave]\nends = 300\npicks = 300\n")
+    scene.write_text("[weave]\nends = 300\npicks = 300\n[surface]\nsubdivisions = 2\n")
     window.document.open(scene)
     assert window.errors.text == ""
     cancel_when_running(window, "weave")
