@@ -36,7 +36,7 @@ class Said(NamedTuple):
     """What the yarn is longer than its room, and space is past its jam, over lengths."""
 
 
-class _Family(NamedTuple):
+class _Drawn(NamedTuple):
     """The gaps between crossings of warp or weft: (yarns, gaps)."""
 
     changes: NDArray[np.bool_]
@@ -53,13 +53,13 @@ class Joined:
         warp, weft = cloth.yarns
         self._full = 0.5 * np.add.outer(weft.diameter, warp.diameter)
         self._loose = loose
-        self._families: list[_Family] = []
+        self._families: list[_Drawn] = []
         rest = np.reshape(cloth.shares, (2, 1, 1)) * self._full
         for number, crossed in enumerate((weft, warp)):
             upper = cloth.upper(number)
             flat = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
             changes = upper[:, 1:] != upper[:, :-1]
-            self._families.append(_Family(changes, crossed.spacing, flat, np.zeros(len(upper))))
+            self._families.append(_Drawn(changes, crossed.spacing, flat, np.zeros(len(upper))))
             length = self._drawn(number, rest, crossed.spacing - flat).length.sum(axis=1)
             self._families[number] = self._families[number]._replace(length=length)
 
