@@ -162,15 +162,13 @@ class Interchange:
         loose = self._cells.loose.reshape(2, *self.shape)
         self._joined = None if same else Joined(cloth, loose)
 
-    def solve(self, stretch: ArrayLike, start: CrimpState | None = None) -> CrimpState:
+    def solve(self, stretch: ArrayLike) -> CrimpState:
         """Return what the crossings do.
 
         Parameters
         ----------
         stretch : (2, picks, ends) array_like
             Stretches of space along warp and weft at each crossing, 1 at rest.
-        start : CrimpState, optional
-            That of a stretch nearby, of this cloth: yarns that stretch are found sooner.
 
         Returns
         -------
@@ -178,10 +176,7 @@ class Interchange:
             Continuous in the stretch, finite for every finite stretch.
         """
         cells, some, back = self._alike(stretch)
-        near = None
-        if start is not None and self._stretches:
-            near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
-        held, h, d = self._find(cells, some, near)
+        held, h, d = self._find(cells, some)
         heights = np.stack([h, d - h])
         room, length = cells.asked(held)
         gap = bend(room, heights, d)
@@ -223,14 +218,12 @@ class Interchange:
         height = self._joined.heights(state.height, 0.5 * floor, said)
         return state._replace(height=height, distance=2.0 * height.sum(axis=0))
 
-    def forces(self, stretch: ArrayLike, start: CrimpState | None = None) -> Forces:
+    def forces(self, stretch: ArrayLike) -> Forces:
         """Return the crossings' energy and its derivatives by the stretch.
 
         Parameters
         ----------
         stretch : (2, picks, ends) array_like
-            As for `solve`.
-        start : CrimpState, optional
             As for `solve`.
 
         Returns
@@ -245,10 +238,7 @@ class Interchange:
             The yarns do not stretch, so that there is no energy.
         """
         cells, some, back = self._alike(stretch)
-        near = None
-        if start is not None:
-            near = 2.0 * start.height[0].ravel()[back], start.distance.ravel()[back]
-        found = self._pulls(cells, some, near)
+        found = self._pulls(cells, some)
         return Forces(*(self._laid(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
@@ -268,7 +258,7 @@ class Interchange:
         first, back = self._kinds
         shape = 2, len(first), asked.shape[1]
         cells = self._cells.some(np.repeat(first, asked.shape[1]))
-        held, h, d = self._find(cells, np.tile(asked, len(first)), None)
+        held, h, d = self._find(cells, np.tile(asked, len(first)))
         room, length = cells.asked(held)
         over = (bend(room, np.stack([h, d - h]), d).length - length) / cells.whole
         over = np.where(cells.loose, held - 1.0, over)
@@ -292,37 +282,6 @@ class Interchange:
     def kinds(self) -> int:
         """How many crossings there are that differ from each other."""
         return len(self._kinds[0])
-
-    def jam_border(self, count: int = 64) -> Array:
-        """Return the border of the stretches that the first crossing can reach.
-
-        Parameters
-        ----------
-        count : int
-            Points on each of its three parts: the weft jams, both do, the warp does.
-
-        Returns
-        -------
-        (2, 3 * count) ndarray
-            Stretches along warp and weft, from the most weft to the most warp.
-        """
-        cell = self._cells.some(np.zeros(count, np.int64))
-        most = cell.most[:, 0]
-        full, flat, own = cell.full[0], cell.flat[:, :1], np.maximum(cell.own[:, :1], 1e-300)
-        share = np.linspace(0.0, 1.0, count)
-        # where both are slack, neither has a straight part
-        warp = max(full - most[1], 0.0) + share * (most[0] - max(full - most[1], 0.0))
-        both = np.stack([warp, full - warp])
-        corner = (np.sqrt(both * (2.0 * full - both)) + flat) / own
-        parts = [corner]
-        for family in (0, 1):
-            # from there on the one is pulled straight and the other jams
-            line = np.zeros((2, count))
-            straight = (cell.length + cell.flat + cell.floats) / (cell.own + cell.floats)
-            line[family] = np.linspace(cell.jam[family, 0], 1.1 * straight[family, 0], count)
-            line[1 - family] = cell.held(line)[0][1 - family]
-            parts.append(line)
-        return np.concatenate([parts[2][:, ::-1], parts[0], parts[1]], axis=1)
 
     def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64] | slice]:
         """Return crossings, their stretches, and which of them each one of the cloth is."""
@@ -353,9 +312,7 @@ class Interchange:
         _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
         return first, back.ravel()
 
-    def _pulls(
-        self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
-    ) -> tuple[Array, Array, Array]:
+    def _pulls(self, cells: Crossings, stretch: Array) -> tuple[Array, Array, Array]:
         """Return the energy and its derivatives by the stretches at which crossings stand."""
         if not self._stretches:
             raise InputError(
@@ -364,7 +321,7 @@ class Interchange:
                 allowed="a finite EA of warp and weft",
                 cure="Give the yarns a tension, such as their modulus times their section",
             )
-        held, h, d = self._find(cells, stretch, start)
+        held, h, d = self._find(cells, stretch)
         energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
         found = derivatives(energy, room, length, h, d, (cells.own, cells.floats))
         tangent, (gh, gd) = found.curve[:2, :2].copy(), found.slope[2:]
@@ -394,9 +351,7 @@ class Interchange:
         value = found.value + (0.5 * pull * over**2).sum(axis=0)
         return value, force, tangent
 
-    def _find(
-        self, cells: Crossings, stretch: Array, start: tuple[Array, Array] | None
-    ) -> tuple[Array, Array, Array]:
+    def _find(self, cells: Crossings, stretch: Array) -> tuple[Array, Array, Array]:
         """Return the stretch at which crossings stand, h1 and D."""
         held, most = cells.held(stretch)
         room, length = cells.asked(held)
@@ -405,15 +360,13 @@ class Interchange:
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
         h = np.clip(cells.rest, full - most[1], np.maximum(most[0], full - most[1]))
         d = full.copy()
-        if self._stretches and start is None:
+        if self._stretches:
             # what yarns lack of height they and the contact give as springs in a row would
             slope = (cells.tension * np.sin(cells.theta) ** 2).clip(1e-300)
             share = cells.contact / slope
             give = np.maximum(full - most.sum(axis=0), 0.0) / (1.0 + share.sum(axis=0))
             d = np.clip(full - give, floor, full)
             h = np.where(slack, h, most[0] + share[0] * give)
-        elif start is not None:
-            h, d = start
         if self._stretches and self._hinged:
             free = np.broadcast_to(full, room.shape)
             return held, *least(cells.energy(True), room, length, (h, d), free, (floor, full))
