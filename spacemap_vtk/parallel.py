@@ -36,11 +36,15 @@ _MOST_THREADS = 8
 
 def thread_count() -> int:
     """Return how many threads array work is spread over."""
+    return min(core_count(), _MOST_THREADS)
+
+
+def core_count() -> int:
+    """Return how many cores this process may use."""
     try:
-        available = len(os.sched_getaffinity(0))
+        return len(os.sched_getaffinity(0))
     except AttributeError:  # Windows, macOS
-        available = os.cpu_count() or 1
-    return min(available, _MOST_THREADS)
+        return os.cpu_count() or 1
 
 
 def for_each(

@@ -1,0 +1,161 @@
+"""Work shared among processes, each of which can be ended at any moment.
+
+Processes, not threads: one that is killed for its memory takes one piece of work with it and not
+all, and what VTK draws in one process it draws one after another. They are started as a program of
+their own (``python -m spacemap_vtk.workers module:function``), so that a script that asks for them
+needs no ``if __name__ == "__main__"``.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.parallel import core_count
+
+#: Seconds after which Ctrl-C is looked for: on Windows it does not end a wait.
+_PATIENCE = 0.5
+#: Why a process has ended, where only its status tells.
+_ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
+
+
+def in_processes(
+    function: str, tasks: Sequence[Any], count: int
+) -> Iterator[tuple[int, Any | Exception]]:
+    """Yield the number of each task and what a function makes of it, or why not, as they end."""
+    # `function` is "module:name"; tasks and results are pickled. Leaving the loop early, by Ctrl-C
+    # or any error, ends all processes. Each serves several tasks: what it keeps is there for more.
+    waiting, lock = iter(enumerate(tasks)), threading.Lock()
+    done: SimpleQueue[tuple[int, Any | Exception]] = SimpleQueue()
+    children: list[subprocess.Popen[bytes]] = []
+    count = max(1, min(count, len(tasks)))
+    # Software OpenGL takes as many threads as there are cores, in each process.
+    threads = str(max(1, core_count() // count))
+    paths = os.pathsep.join(path for path in sys.path if path)
+    environment = {"LP_NUM_THREADS": threads, **os.environ, "PYTHONPATH": paths}
+
+    def started() -> subprocess.Popen[bytes]:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "spacemap_vtk.workers", function],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=environment,
+        )
+        children.append(child)
+        return child
+
+    def serve() -> None:
+        child: subprocess.Popen[bytes] | None = None
+        while True:
+            with lock:  # so that none is started once all have been ended
+                number, task = next(waiting, (-1, None))
+                if number < 0:
+                    break
+                try:
+                    child = child or started()
+                except OSError as error:
+                    done.put((number, SpacemapError(f"no process could be started: {error}")))
+                    continue
+            result, child = _ask(child, task)
+            done.put((number, result))
+        if child is not None:
+            _end(child)
+
+    servers = [threading.Thread(target=serve, daemon=True) for _ in range(count)]
+    for server in servers:
+        server.start()
+    try:
+        left = len(tasks)
+        while left:
+            with suppress(Empty):
+                yield done.get(timeout=_PATIENCE)
+                left -= 1
+    finally:
+        with lock:
+            for _ in waiting:
+                pass
+            for child in children:
+                child.kill()
+        for server in servers:
+            server.join()
+
+
+def _ask(
+    child: subprocess.Popen[bytes], task: Any
+) -> tuple[Any | Exception, subprocess.Popen[bytes] | None]:
+    """Return what a process makes of a task, and the process if it lives."""
+    assert child.stdin is not None
+    assert child.stdout is not None
+    try:
+        pickle.dump(task, child.stdin)
+        child.stdin.flush()
+        return pickle.load(child.stdout), child
+    except (EOFError, OSError, pickle.UnpicklingError):
+        _end(child)
+        code = child.returncode
+        why = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
+        return SpacemapError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    """Let a process go: it ends when nobody asks it any more."""
+    for stream in (child.stdin, child.stdout):
+        assert stream is not None
+        with suppress(OSError):  # what was written has not arrived
+            stream.close()
+    child.wait()
+
+
+def _told(error: Exception) -> bytes:
+    """Return an error as bytes, its words alone where it is one that no bytes bring back."""
+    try:
+        answer = pickle.dumps(error)
+        pickle.loads(answer)
+    except Exception:
+        answer = pickle.dumps(SpacemapError(str(error) or type(error).__name__))
+    return answer
+
+
+def named(function: str) -> Callable[[Any], Any]:
+    """Return the function that "module:name" names."""
+    module, _, name = function.partition(":")
+    found: Callable[[Any], Any] = getattr(import_module(module), name)
+    return found
+
+
+def main() -> None:
+    """Answer what comes by standard input until that is closed."""
+    # Ctrl-C reaches all processes of a terminal: the one that has started this one ends it.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # What a library prints is no answer.
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    function = named(sys.argv[1])
+    while True:
+        try:
+            task = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            answer = pickle.dumps(function(task))
+        except Exception as error:
+            answer = _told(error)
+        try:
+            answers.write(answer)
+            answers.flush()
+        except OSError:  # nobody waits for it
+            return
+
+
+if __name__ == "__main__":
+    main()
