@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -14,7 +14,7 @@ from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import written, written_words
-from spacemap_vtk.units import format_quantity, parse_quantity
+from spacemap_vtk.units import parse_quantity
 
 
 def modes(
@@ -44,8 +44,8 @@ def modes(
     """
     sheet = None if plot is None else Order("shapes", plot)
     chosen = opened(scene, set_)
-    from spacemap_vtk.cli.sheet_rows import sheet_rows
     from spacemap_vtk.scenes import report
+    from spacemap_vtk.scenes.figure_list import hung_figures, sheet_figures
 
     with progress(chosen, "Solving", quiet):
         figures = report.modes(chosen)
@@ -95,22 +95,10 @@ def modes(
     console = Console()
     console.print(table)
     cage = Table.grid(padding=(0, 2))
-    for cells in (*sheet_rows(figures), *_hanging(figures["hung"])):
-        cage.add_row(*cells)
+    for figure in (*sheet_figures(figures), *hung_figures(figures["hung"])):
+        cage.add_row(figure.label, figure.told)
     console.print(cage)
     tell_warnings(chosen, quiet)
-
-
-def _hanging(hung: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """Return labels and values of how a cage hangs."""
-    if hung is None:
-        return []
-    rows = [("hangs down by", format_quantity(float(format(hung["sag"], ".4g")), "m"))]
-    if hung["shadow_area"] is not None:
-        rows.append(("shadow", f"{hung['shadow_area'] / hung['cloth_area']:.1%} of the cloth"))
-    if hung["drape_coefficient"] is not None:
-        rows.append(("drape coefficient", f"{hung['drape_coefficient']:.1%} (Cusick)"))
-    return rows
 
 
 def plot(

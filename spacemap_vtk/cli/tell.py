@@ -13,10 +13,6 @@ from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library
-from spacemap_vtk.units import format_quantity
-
-#: In place of a figure that cannot be had; a warning says why.
-_UNKNOWN = "–"
 
 
 def info(
@@ -50,8 +46,7 @@ def info(
 
         tell_object(chosen, json_, quiet)
         return
-    from spacemap_vtk.cli.sheet_rows import sheet_rows
-    from spacemap_vtk.scenes import report
+    from spacemap_vtk.scenes import figure_list, report
 
     with progress(chosen, "Weaving", quiet):
         figures = report.fabric(chosen, None if time is None else chosen.view.time)
@@ -64,51 +59,13 @@ def info(
     table = Table(title=chosen.title, show_header=True)
     for heading in ("", "warp", "weft"):
         table.add_column(heading, justify="right" if heading else "left")
-    warp, weft = figures["warp"], figures["weft"]
-    for label, key, unit in (
-        ("yarns", "yarns", None),
-        ("diameter d", "diameter", "m"),
-        ("section", "section", None),
-        ("width", "width", "m"),
-        ("yarn count in tex", "tex", ""),
-        ("spacing p", "spacing", "m"),
-        ("weave angle θ", "theta_deg", "deg"),
-        ("yarn length l per crossing", "length", "m"),
-        ("crimp c", "crimp", "%"),
-        ("mean crimp, floats included", "mean_crimp", "%"),
-        ("crimp height h", "height", "m"),
-        ("cover factor", "cover", "%"),
-        ("longest float", "longest_float", None),
-        ("yarn length in all", "yarn_length", "m"),
-    ):
-        table.add_row(label, *(_cell(family[key], unit) for family in (warp, weft)))
-    table.add_row("colours", *(str(len(family["colors"])) for family in (warp, weft)))
+    for warp, weft in figure_list.yarn_figures(figures):
+        table.add_row(warp.label, warp.told, weft.told)
     console = Console()
     console.print(table)
     cloth = Table.grid(padding=(0, 2))
-    least = figures["least_clearance"]
-    for label, value in (
-        ("thickness", _cell(figures["thickness"], "m")),
-        ("cover", _told("{:.1%}", figures["cover"])),
-        ("fibre volume fraction", _told("{:.1%}", figures["fibre_volume_fraction"])),
-        ("areal mass", _told("{:.4g} g/m²", figures["areal_mass"], 1e3)),
-        ("smallest repeat", "{} x {}".format(*figures["repeat"])),
-        ("shafts, treadles", "{shafts}, {treadles}".format(**figures)),
-        ("h1 feasible", _interval(figures["feasible_height"])),
-        ("least clearance", _clearance(least, figures["ends"]) if least else _UNKNOWN),
-        *(
-            [("... when deformed", _clearance(figures["deformed_clearance"], figures["ends"]))]
-            if "deformed_clearance" in figures
-            else []
-        ),
-        ("surface off true tubes", _told("{:.2g} of the radius", figures["radial_error"])),
-        ("patches", _cell(figures["patches"], None)),
-        ("control points", _cell(figures["control_points"], None)),
-        ("memory", _told("{:.3g} MiB", figures["memory_bytes"], 2**-20)),
-        *sheet_rows(figures),
-        *([("motion", report.motion_told(swing))] if (swing := figures.get("motion")) else []),
-    ):
-        cloth.add_row(label, value)
+    for figure in figure_list.cloth_figures(figures):
+        cloth.add_row(figure.label, figure.told)
     console.print(cloth)
     tell_warnings(chosen, quiet)
 
@@ -282,31 +239,3 @@ def _toml(parameter: Any) -> str:
     except tomllib.TOMLDecodeError:
         return f'"{text}"'
     return text
-
-
-def _interval(ends: list[float] | None) -> str:
-    return _UNKNOWN if ends is None else " to ".join(_cell(end, "m") for end in ends)
-
-
-def _told(text: str, value: float | None, factor: float = 1.0) -> str:
-    return _UNKNOWN if value is None else text.format(factor * value)
-
-
-def _clearance(found: dict[str, Any], ends: int) -> str:
-    # what rounding leaves of touching is no overlap
-    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
-    place = ", ".join(_cell(x, "m") for x in found["place"])
-    names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
-    return f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
-
-
-def _cell(value: float | None, unit: str | None) -> str:
-    if value is None:
-        return _UNKNOWN
-    if unit is None:
-        return str(value)
-    if unit == "%":
-        return f"{value:.2%}"
-    if unit == "deg":
-        return f"{value:.4g}°"
-    return format_quantity(float(f"{value:.5g}"), unit)

@@ -1,0 +1,192 @@
+"""A scene's figures one after another: in words for people, and as numbers with units for tables.
+
+What `spacemap_vtk.scenes.report` returns by name stands here with its label and unit, so that what
+is printed and what a table holds cannot differ.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from spacemap_vtk.fabric.cloth import FAMILIES
+from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.scenes.report import motion_told
+from spacemap_vtk.units import UNITS, format_quantity
+
+#: In place of a figure that cannot be had; a warning says why.
+UNKNOWN = "–"
+#: The units that tables are in, whatever a value's size: columns of all tables can be compared.
+_TABLE_UNITS = {
+    "m": "mm",
+    "%": "%",
+    "kg": "g",
+    "kg/m": "tex",
+    "kg/m2": "g/m2",
+    "1/m": "/cm",
+    "N.m": "uN.m",
+    "N.m2": "mN.mm2",
+    "N.m/kg": "cN/tex",
+}
+#: What is told of warp and weft: its key, its label and its unit; None for counts and words.
+_OF_YARNS = (
+    ("yarns", "yarns", None),
+    ("diameter", "diameter d", "m"),
+    ("section", "section", None),
+    ("width", "width", "m"),
+    ("tex", "yarn count in tex", ""),
+    ("spacing", "spacing p", "m"),
+    ("theta_deg", "weave angle θ", "deg"),
+    ("length", "yarn length l per crossing", "m"),
+    ("crimp", "crimp c", "%"),
+    ("mean_crimp", "mean crimp, floats included", "%"),
+    ("height", "crimp height h", "m"),
+    ("cover", "cover factor", "%"),
+    ("longest_float", "longest float", None),
+    ("yarn_length", "yarn length in all", "m"),
+    ("colors", "colours", None),
+)
+
+
+class Figure(NamedTuple):
+    """A figure."""
+
+    #: As in what `report` returns.
+    key: str
+    label: str
+    #: For people.
+    told: str
+    #: For tables, in SI, of "%" a share; None of what is no number, or not known.
+    value: float | None = None
+    unit: str = ""
+
+    @property
+    def heading(self) -> str:
+        """What a table's column is called, with its unit."""
+        name = self.key.removesuffix("_deg").replace("_", " ")
+        unit = _TABLE_UNITS.get(self.unit, self.unit)
+        return f"{name} [{unit}]" if unit else name
+
+    @property
+    def entry(self) -> str:
+        """What stands in a table below that: six digits of the number, or nothing."""
+        return "" if self.value is None else in_table(self.value, self.unit)
+
+
+def in_table(value: float, unit: str) -> str:
+    """Return a number in the unit that tables have in place of its own."""
+    if isinstance(value, int):
+        return str(value)
+    share = UNITS[""]["%"] if unit == "%" else UNITS.get(unit, {}).get(_TABLE_UNITS.get(unit, ""))
+    return f"{value / (share or 1.0):.6g}"
+
+
+def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
+    """Return the figures of warp and weft, side by side, of those of `report.fabric`."""
+    found = []
+    for key, label, unit in _OF_YARNS:
+        pair = []
+        for family in FAMILIES:
+            value = figures[family][key]
+            value = len(value) if isinstance(value, list) else value
+            number = None if isinstance(value, str) else value
+            pair.append(Figure(f"{family}_{key}", label, _cell(value, unit), number, unit or ""))
+        found.append((pair[0], pair[1]))
+    return found
+
+
+def cloth_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return those of the cloth as a whole, of its cage and of its motion."""
+
+    def figure(key: str, label: str, unit: str, text: str, factor: float = 1) -> Figure:
+        value = figures[key]
+        told = UNKNOWN if value is None else text.format(factor * value)
+        return Figure(key, label, told, value, unit)
+
+    treadles, thickness = figures["treadles"], figures["thickness"]
+    found = [
+        Figure("thickness", "thickness", _cell(thickness, "m"), thickness, "m"),
+        figure("cover", "cover", "%", "{:.1%}"),
+        figure("fibre_volume_fraction", "fibre volume fraction", "%", "{:.1%}"),
+        figure("areal_mass", "areal mass", "kg/m2", "{:.4g} g/m²", 1e3),
+        Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
+        figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
+        Figure("feasible_height", "h1 feasible", _interval(figures["feasible_height"])),
+        _clearance(figures, "least_clearance", "least clearance"),
+    ]
+    if "deformed_clearance" in figures:
+        found.append(_clearance(figures, "deformed_clearance", "... when deformed"))
+    found += [
+        figure("radial_error", "surface off true tubes", "", "{:.2g} of the radius"),
+        figure("patches", "patches", "", "{}"),
+        figure("control_points", "control points", "", "{}"),
+        figure("memory_bytes", "memory", "", "{:.3g} MiB", 2**-20),
+        *sheet_figures(figures),
+    ]
+    if swing := figures.get("motion"):
+        found.append(Figure("motion", "motion", motion_told(swing)))
+    return found
+
+
+def sheet_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return what a cage is to mechanics, and a sheet's measures."""
+    found = []
+    if "elements" in figures:
+        found.append(Figure("elements", "elements of the cage", figures["elements"]))
+    for name, value in (figures.get("sheet") or {}).items():
+        if name == "poissons_ratio_in_plane":
+            value = tuple(figures["poissons_ratios"])
+        parameter = ModalSolver.parameter(name)
+        label = "  " + name.replace("_", " ").replace("poissons", "Poisson's")
+        values = value if isinstance(value, tuple) else (value,)
+        several = len({parameter.tell(each) for each in values}) > 1
+        for side, each in zip(("warp", "weft"), values if several else values[:1], strict=False):
+            key, text = f"sheet_{name}", label
+            if several:
+                key, text = f"{key}_{side}", f"{label}, {side}"
+            found.append(Figure(key, text, parameter.tell(each), each, parameter.unit))
+    return found
+
+
+def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
+    """Return how a cage hangs, of what `report.modes` says of it."""
+    if hung is None:
+        return []
+    sag, drape = hung["sag"], hung["drape_coefficient"]
+    told = format_quantity(float(format(sag, ".4g")), "m")
+    found = [Figure("sag", "hangs down by", told, sag, "m")]
+    if hung["shadow_area"] is not None:
+        share = hung["shadow_area"] / hung["cloth_area"]
+        found.append(Figure("shadow", "shadow", f"{share:.1%} of the cloth", share, "%"))
+    if drape is not None:
+        found.append(
+            Figure("drape_coefficient", "drape coefficient", f"{drape:.1%} (Cusick)", drape, "%")
+        )
+    return found
+
+
+def _interval(ends: list[float] | None) -> str:
+    return UNKNOWN if ends is None else " to ".join(_cell(end, "m") for end in ends)
+
+
+def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
+    found, ends = figures[key], figures["ends"]
+    if not found:
+        return Figure(key, label, UNKNOWN, None, "m")
+    # what rounding leaves of touching is no overlap
+    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
+    place = ", ".join(_cell(x, "m") for x in found["place"])
+    names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
+    told = f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
+    return Figure(key, label, told, distance, "m")
+
+
+def _cell(value: float | None, unit: str | None) -> str:
+    if value is None:
+        return UNKNOWN
+    if unit is None:
+        return str(value)
+    if unit == "%":
+        return f"{value:.2%}"
+    if unit == "deg":
+        return f"{value:.4g}°"
+    return format_quantity(float(f"{value:.5g}"), unit)
