@@ -241,3 +241,84 @@ def open_scene(
     return lambda scene="plain_weave", wait=True: begin(
         as_new(module_window(failures)), scene, wait
     )
+
+
+TWILL = """title = "twill"
+[weave]
+draft = "twill.wif"
+[cage]
+divisions = [2, 2, 1]
+[modal]
+[response]
+"""
+WIF = """[WIF]
+Version=1.1
+Date=April 20, 1997
+Developers=wif@mhsoft.com
+Source Program=by hand
+[CONTENTS]
+WEAVING=true
+WARP=true
+WEFT=true
+THREADING=true
+TIEUP=true
+TREADLING=true
+[WEAVING]
+Shafts=4
+Treadles=4
+Rising Shed=true
+[WARP]
+Threads=8
+[WEFT]
+Threads=8
+[THREADING]
+1=1
+2=2
+3=3
+4=4
+5=1
+6=2
+7=3
+8=4
+[TIEUP]
+1=1,2
+2=2,3
+3=3,4
+4=1,4
+[TREADLING]
+1=1
+2=2
+3=3
+4=4
+5=1
+6=2
+7=3
+8=4
+"""
+
+
+@pytest.fixture
+def twill(tmp_path: Path) -> Path:
+    (tmp_path / "twill.wif").write_text(WIF)
+    (tmp_path / "twill.toml").write_text(TWILL)
+    return tmp_path / "twill.toml"
+
+
+@pytest.fixture
+def draft_of(open_scene: Any) -> Any:
+    """Open a scene with its draft in sight."""
+    from PySide6.QtGui import QColor
+    from window import settled, wait_until
+
+    def open_(scene: object) -> Any:
+        window = open_scene(str(scene), wait=False)
+        draft = window.draft
+        window.tabs.setCurrentWidget(draft)
+        wait_until(lambda: settled(window))
+        draft.grid.color = QColor("#2d6a8e")
+        for tool in (draft.colors, draft.cloth):
+            tool.setChecked(True)
+        draft.fit.click()
+        return window
+
+    return open_

@@ -6,10 +6,8 @@ import gc
 import math
 import sys
 import threading
-import warnings
 import weakref
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,17 +28,14 @@ from spacemap_vtk import (
     ModalResponse,
     ModalSolver,
     PatchTessellator,
-    SpacemapWarning,
     TetraCage,
     WeaveSource,
 )
-from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
-from spacemap_vtk.paraview.hosted import arrays_to_points
 
 
 class Chain:
@@ -265,110 +260,6 @@ def test_a_stage_called_with_data_keeps_its_connections() -> None:
         (WeaveSource(warp_diameter="0.6 mm") >> surface)()
 
 
-# --- what fails, and recovers ------------------------------------------------------------------
-
-
-def test_the_stage_that_fails_hands_over_its_own_error_and_recovers() -> None:
-    chain = Chain()
-    chain.update(time=0.1)
-    chain.weave.warp_crimp_height = "0.6 mm"
-    for _ in range(2):
-        with pytest.raises(GeometryError, match=r"weave\.warp_crimp_height.*allowed: 0 mm to"):
-            chain.update()
-    failed = chain.weave.executions
-    assert chain.counts[1:] == [1] * 5
-    chain.weave.warp_crimp_height = None
-    chain.update()
-    assert chain.counts == [failed + 1, 2, 2, 2, 2, 2]
-    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
-
-
-def test_a_failure_in_the_middle_names_its_stage() -> None:
-    chain = Chain()
-    chain.modal.fixed = ""
-    chain.response.initial = "equilibrium"
-    with pytest.raises(InputError, match=r"response\.initial.*rigid modes"):
-        chain.update(time=0.0)
-    chain.response.initial = "rest"
-    chain.update()
-    assert chain.counts == [1, 1, 1, 2, 1, 1]
-
-
-def test_plain_update_does_not_take_a_failed_output_for_a_good_one() -> None:
-    chain = Chain()
-    chain.weave.warp_crimp_height = 1.0
-    chain.surface.Update()
-    chain.surface.Update()
-    assert chain.surface.executions == 0
-    chain.weave.warp_crimp_height = None
-    chain.surface.Update()
-    assert chain.surface.executions == 1
-
-
-def test_an_unconnected_input_is_named() -> None:
-    with pytest.raises(InputError, match="ModalSolver has nothing connected to input port 0"):
-        ModalSolver().update()
-    weave, warp = WeaveSource(), BarycentricWarp()
-    warp.SetInputConnection(0, weave.GetOutputPort())
-    with pytest.raises(InputError, match="input port 1"):
-        warp.update()
-
-
-def test_wrong_data_is_refused_with_words() -> None:
-    sphere = vtkSphereSource()
-    solver = ModalSolver()
-    solver.SetInputConnection(sphere.GetOutputPort())
-    with pytest.raises(SpacemapError, match="vtkUnstructuredGrid"):
-        solver.update()
-    weave = WeaveSource(ends=2, picks=2)
-    solver = ModalSolver()
-    solver.SetInputConnection(weave.GetOutputPort())
-    with pytest.raises(GeometryError, match="linear tetrahedra"):
-        solver.update()
-    cage = TetraCage()
-    cage.SetInputConnection(weave.GetOutputPort())
-    response = ModalResponse()
-    response.SetInputConnection(cage.GetOutputPort())
-    with pytest.raises(InputError, match="ModalSolver before it"):
-        response.update()
-    surface = PatchTessellator()
-    bare = vtkUnstructuredGrid()
-    bare.SetPoints(vtkPoints())
-    surface.SetInputDataObject(bare)
-    with pytest.raises(GeometryError, match="no cells"):
-        surface.update()
-    empty = vtkTrivialProducer()
-    empty.SetOutput(vtkPolyData())
-    cage.SetInputConnection(empty.GetOutputPort())
-    with pytest.raises(GeometryError, match="no points"):
-        cage.update()
-
-
-def test_what_does_not_fit_into_memory_is_refused_first() -> None:
-    with pytest.raises(SizeError, match="GiB"):
-        WeaveSource(ends=100_000, picks=100_000).update()
-    chain = Chain()
-    chain.cage.divisions = (50_000, 50_000, 50_000)
-    with pytest.raises(SizeError, match=r"cage\.divisions"):
-        chain.update()
-
-
-def test_a_run_can_be_stopped() -> None:
-    chain = Chain()
-    chain.modal.modes = 30
-    chain.cage.divisions = (16, 16, 2)
-    seen = []
-
-    def stop(caller: Any, event: str) -> None:
-        seen.append(caller.GetProgress())
-        caller.SetAbortExecute(1)
-
-    chain.modal.AddObserver("ProgressEvent", stop)
-    with pytest.raises(SpacemapError, match="ModalSolver was stopped"):
-        chain.update()
-    assert seen
-
-
 # --- what is right -----------------------------------------------------------------------------
 
 
@@ -455,117 +346,6 @@ def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift:
     np.testing.assert_allclose(point_array(warp, "displacement"), expected, atol=1e-12)
     np.testing.assert_allclose(points(warp), rest + expected, atol=1e-12)
     assert bool(warp.warnings) == (shift != 0.0)
-
-
-def test_arrays_ride_along_to_the_surface() -> None:
-    chain = Chain()
-    chain.update(time=0.1)
-    patches, surface = chain.warp.GetOutputDataObject(0), chain.surface.GetOutputDataObject(0)
-    data = surface.GetCellData()
-    for name in ("yarn", "family", "color"):
-        np.testing.assert_array_equal(
-            vtk_to_numpy(data.GetArray(name)),
-            np.repeat(vtk_to_numpy(patches.GetCellData().GetArray(name)), 4, axis=0),
-        )
-    normals = vtk_to_numpy(surface.GetPointData().GetNormals())
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
-    assert surface.GetFieldData().GetArray("warp_theta") is not None
-
-
-def test_in_single_precision_a_cloth_takes_half_and_looks_the_same() -> None:
-    chains = [Chain(), Chain()]
-    chains[1].weave.precision = "single"
-    for chain in chains:
-        chain.update(time=0.1)
-    double, single = chains
-    for stage in ("weave", "warp"):
-        one, other = (points(getattr(chain, stage)) for chain in chains)
-        assert 2 * other.nbytes == one.nbytes
-        np.testing.assert_allclose(other, one, rtol=0, atol=1e-9)  # of 2 mm
-    shift = [point_array(chain.warp, "displacement") for chain in chains]
-    assert shift[1].dtype == np.float32
-    np.testing.assert_allclose(shift[1], shift[0], rtol=0, atol=1e-9)
-    # physics is of the cage, and stays double
-    assert point_array(single.response, "displacement").dtype == np.float64
-    np.testing.assert_allclose(points(single.surface), points(double.surface), rtol=0, atol=1e-9)
-    normals = [point_array(chain.surface, "Normals") for chain in chains]
-    np.testing.assert_allclose(normals[1], normals[0], rtol=0, atol=3e-3)  # of caps
-
-
-def test_a_surface_of_the_same_cells_keeps_its_polygons_and_cell_arrays() -> None:
-    chain = Chain()
-    chain.update()
-    before = chain.surface.GetOutputDataObject(0)
-    polygons, yarn = before.GetPolys(), before.GetCellData().GetArray("yarn")
-    position = before.GetPoint(0)
-    chain.weave.warp_diameter = 1.1e-4
-    chain.update()
-    after = chain.surface.GetOutputDataObject(0)
-    assert after.GetPoint(0) != position
-    assert after.GetPolys() is polygons
-    assert after.GetCellData().GetArray("yarn") is yarn
-    chain.weave.ends = 5
-    chain.update()
-    assert chain.surface.GetOutputDataObject(0).GetPolys() is not polygons
-
-
-def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
-    weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
-    weave.update()
-    grid = vtkUnstructuredGrid()
-    grid.DeepCopy(weave.GetOutputDataObject(0))
-    surface.SetInputDataObject(0, grid)
-    surface.update()
-    array = grid.GetCellData().GetArray("yarn")
-    vtk_to_numpy(array)[:] = 7
-    array.Modified()
-    grid.Modified()
-    surface.update()
-    carried = surface.GetOutputDataObject(0).GetCellData().GetArray("yarn")
-    assert (vtk_to_numpy(carried) == 7).all()
-
-
-def test_arrays_of_yarns_come_through_on_the_points_too() -> None:
-    weave = WeaveSource(ends=3, picks=4, exact=True)
-    usual, surface = PatchTessellator(subdivisions=2), PatchTessellator(subdivisions=2)
-    (weave >> usual).update()
-    grid = weave()
-    count, cells = grid.GetNumberOfCells(), grid.GetCellData()
-    add_array(cells, "patch", np.arange(count))  # neighbours differ
-    arrays_to_points(grid)
-    assert [cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())] == ["patch"]
-    assert weave.output.GetCellData().GetNumberOfArrays() == 3
-    varying = np.arange(grid.GetNumberOfPoints())
-    add_array(grid.GetPointData(), "varying", varying)
-    surface.SetInputDataObject(grid)
-    surface.update()
-    made = surface.output.GetCellData()
-    for name in ("yarn", "family", "color"):
-        found, expected = (
-            vtk_to_numpy(data.GetArray(name)) for data in (made, usual.output.GetCellData())
-        )
-        assert found.dtype == expected.dtype
-        np.testing.assert_array_equal(found, expected)
-    np.testing.assert_array_equal(vtk_to_numpy(made.GetArray("patch")), np.arange(4 * count) // 4)
-    points_made = surface.output.GetPointData()
-    assert {points_made.GetArrayName(i) for i in range(points_made.GetNumberOfArrays())} == {
-        "Normals",
-        "varying",
-    }
-    # interpolated: a patch's corners are points of the surface
-    corners = {grid.GetCell(0).GetPointId(corner) for corner in range(4)}
-    assert corners <= set(vtk_to_numpy(points_made.GetArray("varying")))
-
-    kept = made.GetArray("yarn")
-    grid.Modified()
-    surface.update()
-    assert surface.output.GetCellData().GetArray("yarn") is kept
-    array = grid.GetPointData().GetArray("yarn")
-    vtk_to_numpy(array)[:] = 7
-    array.Modified()
-    grid.Modified()
-    surface.update()
-    assert (vtk_to_numpy(surface.output.GetCellData().GetArray("yarn")) == 7).all()
 
 
 def test_any_point_set_can_ride_and_keeps_its_type() -> None:
@@ -659,67 +439,6 @@ def test_an_update_keeps_pythons_lock(asked: dict[str, Any]) -> None:
         thread.join()
     assert seen[0] <= 1
     assert seen[1] > 5
-
-
-def test_warnings_reach_scripts_at_their_own_line_and_once() -> None:
-    chain = Chain()
-    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
-        chain.update(time=0.0)
-    assert {Path(each.filename) for each in told} == {Path(__file__)}
-    text = Path(__file__).read_text("utf-8").splitlines()[told[0].lineno - 1]
-    assert "self.surface.update(time)" in text  # the last line that is not the package's
-    assert [str(each.message) for each in told] == [*chain.modal.warnings, *chain.response.warnings]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", SpacemapWarning)
-        chain.update(time=0.01)
-        chain.modal.density = 400.0  # it runs again, and says the same
-        chain.update()
-    chain.modal.poissons_ratio = 0.49
-    with pytest.warns(SpacemapWarning, match="lock in volume") as told:
-        chain.update()
-    assert len(told) == 2  # one has another number in it
-
-
-def test_a_warning_that_is_wanted_as_an_error_comes_from_update() -> None:
-    chain = Chain()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", SpacemapWarning)
-        for _ in range(2):
-            with pytest.raises(SpacemapWarning, match="too stiffly"):
-                chain.update(time=0.0)
-    chain.update(time=0.0)
-    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
-
-
-def test_a_warning_that_is_not_wanted_is_silent() -> None:
-    chain = Chain()
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        warnings.simplefilter("ignore", SpacemapWarning)
-        chain.update(time=0.0)
-    assert told == []
-    assert "too stiffly" in chain.modal.warnings[0]
-
-
-def test_a_warning_is_told_once_whatever_the_filter() -> None:
-    chain = Chain()
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        for frame in range(3):
-            chain.update(time=0.01 * frame)
-            chain.modal.Modified()
-    assert [each.category for each in told] == [SpacemapWarning] * len(told)
-    assert len({str(each.message) for each in told}) == len(told)
-
-
-@pytest.mark.parametrize("how", ["Update", "consumer"])
-def test_warnings_come_through_plain_vtk_too(how: str) -> None:
-    chain = Chain()
-    normals = vtkPolyDataNormals()
-    normals.SetInputConnection(chain.surface.GetOutputPort())
-    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
-        (chain.surface if how == "Update" else normals).Update()
-    assert Path(told[0].filename) == Path(__file__)
 
 
 def clamped(side: float, **settings: Any) -> tuple[ModalSolver, ModalResponse]:

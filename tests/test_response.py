@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,9 +19,7 @@ from spacemap_vtk.datasets.arrays import to_cells, to_points
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
-from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.elements import with_midpoints
-from spacemap_vtk.scenes.scene import Scene
 
 RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [
@@ -332,126 +329,6 @@ def test_effective_masses_sum_to_what_can_move() -> None:
     np.testing.assert_allclose(modes.effective_masses.sum(axis=0), modes.movable_mass)
 
 
-@pytest.mark.parametrize(
-    ("load", "message"),
-    [
-        ({"pressure": 1}, r"loads\[0\]\.on: a pressure needs a place"),
-        ({"pressure": 1, "on": "z"}, r'loads\[0\]\.on = "z": not one of the choices'),
-        ({"force": [0, 0, 1]}, r"loads\[0\]\.at: a force needs a place"),
-        ({"gravity": [0, 0, 1], "rise": 1}, r'loads\[0\]\.rise: time = "step" has no such value'),
-        ({"gravity": [0, 0, 1], "time": "ramp"}, r'loads\[0\]\.rise: time = "ramp" needs it'),
-        ({"gravity": [0, 0, 1], "force": [0, 0, 1]}, r"force and gravity.*exactly one of pressure"),
-        ({"presure": 1}, r'loads\[0\]\.presure.*Did you mean "pressure"'),
-        ({}, r"loads\[0\]: it has nothing that acts"),
-        (
-            {"gravity": [0, 0, 1], "time": "table", "times": [1, 0], "values": [1, 2]},
-            r"loads\[0\]\.times: the times descend",
-        ),
-        ({"gravity": [0, 0, 1], "file": "x.csv"}, r'\.file: time = "step" has no such value'),
-        (
-            {"gravity": [0, 0, 1], "time": "table", "file": "no.csv"},
-            r"loads\[0\]\.file: No such file or directory: no\.csv",
-        ),
-        (
-            {"gravity": [0, 0, 1], "time": "table", "file": "no.csv", "times": [0, 1]},
-            r"loads\[0\]\.times: they come from a file already",
-        ),
-    ],
-)
-def test_a_wrong_load_is_refused_with_words(load: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        ModalResponse(loads=[load])
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time,factor\n0,0\n0.2,1\n0.5,-0.4\n",
-        "0;0\n0,2;1\n0,5;-0,4\n",
-        "# gust\nt [s]\tp\n\n0\t0\textra\n.2\t1\n5e-1\t-0.4  # end\n",
-        "\ufeff0 0\r\n0.2   1\r\n0.5 -0.4",
-    ],
-)
-def test_a_table_from_a_file(text: str, tmp_path: Path) -> None:
-    (tmp_path / "gust.csv").write_text(text, encoding="utf-8", newline="")
-    scene = tmp_path / "gust.toml"
-    scene.write_text(
-        "[response]\n[[response.loads]]\npressure = 2\non = '+z'\ntime = 'table'\n"
-        "file = 'gust.csv'  # beside the scene\n"
-    )
-    (load,) = Scene.read(scene).response.loads
-    expected = timefunctions.table([0, 0.2, 0.5], [0, 1, -0.4])
-    for found, wanted in zip(load.function, expected, strict=True):
-        np.testing.assert_array_equal(found, wanted)
-    # what is written again reads the same file
-    again = ModalResponse(loads=ModalResponse.loads.show((load,)))
-    assert again.loads == (load,)
-    (tmp_path / "gust.csv").write_text("0 0\n0.2 2\n")
-    again.loads = [{"pressure": 2, "on": "+z", "time": "table", "file": load.file}]
-    assert again.loads != (load,)
-    assert again.loads[0].function.value(0.1) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "has no numbers"),
-        ("time factor\n", "has no numbers"),
-        ("0 1\n1\n", 'line 2 of .*gust.csv: "1"; allowed: two numbers in each line'),
-        ("a b\nc d\n", "line 2"),
-        ("0 1\n1 nan\n", r"\.file: values that are no finite numbers, in .*gust\.csv"),
-        ("1 1\n0 1\n", r"\.file: the times descend, in .*gust\.csv"),
-    ],
-)
-def test_a_file_that_is_no_table(text: str, message: str, tmp_path: Path) -> None:
-    file = tmp_path / "gust.csv"
-    file.write_text(text)
-    with pytest.raises(InputError, match=message):
-        ModalResponse(loads=[{"pressure": 2, "on": "+z", "time": "table", "file": file}])
-
-
-def test_loads_as_text_are_those_as_tables() -> None:
-    first, second = ModalResponse(loads=EVERY_LOAD), ModalResponse()
-    second.loads = ModalResponse.loads.show(first.loads)  # type: ignore[assignment]
-    assert first.loads == second.loads
-    with pytest.raises(InputError, match="cannot be changed"):
-        first.loads[0].pressure = 3.0
-
-
-def test_a_scene_file_says_what_acts(tmp_path: Path) -> None:
-    file = tmp_path / "pressed.toml"
-    text = """
-        [weave]
-        ends = 3
-        picks = 3
-        [response]
-        gravity = [0, 0, 0]
-        damping_pairs = [["10 Hz", 0.02], ["200 Hz", 0.03]]
-        [[response.loads]]
-        pressure = "20 Pa"
-        on = "+z"
-        time = "ramp"
-        rise = "0.1 s"
-        [[response.loads]]
-        base_acceleration = [0, 0, "0.5 g"]
-        time = "harmonic"
-        frequency = "12 Hz"
-        phase = "90 deg"
-        """
-    file.write_text(text)
-    scene = Scene.read(file)
-    scene.update(0.05)
-    assert [load.action for load in scene.response.loads] == ["pressure", "base_acceleration"]
-    assert scene.response.loads[1].base_acceleration[2] == pytest.approx(0.5 * 9.80665)
-    scene.set('response.loads=[{force=[0, 0, "1 mN"], at=[0, 0, 0]}]')
-    assert scene.response.loads[0].force == (0.0, 0.0, 1e-3)
-    file.write_text(text.replace('rise = "0.1 s"', 'length = "0.1 s"'))
-    with pytest.raises(
-        InputError, match=r'pressed\.toml: response\.loads\[0\]\.length: time = "ra'
-    ):
-        Scene.read(file)
-
-
 def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
     chain = Chain(alpha=3.0, loads=EVERY_LOAD)
     early = {name: chain.at(0.033, name) for name in ("displacement", "external_work")}
@@ -460,23 +337,6 @@ def test_a_later_time_costs_nothing_more_and_changes_nothing_before() -> None:
         np.testing.assert_allclose(chain.at(0.033, name), value, rtol=1e-12)
     assert chain.modal.executions == 1
     np.testing.assert_array_equal(chain.at(-1.0), chain.at(0.0))
-
-
-def test_a_load_on_supports_is_reported() -> None:
-    chain = Chain(loads=[{"pressure": "1 Pa", "on": "+y"}])
-    chain.response.update(0.1)
-    assert "a load falls on fixed vertices only, and moves nothing" in chain.response.warnings
-
-
-def test_a_force_that_misses_the_cage_is_reported() -> None:
-    chain = Chain(gravity=(0, 0, 0), loads=[{"force": [0, 0, 1e-6], "at": [0, 0, 0]}])
-    chain.response.update(0.0)
-    assert not any("away" in text for text in chain.response.warnings)
-    chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
-    chain.response.update(0.0)
-    assert (
-        "loads[0] acts at a point that is 0.999 m away from the cage" in chain.response.warnings[0]
-    )
 
 
 @pytest.mark.parametrize("fixed", ["+y", "+y -x:x"])

@@ -1,0 +1,188 @@
+"""Stages in VTK's executive: what fails, recovers, is stopped, and is warned of."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_pipeline import Chain
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    PatchTessellator,
+    SpacemapWarning,
+    TetraCage,
+    WeaveSource,
+)
+from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+
+
+def test_the_stage_that_fails_hands_over_its_own_error_and_recovers() -> None:
+    chain = Chain()
+    chain.update(time=0.1)
+    chain.weave.warp_crimp_height = "0.6 mm"
+    for _ in range(2):
+        with pytest.raises(GeometryError, match=r"weave\.warp_crimp_height.*allowed: 0 mm to"):
+            chain.update()
+    failed = chain.weave.executions
+    assert chain.counts[1:] == [1] * 5
+    chain.weave.warp_crimp_height = None
+    chain.update()
+    assert chain.counts == [failed + 1, 2, 2, 2, 2, 2]
+    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
+
+
+def test_a_failure_in_the_middle_names_its_stage() -> None:
+    chain = Chain()
+    chain.modal.fixed = ""
+    chain.response.initial = "equilibrium"
+    with pytest.raises(InputError, match=r"response\.initial.*rigid modes"):
+        chain.update(time=0.0)
+    chain.response.initial = "rest"
+    chain.update()
+    assert chain.counts == [1, 1, 1, 2, 1, 1]
+
+
+def test_plain_update_does_not_take_a_failed_output_for_a_good_one() -> None:
+    chain = Chain()
+    chain.weave.warp_crimp_height = 1.0
+    chain.surface.Update()
+    chain.surface.Update()
+    assert chain.surface.executions == 0
+    chain.weave.warp_crimp_height = None
+    chain.surface.Update()
+    assert chain.surface.executions == 1
+
+
+def test_an_unconnected_input_is_named() -> None:
+    with pytest.raises(InputError, match="ModalSolver has nothing connected to input port 0"):
+        ModalSolver().update()
+    weave, warp = WeaveSource(), BarycentricWarp()
+    warp.SetInputConnection(0, weave.GetOutputPort())
+    with pytest.raises(InputError, match="input port 1"):
+        warp.update()
+
+
+def test_wrong_data_is_refused_with_words() -> None:
+    sphere = vtkSphereSource()
+    solver = ModalSolver()
+    solver.SetInputConnection(sphere.GetOutputPort())
+    with pytest.raises(SpacemapError, match="vtkUnstructuredGrid"):
+        solver.update()
+    weave = WeaveSource(ends=2, picks=2)
+    solver = ModalSolver()
+    solver.SetInputConnection(weave.GetOutputPort())
+    with pytest.raises(GeometryError, match="linear tetrahedra"):
+        solver.update()
+    cage = TetraCage()
+    cage.SetInputConnection(weave.GetOutputPort())
+    response = ModalResponse()
+    response.SetInputConnection(cage.GetOutputPort())
+    with pytest.raises(InputError, match="ModalSolver before it"):
+        response.update()
+    surface = PatchTessellator()
+    bare = vtkUnstructuredGrid()
+    bare.SetPoints(vtkPoints())
+    surface.SetInputDataObject(bare)
+    with pytest.raises(GeometryError, match="no cells"):
+        surface.update()
+    empty = vtkTrivialProducer()
+    empty.SetOutput(vtkPolyData())
+    cage.SetInputConnection(empty.GetOutputPort())
+    with pytest.raises(GeometryError, match="no points"):
+        cage.update()
+
+
+def test_what_does_not_fit_into_memory_is_refused_first() -> None:
+    with pytest.raises(SizeError, match="GiB"):
+        WeaveSource(ends=100_000, picks=100_000).update()
+    chain = Chain()
+    chain.cage.divisions = (50_000, 50_000, 50_000)
+    with pytest.raises(SizeError, match=r"cage\.divisions"):
+        chain.update()
+
+
+def test_a_run_can_be_stopped() -> None:
+    chain = Chain()
+    chain.modal.modes = 30
+    chain.cage.divisions = (16, 16, 2)
+    seen = []
+
+    def stop(caller: Any, event: str) -> None:
+        seen.append(caller.GetProgress())
+        caller.SetAbortExecute(1)
+
+    chain.modal.AddObserver("ProgressEvent", stop)
+    with pytest.raises(SpacemapError, match="ModalSolver was stopped"):
+        chain.update()
+    assert seen
+
+
+def test_warnings_reach_scripts_at_their_own_line_and_once() -> None:
+    chain = Chain()
+    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+        chain.surface.update(time=0.0)
+    assert {Path(each.filename) for each in told} == {Path(__file__)}
+    text = Path(__file__).read_text("utf-8").splitlines()[told[0].lineno - 1]
+    assert "chain.surface.update(time=0.0)" in text  # the last line that is not the package's
+    assert [str(each.message) for each in told] == [*chain.modal.warnings, *chain.response.warnings]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SpacemapWarning)
+        chain.update(time=0.01)
+        chain.modal.density = 400.0  # it runs again, and says the same
+        chain.update()
+    chain.modal.poissons_ratio = 0.49
+    with pytest.warns(SpacemapWarning, match="lock in volume") as told:
+        chain.update()
+    assert len(told) == 2  # one has another number in it
+
+
+def test_a_warning_that_is_wanted_as_an_error_comes_from_update() -> None:
+    chain = Chain()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SpacemapWarning)
+        for _ in range(2):
+            with pytest.raises(SpacemapWarning, match="too stiffly"):
+                chain.update(time=0.0)
+    chain.update(time=0.0)
+    assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
+
+
+def test_a_warning_that_is_not_wanted_is_silent() -> None:
+    chain = Chain()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        warnings.simplefilter("ignore", SpacemapWarning)
+        chain.update(time=0.0)
+    assert told == []
+    assert "too stiffly" in chain.modal.warnings[0]
+
+
+def test_a_warning_is_told_once_whatever_the_filter() -> None:
+    chain = Chain()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for frame in range(3):
+            chain.update(time=0.01 * frame)
+            chain.modal.Modified()
+    assert [each.category for each in told] == [SpacemapWarning] * len(told)
+    assert len({str(each.message) for each in told}) == len(told)
+
+
+@pytest.mark.parametrize("how", ["Update", "consumer"])
+def test_warnings_come_through_plain_vtk_too(how: str) -> None:
+    chain = Chain()
+    normals = vtkPolyDataNormals()
+    normals.SetInputConnection(chain.surface.GetOutputPort())
+    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+        (chain.surface if how == "Update" else normals).Update()
+    assert Path(told[0].filename) == Path(__file__)

@@ -1,0 +1,282 @@
+"""What the command line refuses, and how: one message, and nothing touched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import SMALL, refused, run
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[weave\nends = 7", ["not a scene", "line 1"]),
+        ("[waeve]\nends = 7", ["waeve", "[weave]", 'Did you mean "weave"?']),
+        ("[weave]\nend = 7", ["weave.end", "ends, picks", 'Did you mean "ends"?']),
+        ("weave = 3", ["weave = 3", "not a section"]),
+        ("title = 3", ["title = 3", "not a string"]),
+        ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
+        ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
+        ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
+        ("[surface]\nsubdivisions = 'fine'", ["surface.subdivisions", ', or "auto"']),
+        ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
+        ("[weave]\nends = true", ["weave.ends = true", "not a number"]),
+        ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
+        ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),
+        ("[weave]\nwarp_diameter = inf", ["weave.warp_diameter = inf", "not a finite number"]),
+        ("[weave]\nwarp_diameter = '1 kg'", ['unit "kg"', "mm"]),
+        ("[weave]\nwarp_crimp_height = '0.51 mm'", ["weave.warp_crimp_height", "0 mm to 0.5 mm"]),
+        ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
+        ("[weave]\npattern = ['10', '0']", ["weave.pattern", "0 and 1"]),
+        ("[weave]\npattern = 'plian'", ["weave.pattern", '"plain"']),
+        ("[weave]\ndraft = 'no.wif'", ["weave.draft", "no.wif", "no such file", "(.wif, "]),
+        ("[modal]\npoissons_ratio = 0.5", ["modal.poissons_ratio = 0.5", "less than 0.5"]),
+        ("[modal]\nfixed = 'top'", ['modal.fixed = "top"', '"+y"']),
+        ("[cage]\ndivisions = [5, 5]", ["cage.divisions", "[x, y, z]"]),
+        ("[cage]\ndivisions = [60000, 60000, 60000]", ["cage.divisions", "GiB"]),
+        ("[weave]\nends = 100000\npicks = 100000", ["weave.ends", "GiB"]),
+        ("[modal]\nfixed = ''\n[response]\ninitial = 'equilibrium'", ["response.initial", "Fix"]),
+        ("[view]\nsize = [1280]", ["view.size", "1 components in place of 2"]),
+        ("[view]\nbackground = 'red'", ["view.background", "#rrggbb"]),
+    ],
+)
+def test_a_bad_scene_gets_one_message_and_touches_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
+) -> None:
+    scene, picture = tmp_path / "bad.toml", tmp_path / "old.png"
+    scene.write_text(text)
+    picture.write_bytes(b"precious")
+    message = refused(capsys, "render", str(scene), "-o", str(picture), *SMALL)
+    assert str(scene) in message or "no.wif" in message
+    for part in parts:
+        assert part in message
+    assert picture.read_bytes() == b"precious"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["bad.toml", "old.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["render", "nowhere.toml", "-o", "a.png"], ["nowhere.toml", "no such file"]),
+        (["render", "plian_weave", "-o", "a.png"], ['Did you mean "plain_weave"?']),
+        (["render", "plain_weave", "-o", "a.xyz"], ["a.xyz", ".png (picture)"]),
+        (["render", "plain_weave", "-o", "a"], ["names no format", ".png"]),
+        (["render", "plain_weave", "-o", "no/such/a.png"], ["no/such", "mkdir"]),
+        (["render", "plain_weave"], ["--output"]),
+        (["render", "plain_weave", "-o", "a.png", "--size", "big"], ["--size", "1920x1080"]),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--size", "0x10"],
+            ["--size", '"0x10"', "at least 16"],
+        ),
+        (["render", "plain_weave", "-o", "a.png", "--size", "99999x9"], ["--size", "8192"]),
+        (["render", "plain_weave", "-o", "a.png", "--time", "-1"], ["--time", "at least 0 s"]),
+        (["render", "plain_weave", "-o", "a.png", "--time", "nan"], ["--time", "finite"]),
+        (["render", "plain_weave", "-o", "a.png", "--set", "ends=3"], ["section.key=value"]),
+        (["render", "plain_weave", "-o", "a.png", "--set", "weave.ens=3"], ["weave.ens", "ends"]),
+        (["render", "plain_weave", "-o", "a.png", "--colour"], ["--colour"]),
+        (["animate", "plain_weave", "-o", "a.png"], ["%04d"]),
+        (["animate", "plain_weave", "-o", "a.avi"], ["a.avi", ".gif"]),
+        (["animate", "plain_weave", "-o", "a.gif", "--set", "animation.stop=1e9"], ["frames"]),
+        (
+            ["animate", "plain_weave", "-o", "a.gif", "--set", "animation.start=3"],
+            ["animation.stop"],
+        ),
+        (
+            ["storyboard", "plain_weave", "-o", "a.png", "--times", "a,b"],
+            ["--times", "a,b", "20ms"],
+        ),
+        (["storyboard", "plain_weave", "-o", "a.png", "--times", ""], ["--times"]),
+        (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
+        (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
+        (
+            ["validate", "plain_weave", "--set", "modal.material=orthotropic"],
+            ["modal.youngs_moduli", "E1, E2, E3"],
+        ),
+        (
+            ["modes", "plain_weave", "--set", "modal.material=denin"],
+            ['"tablecloth"', 'Did you mean "denim"?'],
+        ),
+        (["scenes", "nothing"], ["nothing", "plain_weave"]),
+        (["scenes", "plian_weave"], ['Did you mean "plain_weave"?']),
+        (["render", "plain_weave", "-o", "a.png", "b.png"], ['"b.png" is more', "render --help"]),
+        (["render", "plain_weave", "-o"], ["-o requires", "render --help"]),
+        (["render", "plain_weave", "-o", "a.png", "--bogus"], ["--bogus", "render --help"]),
+        (["render", "-o", "a.png"], ["needs SCENE"]),
+        (
+            ["render", __file__, "-o", "a.png"],
+            [
+                __file__,
+                "by its ending",
+                ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtkhdf, .vtk, .vtu",
+            ],
+        ),
+        (["render", "/", "-o", "a.png"], ["/: a folder"]),
+        (["render", "plain_weave", "-o", f"{__file__}/a.png"], ["is a file, not a folder"]),
+        (["render", "plain_weave", "-o", "a.png", "--color", "gold"], ["--color", '"clearance"']),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--set", "object.file=no.ply"],
+            ["spacemap: object.file: no.ply: no such file"],  # the scene's file is not to blame
+        ),
+        (["animate", "plain_weave", "-o", "f%s.png"], ["one number", "f-%04d.png"]),
+        (["animate", "plain_weave", "-o", "f%d%04d.png"], ["one number", "f-%04d.png"]),
+        (["export", "plain_weave", "-o", "s_%04d.vtp"], ["no series", "s_0001.vtp", "--time"]),
+        (["export", "plain_weave", "-o", "s_%d.wif"], ["no series", "s_0001.wif"]),
+        (["render", "plain_weave", "-o", "s_%3d.png"], ["no series", "spacemap animate"]),
+        (["animate", "plain_weave", "-o", "s_%04d.mp4"], ["no series", "s_0001.mp4"]),
+        (["plot", "plain_weave", "-o", "s_%04d.pdf"], ["no series", "s_0001.pdf"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "1,2"], ["--point", "1mm,0,0.2mm"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "a,b,c"], ["--point", "1mm,0,0.2mm"]),
+        (["plot", "plain_weave", "-o", "a.png", "--point", "nan,0,0"], ["--point", "nan,0,0"]),
+        (["modes", "basket_2"], ["basket_2.toml", "no cage", "[modal]", "--set"]),
+        (["keys", "wave"], ["wave", 'Did you mean "weave"?']),
+        (["rendr", "plain_weave"], ["render"]),
+    ],
+)
+def test_a_bad_command_gets_one_message(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    parts: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    message = refused(capsys, *arguments)
+    for part in parts:
+        assert part in message
+    assert list(tmp_path.iterdir()) == []
+
+
+_TRIANGLE = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "parts"),
+    [
+        ("a.ply", b"ply\nformat ascii 1.0\n", ["header", "Write the file again"]),
+        ("a.ply", b"", ["the file is empty"]),
+        ("a.stl", b"\x00\x01\x02\xff", ["truncated", "Write the file again"]),
+        ("a.vtu", b"\x00\x01\x02\xff", ["damaged", "Write the file again"]),
+        ("a.obj", b"\x00\x01\x02\xff", ["no points"]),
+        ("a.glb", b"\x00\x01\x02\xff", ["no binary glTF"]),
+        ("a.vtk", b"\x00\x01\x02\xff", ["no legacy .vtk file"]),
+        ("a.wif", b"\x00\x01\x02\xff", ["line 1", "WIF"]),
+        ("a.wif", b"", ["line 1", "WIF"]),
+        ("a.toml", b"\x00\x01\x02\xff", ["line 1 has a byte 0xff", "UTF-8"]),
+        ("a.toml", 'title = "a"\n\n# é'.encode("latin-1"), ["line 3 has a byte 0xe9", "UTF-8"]),
+        ("a.toml", b"\xef\xbb\xbf[weave]", ["byte order mark", "without BOM"]),
+    ],
+)
+def test_a_broken_file_is_named_once(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    content: bytes,
+    parts: list[str],
+) -> None:
+    file = tmp_path / name
+    file.write_bytes(content)
+    message = refused(capsys, "render", str(file), "-o", str(tmp_path / "a.png"), *SMALL)
+    assert message.startswith(f"spacemap: {file}: ")
+    assert message.count(str(file)) == 1
+    for part in parts:
+        assert part in message
+    for noise in ("0x5", "vtkInformation", "Reference Count", "codec", "object.file"):
+        assert noise not in message
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("[object]\nfile = 'a.vtu'", ["object.file: ", "a.vtu: damaged"]),
+        ("[object]\nfile = '.'", ["object.file: ", "a folder"]),
+        ("[object]\nfile = 'a.bin'", ["object.file: ", "a.bin: no mesh, by its ending", ".stl"]),
+        ("[object]\nfile = 'tri.ply'\ntexture = 'a.vtu'", ["object.texture: ", "no picture"]),
+        ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif, "]),
+        ("[cage]\nmethod = 'file'", ["cage.file: ", "needs a file"]),
+        ("[cage]\nmethod = 'file'\nfile = 'no.vtu'", ["cage.file: ", "no.vtu: no such file"]),
+        ("[cage]\nmethod = 'file'\nfile = 'tri.ply'", ["cage.file: ", "no volume mesh", "tetwild"]),
+        ("[motion]\nfile = 'a.pvd'", ["motion.file: ", "a.pvd: no ParaView collection"]),
+        ("[modal]\nfixed = 'mask(foo)'", ["modal.fixed: ", '"foo"']),
+        (
+            "[response]\ninitial_velocity_array = 'foo'",
+            ["response.initial_velocity_array: ", '"foo"', '"nodal_mass"'],
+        ),
+        ("[response]\ndamping_ratio = 0.1\nalpha = 3", ["response.damping_ratio = 0.1: "]),
+        ("[response]\nloads = [3]", ["response.loads[0] = 3: ", "pressure"]),
+        ("[weave]\nwarp_diameter = '0,3 mm'", ['value 1, "0": out of range']),
+        ("[weave]\nwarp_diameter = 0.3 mm", ["line 2", "quotes"]),
+        ("[weave]\nends = 3\nends = 4\n", ["line 3", "Mend that line"]),
+    ],
+)
+def test_a_file_that_a_scene_names_is_named_with_its_key(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, parts: list[str]
+) -> None:
+    for name in ("a.vtu", "a.bin", "a.pvd"):
+        (tmp_path / name).write_bytes(b"\x00\x01")
+    (tmp_path / "tri.ply").write_bytes(_TRIANGLE)
+    scene = tmp_path / "bad.toml"
+    scene.write_text(text)
+    message = refused(capsys, "render", str(scene), "-o", str(tmp_path / "new.png"), *SMALL)
+    assert message.startswith(f"spacemap: {scene}: ")
+    assert message.count(str(scene)) == 1
+    for part in parts:
+        assert part in message
+    assert not (tmp_path / "new.png").exists()
+
+
+def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "still.toml"
+    scene.write_text("[weave]\nends = 2\npicks = 2\n")
+    assert "[modal]" in refused(capsys, "modes", str(scene))
+    arguments = ["-o", str(tmp_path / "c.vtu"), "--what", "cage"]
+    assert "cage" in refused(capsys, "export", str(scene), *arguments)
+
+
+def test_a_missing_library_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from spacemap_vtk.draw import graphics
+
+    monkeypatch.setattr(graphics, "can_load", lambda name: False)
+    target = tmp_path / "a.png"
+    assert run("render", "plain_weave", "-o", str(target)) == 1
+    assert "apt-get install libegl1 libgl1" in capsys.readouterr().err
+    assert not target.exists()
+
+
+def test_a_film_that_breaks_off_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from spacemap_vtk.draw.picture import Picture
+
+    real, count = Picture.draw, []
+
+    def failing(self: Picture, time: float) -> np.ndarray:
+        count.append(time)
+        if len(count) == 3:
+            raise KeyboardInterrupt
+        return real(self, time)
+
+    monkeypatch.setattr(Picture, "draw", failing)
+    old = tmp_path / "f0000.png"
+    old.write_bytes(b"precious")
+    arguments = ["-o", str(tmp_path / "f%04d.png"), "--size", "32x32", "-q"]
+    assert run("animate", "plain_weave", *arguments) == 1
+    assert old.read_bytes() == b"precious"
+    assert list(tmp_path.iterdir()) == [old]

@@ -1,0 +1,214 @@
+"""The draft tab's drafts, kept, saved and opened."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtWidgets import QFileDialog, QLabel  # noqa: E402
+from test_window_draft import LEFT, click, woven  # noqa: E402
+
+from spacemap_vtk.app.draft.shown import as_series  # noqa: E402
+from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
+from spacemap_vtk.errors import InputError  # noqa: E402
+from spacemap_vtk.fabric.draft import Draft  # noqa: E402
+from spacemap_vtk.io.wif import parse_wif, read_wif  # noqa: E402
+from spacemap_vtk.io.wif_writer import format_wif  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+
+def test_an_edited_draft_is_saved_beside_its_scene(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    original = read_wif(twill.with_suffix(".wif")).loom
+    click(qtbot, window, "threading", 2, 4)
+    kept = window.document.scene.weave.draft
+    window.menus.actions["Copy as command line"].trigger()
+    assert "save the scene" in window.errors.text
+    # Another file of that name is never written over.
+    other = twill.parent / "mine.wif"
+    other.write_text("not mine")
+    window.document.save(twill.parent / "mine.toml")
+    assert other.read_text() == "not mine"
+    scene = Scene.read(twill.parent / "mine.toml")
+    assert scene.weave.draft.name == "mine-2.wif"
+    assert read_wif(scene.weave.draft).loom.threading[1] == (4,)
+    # The scene's own draft is.
+    click(qtbot, window, "threading", 3, 4)
+    window.document.save()
+    assert read_wif(twill.parent / "mine-2.wif").loom.threading[1:3] == ((4,), (4,))
+    assert not (twill.parent / "mine-3.wif").exists()
+    assert read_wif(twill.with_suffix(".wif")).loom == original
+    assert kept.is_file()  # for undo
+
+
+def test_kept_drafts_go_with_their_keeper(twill: Path) -> None:
+    keeper = KeptDrafts()
+    path = keeper.keep(read_wif(twill.with_suffix(".wif")))
+    assert keeper.holds(path)
+    assert not keeper.holds(twill)
+    assert keeper.keep(read_wif(twill.with_suffix(".wif"))) == path
+    del keeper
+    assert not path.parent.exists()
+
+
+def test_a_draft_that_found_no_room_is_kept_whole_later(
+    small_disk: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = small_disk(2**16)
+    monkeypatch.setattr(tempfile, "tempdir", str(disk))
+    drawdown = np.random.default_rng(1).random((60, 60)) < 0.5
+    wif = parse_wif(format_wif(Draft(drawdown)))
+    assert len(format_wif(wif)) > 2**12
+    (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # half of it will do
+    keeper = KeptDrafts()
+    with pytest.raises(InputError, match=f"Make room in {disk}"):
+        keeper.keep(wif)
+    (disk / "fill").unlink()
+    np.testing.assert_array_equal(read_wif(keeper.keep(wif)).drawdown, drawdown)
+
+
+def test_drafts_are_opened_and_saved_as_wif(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of("plain_weave")
+    monkeypatch.setattr(
+        QFileDialog, "getOpenFileName", lambda *_: (str(twill.with_suffix(".wif")), "")
+    )
+    out = twill.parent / "out"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(out), ""))
+    divisions = window.document.scene.cage.divisions
+    qtbot.mouseClick(window.draft.opened, LEFT)
+    assert woven(window).shape == (8, 8)
+    assert window.document.scene.cage.divisions == divisions  # the rest of the scene stays
+    click(qtbot, window, "treadling", 4, 1)
+    qtbot.mouseClick(window.draft.saved, LEFT)
+    written = read_wif(out.with_suffix(".wif"))
+    assert written.loom == window.draft.grid.shown.loom
+    assert window.document.scene.weave.draft == out.with_suffix(".wif")
+    wait_until(lambda: settled(window))
+    # A file that is no draft is told, and the cloth stays.
+    bad = twill.parent / "bad.wif"
+    bad.write_text("nonsense")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(bad), ""))
+    qtbot.mouseClick(window.draft.opened, LEFT)
+    wait_until(lambda: window.errors.text)
+    window.menus.actions["Undo"].trigger()
+    assert woven(window).shape == (8, 8)
+
+
+def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: Path) -> None:
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+    qtbot.mouseClick(window.draft.saved, LEFT)
+    assert read_wif(file).loom == window.draft.grid.shown.loom
+
+
+def test_an_edited_draft_has_a_name_that_the_user_knows(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill)
+    window.stages.choose("weave")
+    line = window.properties.rows["draft"].editor.line
+    assert line.text() == str(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    assert line.text() == "edited draft"
+    assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
+    # To leave the field as it is changes nothing.
+    type_into(line, line.text())
+    assert window.errors.text == ""
+    assert window.document.drafts.holds(window.document.scene.weave.draft)
+    # Nor does a message have its file, as when somebody tidies up.
+    window.document.scene.weave.draft.unlink()
+    window.document.set("weave", "warp_spacing", "1 mm")
+    wait_until(lambda: window.errors.text)
+    assert "edited draft" in window.errors.text
+    assert "spacemap-drafts" not in window.errors.text
+    window.document.undo.undo()
+    window.document.undo.undo()
+    click(qtbot, window, "threading", 2, 4)
+    wait_until(lambda: settled(window))
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert line.text() == str(twill.parent / "mine.wif")
+
+
+def test_a_saved_draft_is_no_unsaved_change(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, text = draft_of(twill), twill.read_text()
+    click(qtbot, window, "threading", 2, 4)
+    assert window.isWindowModified()
+    # The scene's file names another draft than this one.
+    save_draft(window, qtbot, monkeypatch, twill.parent / "mine.wif")
+    assert window.isWindowModified()
+    click(qtbot, window, "threading", 3, 4)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert not window.isWindowModified()
+    assert window.document.text == text
+    click(qtbot, window, "threading", 4, 1)
+    assert window.isWindowModified()
+    window.document.undo.undo()
+    assert not window.isWindowModified()
+    # What the draft does not hold is not saved with it.
+    window.document.set("response", "alpha", 3.0)
+    click(qtbot, window, "threading", 4, 1)
+    save_draft(window, qtbot, monkeypatch, twill.with_suffix(".wif"))
+    assert window.isWindowModified()
+
+
+def test_a_draft_that_was_opened_is_saved_as_one(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = draft_of(twill.with_suffix(".wif"))
+    click(qtbot, window, "threading", 2, 4)
+    type_into(window.draft.counts["ends"].lineEdit(), "12")
+    click(qtbot, window, "warp", 2, 0)
+    assert window.isWindowModified()
+    file = twill.parent / "mine.wif"
+    save_draft(window, qtbot, monkeypatch, file)
+    assert not window.isWindowModified()
+    # Nothing is lost by leaving: the file is what is seen.
+    seen = window.document.scene.weave.cloth
+    again = Scene.read(file).weave.cloth
+    np.testing.assert_array_equal(again.drawdown, seen.drawdown)
+    np.testing.assert_array_equal(again.warp.colors, seen.warp.colors)
+    window.document.undo.undo()
+    assert window.isWindowModified()
+    window.document.undo.redo()
+    window.document.set("cage", "divisions", [3, 3, 1])
+    save_draft(window, qtbot, monkeypatch, file)
+    assert window.isWindowModified()
+
+
+def test_colours_are_written_as_their_repeat() -> None:
+    a, b = (1, 2, 3), (4, 5, 6)
+
+    def series(*rows: tuple[int, ...]) -> Any:
+        return as_series(np.array(rows, dtype=np.uint8))
+
+    assert series(a, a, a) == "#010203"
+    assert series(a, b, a) == ["#010203", "#040506"]
+    assert series(a, a, b) == ["#010203", "#010203", "#040506"]
+    many = np.arange(2001 * 3, dtype=np.uint8).reshape(-1, 3)
+    assert len(as_series(many)) == 2001
+
+
+def test_a_kept_draft_keeps_what_the_file_said(draft_of: Any, qtbot: Any) -> None:
+    source = library.folder() / "32-shaft_twill.wif"
+    window = draft_of(source)
+    before = window.document.scene.weave.cloth
+    click(qtbot, window, "threading", 31, 1)
+    now = window.document.scene.weave
+    kept, original = read_wif(now.draft), read_wif(source)
+    assert kept.loom.tieup == original.loom.tieup
+    assert kept.warp.thickness == original.warp.thickness
+    np.testing.assert_array_equal(kept.warp.colors, original.warp.colors)
+    np.testing.assert_array_equal(now.cloth.warp.colors, before.warp.colors)
+    assert np.array_equal(now.cloth.warp.diameter, before.warp.diameter)
+    assert format_wif(kept) == now.draft.read_bytes()
