@@ -1,4 +1,4 @@
-"""Double weaves are found, and nothing else is taken for one."""
+"""Double weaves: found, and nothing else is taken for one; two cloths that touch nowhere."""
 
 import doctest
 from pathlib import Path
@@ -6,43 +6,130 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from weaves import changed
 
+from spacemap_vtk.datasets.cloth_data import cloth_of
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import double_weave, patterns
-from spacemap_vtk.fabric.double_weave import upper_cloth
+from spacemap_vtk.fabric.axes import axes, axis_points
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.double_weave import Layers, find_layers
 from spacemap_vtk.fabric.drawdown import rows, tile
+from spacemap_vtk.fabric.figures import fabric_figures
+from spacemap_vtk.fabric.interchange import Interchange
+from spacemap_vtk.fabric.partition import whole_bounds
+from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.fabric.weave import build, count, estimate_counts
+from spacemap_vtk.fabric.yarn_clearance import least_clearance
+from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 
+Bools = NDArray[np.bool_]
+EVERY_OTHER = [0, 1]
+ROUND = Threads(diameter=0.4e-3, spacing=1e-3)
 
-def two_cloths(above: NDArray[np.bool_], weave: NDArray[np.bool_], first: int) -> NDArray[np.bool_]:
-    """Weave two cloths crossing by crossing, from what lies above what."""
-    picks, ends = (2 * size for size in above.shape)
-    found = np.zeros((picks, ends), dtype=bool)
-    for pick in range(picks):
-        for end in range(ends):
-            of_first = end % 2 == 0, (pick % 2 == 0) == (first == 0)
-            if of_first[0] == of_first[1]:
-                found[pick, end] = weave[pick // 2 % len(weave), end // 2 % weave.shape[1]]
-            else:
-                found[pick, end] = above[pick // 2, end // 2] == of_first[0]
+
+def two_cloths(
+    first_above: Bools,
+    weave: Bools,
+    of_ends: list[int] = EVERY_OTHER,
+    of_picks: list[int] = EVERY_OTHER,
+) -> Bools:
+    """Weave two cloths crossing by crossing, from where the first one is above."""
+    found = np.zeros(first_above.shape, dtype=bool)
+    for pick, end in np.ndindex(found.shape):
+        cloths = of_ends[end % len(of_ends)], of_picks[pick % len(of_picks)]
+        if cloths[0] == cloths[1]:
+            of_cloth = [
+                [k for k in range(n) if turn[k % len(turn)] == cloths[0]]
+                for n, turn in ((end + 1, of_ends), (pick + 1, of_picks))
+            ]
+            found[pick, end] = weave[
+                (len(of_cloth[1]) - 1) % len(weave), (len(of_cloth[0]) - 1) % weave.shape[1]
+            ]
+        else:
+            found[pick, end] = first_above[pick, end] == (cloths[0] == 0)
     return found
 
 
-def blocks(size: int) -> NDArray[np.bool_]:
-    row, column = np.indices((24, 20)) // size
+def blocks(size: int, picks: int = 48, ends: int = 40) -> Bools:
+    row, column = np.indices((picks, ends)) // size
     return (row + column) % 2 == 0
 
 
-@pytest.mark.parametrize("first", [0, 1])
-@pytest.mark.parametrize("size", [4, 6, 100])
+def layered(
+    drawdown: Bools,
+    of_ends: list[int] = EVERY_OTHER,
+    of_picks: list[int] = EVERY_OTHER,
+    **more: object,
+) -> Cloth:
+    picks, ends = drawdown.shape
+    layers = Layers(drawdown, np.resize(of_ends, ends) == 1, np.resize(of_picks, picks) == 1)
+    return changed(Cloth(drawdown=drawdown, warp=ROUND, weft=ROUND, layers=layers), **more)
+
+
+def stitched() -> Bools:
+    """Two plain cloths, ends of the one below over some picks of the one above."""
+    found = two_cloths(blocks(100), patterns.plain(2, 2))
+    found[0::16, 1::16] = found[8::16, 9::16] = True
+    return found
+
+
+@pytest.mark.parametrize("of_picks", [[0, 1], [1, 0]])
+@pytest.mark.parametrize("size", [8, 12, 100])
 @pytest.mark.parametrize("weave", [patterns.plain(2, 2), patterns.twill(2, 2)])
-def test_two_cloths_are_found(weave: NDArray[np.bool_], size: int, first: int) -> None:
+def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> None:
     above = blocks(size)
-    found = upper_cloth(two_cloths(above, weave, first))
+    found = find_layers(two_cloths(above, weave, of_picks=of_picks))
     assert found is not None
-    np.testing.assert_array_equal(found, above)
+    assert found.joined == (size < 100, size < 100)
+    first = found.own & ~found.ends
+    np.testing.assert_array_equal(found.above[first], above[first])
+    second = found.own & found.ends
+    np.testing.assert_array_equal(found.above[second], ~above[second])
+
+
+@pytest.mark.parametrize(
+    ("of_ends", "of_picks"),
+    [
+        ([0, 1], [0, 1, 1, 0]),  # cloth of double width, open at one side
+        ([0, 0, 1, 1], [0, 0, 1, 1]),
+        ([0, 0, 1], [0, 0, 1]),  # two face threads to one of the back
+        ([0, 1], [1, 0, 0]),
+    ],
+)
+def test_threads_may_be_arranged_otherwise(of_ends: list[int], of_picks: list[int]) -> None:
+    found = find_layers(two_cloths(blocks(100), patterns.plain(2, 2), of_ends, of_picks))
+    assert found is not None
+    assert found.joined == (False, False)
+    np.testing.assert_array_equal(found.ends, np.resize(of_ends, 40) == 1)
+    np.testing.assert_array_equal(found.picks, np.resize(of_picks, 48) == 1)
+
+
+def test_stitches_are_no_change_of_place() -> None:
+    found = find_layers(stitched())
+    assert found is not None
+    assert found.joined == (True, True)
+    assert (found.above == ~found.ends)[found.own].all()
 
 
 def test_one_cloth_is_one() -> None:
+    waffle = np.array(
+        [
+            [c == "1" for c in row]
+            for row in (
+                "01000001",
+                "10100010",
+                "01010101",
+                "10101011",
+                "01011111",
+                "10101011",
+                "01010101",
+                "10100010",
+            )
+        ]
+    )
     for weave in (
         patterns.plain(2, 2),
         patterns.twill(2, 2),
@@ -51,22 +138,149 @@ def test_one_cloth_is_one() -> None:
         patterns.basket(2),
         patterns.rib(2),
         patterns.rib(1),
+        waffle,
         np.ones((4, 4), dtype=bool),
     ):
         for turned in (weave, weave.T, ~weave):
-            for ends in (32, 33, 2, 3):
-                assert upper_cloth(tile(turned, ends, 40)) is None
+            for ends in (33, 3):
+                assert find_layers(tile(turned, ends, 40)) is None
     random = np.random.default_rng(1)
-    for _ in range(200):
-        assert upper_cloth(random.random((8, 8)) < 0.5) is None
+    for _ in range(20):
+        assert find_layers(random.random((8, 8)) < 0.5) is None
 
 
-def test_a_draft_of_two_cloths_says_so(tmp_path: Path) -> None:
+def nearest_of_two_cloths(cloth: Cloth) -> float:
+    """Distance between yarns of different cloths, from samples of axes alone."""
+    points, yarn = axis_points(cloth, 24)
+    layers, least = cloth.layers, np.inf
+    assert layers is not None
+    second = np.concatenate([layers.ends, layers.picks])
+    radii = np.concatenate([0.5 * yarns.diameter for yarns in cloth.yarns])
+    # circles whose centres lie on the flat, where there is one
+    lines = [points]
+    for number, threads in enumerate(cloth.threads):
+        of_family = (yarn < cloth.size[0]) == (number == 0)
+        flat = np.where(of_family, (threads.aspect - 1.0) * radii[yarn], 0.0)
+        for share in (-1.0, -0.5, 0.5, 1.0) if threads.aspect > 1.0 else ():
+            lines.append(points + share * flat[:, None] * np.eye(3)[number])
+    points, yarn = np.concatenate(lines), np.tile(yarn, len(lines))
+    trees = [cKDTree(points[yarn == k]) for k in range(len(second))]
+    for k, tree in enumerate(trees):
+        for other in range(k):
+            if second[k] != second[other]:
+                found, _ = tree.query(points[yarn == other], distance_upper_bound=2e-3)
+                least = min(least, float(found.min()) - radii[k] - radii[other])
+    return least
+
+
+@pytest.mark.parametrize(
+    "cloth",
+    [
+        layered(two_cloths(blocks(6, 12, 14), patterns.plain(2, 2))),
+        layered(two_cloths(blocks(5, 12, 12), patterns.twill(2, 2)), warp_diameter=0.55e-3),
+        layered(stitched()[:18, :18]),
+        layered(np.random.default_rng(2).random((12, 12)) < 0.5, [0, 0, 1], [0, 1, 1, 0]),
+        layered(
+            two_cloths(blocks(6, 10, 10), patterns.plain(2, 2)),
+            warp_diameter=np.resize([0.15e-3, 0.1e-3, 0.12e-3], 10),
+            weft_diameter=0.1e-3,
+            warp_section="racetrack",
+            warp_aspect=5.0,
+            layer_gap=0.02e-3,
+        ),
+        layered(two_cloths(blocks(99, 12, 12), patterns.plain(2, 2)), warp_diameter=1.1e-3),
+    ],
+)
+def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
+    thick = cloth.diameter_sum
+    assert nearest_of_two_cloths(cloth) > 0.01 * thick
+    # in each of them yarns touch, and nothing overlaps
+    assert abs(least_clearance(cloth).distance) < 1e-12 * thick
+
+
+def test_axes_are_smooth_where_cloths_change_places() -> None:
+    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain(2, 2)))
+    for family in axes(cloth):
+        part = np.arange(len(family.length))
+        inner = part[:-1][np.diff(family.owner) == 0]
+        ones = np.ones(len(inner))
+        before = family.at(inner, inner + family.owner[inner], ones)
+        after = family.at(inner + 1, inner + 1 + family.owner[inner], 0 * ones)
+        np.testing.assert_allclose(before, after, rtol=0, atol=1e-12)
+        assert abs(family.angle).max() <= np.pi / 2
+        # each runs through both cloths
+        assert np.ptp(family.height) > 2 * cloth.level
+
+
+@pytest.mark.parametrize("weave", [patterns.plain(2, 2), patterns.twill(2, 2)])
+def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
+    both = layered(two_cloths(blocks(99, 16, 16), weave))
+    wide = Threads(diameter=ROUND.diameter, spacing=2e-3)
+    alone = Cloth(drawdown=tile(weave, 8, 8), warp=wide, weft=wide)
+    for family, single in zip(axes(both), axes(alone), strict=True):
+        for second, level in ((0, both.level), (1, -both.level)):
+            mine = np.resize([1 - second, second], 16) == 1
+            stations, parts = (np.repeat(mine, family.parts + more) for more in (1, 0))
+            np.testing.assert_array_equal(family.parts[mine], single.parts)
+            np.testing.assert_allclose(family.height[stations] - level, single.height, atol=1e-15)
+            np.testing.assert_allclose(family.angle[stations], single.angle, atol=1e-12)
+            # but for how far yarns reach past their last crossing
+            inner = np.ones(len(single.length), dtype=bool)
+            inner[np.cumsum(single.parts) - 1] = inner[np.cumsum(single.parts) - single.parts] = (
+                False
+            )
+            np.testing.assert_allclose(family.length[parts][inner], single.length[inner])
+    crimps = [[family.crimp.crimp for family in cloth.families] for cloth in (both, alone)]
+    assert crimps[0] == pytest.approx(crimps[1], rel=1e-12)
+    thickness = fabric_figures(alone)["thickness"]
+    assert fabric_figures(both)["thickness"] == pytest.approx(
+        2 * thickness + 0.1 * both.diameter_sum
+    )
+
+
+def test_what_is_built_is_what_is_counted_and_bounded() -> None:
+    cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain(2, 2)))
+    made, counted = build(cloth), count(cloth)[0]
+    assert (len(made.points), len(made.patches)) == counted[:2]
+    assert estimate_counts(cloth).points >= counted.points
+    bounds = np.stack([made.points.min(axis=0), made.points.max(axis=0)], axis=1).ravel()
+    np.testing.assert_allclose(whole_bounds(cloth), bounds, atol=1e-15)
+
+
+def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     file = tmp_path / "double.txt"
-    file.write_text("\n".join(rows(two_cloths(blocks(6), patterns.plain(2, 2), 0))))
+    file.write_text("\n".join(rows(two_cloths(blocks(12, 24, 24), patterns.plain(2, 2)))))
     scene = Scene({"weave": {"draft": str(file)}})
-    assert "double weave" in scene.draft.warnings[-1]
-    assert any("double weave" in text for text in scene.warnings)
+    assert any("double weave" in text for text in scene.weave.cloth.warnings)
+    weave = scene.weave.update().output
+    read = cloth_of(weave)
+    assert read is not None
+    np.testing.assert_array_equal(read.passing(0).height, scene.weave.cloth.passing(0).height)
+    single = WeaveSource(draft=file, warp_layer=1)
+    assert single.cloth.layers is None
+    assert single.cloth.warnings == ()
+
+
+def test_layers_are_given(tmp_path: Path) -> None:
+    given = WeaveSource(ends=9, picks=8, warp_layer=[1, 2], weft_layer=[2, 1], layer_gap="1 mm")
+    cloth = given.cloth
+    assert cloth.layers is not None
+    assert cloth.layers.ends.tolist() == [False, True] * 4 + [False]
+    assert 2 * cloth.level - cloth.sheet_thickness == pytest.approx(1e-3)
+    assert nearest_of_two_cloths(cloth) > 0.0
+    for wrong, key in (
+        ({"warp_layer": [1, 2]}, "weft_layer"),
+        ({"warp_layer": [1, 2], "weft_layer": 1}, "weft_layer"),
+        ({"warp_layer": [1, 2], "weft_layer": [1, 2], "axis": "spline"}, "axis"),
+        ({"warp_layer": [1, 2], "weft_layer": [1, 2], "warp_diameter": "0.3 mm"}, "warp_diameter"),
+    ):
+        with pytest.raises((InputError, GeometryError)) as refused:
+            WeaveSource(ends=9, picks=9, **wrong).cloth.check()
+        assert refused.value.key == key
+        assert refused.value.cure
+    with pytest.raises(InputError, match="double weave") as refused:
+        Interchange(cloth)
+    assert refused.value.key == "warp_layer"
 
 
 def test_examples() -> None:

@@ -3,8 +3,10 @@
 ``cloth_drawdown`` (uint8, pick by pick), ``cloth_warp_diameter`` and ``cloth_warp_spacing`` (m: one
 value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, width over height),
 likewise of the weft; and ``cloth_measures``: ends and picks, crimp height and overhang (m), density
-of the yarns (kg/m3), and 0 or 1 for closed ends, rational patches and axes by splines. NaN stands
-for what is not known. Colours are those of the cells; warnings were told where it was made.
+of the yarns (kg/m3), and 0 or 1 for closed ends, rational patches and axes by splines. Of a double
+weave ``cloth_layers`` (uint8: 1 for each end and pick of its second cloth) and ``cloth_layer_gap``
+(m). NaN stands for what is not known. Colours are those of the cells; warnings were told where it
+was made.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import AXES, FAMILIES, Cloth
+from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
 
 #: What their names begin with.
@@ -28,6 +31,7 @@ _PREFIX = "cloth_"
 FOOT, OFFSET = "foot", "interchange"
 
 _DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
+_LAYERS, _GAP = _PREFIX + "layers", _PREFIX + "layer_gap"
 
 
 def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
@@ -52,6 +56,10 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         AXES.index(cloth.axis),
     )
     add_array(field, _MEASURES, np.array(measures, np.float64))
+    if cloth.layers is not None:
+        second = np.concatenate([cloth.layers.ends, cloth.layers.picks])
+        add_array(field, _LAYERS, second.view(np.uint8))
+        add_array(field, _GAP, np.array([nan if cloth.layer_gap is None else cloth.layer_gap]))
 
 
 def cloth_of(data: vtkDataObject) -> Cloth | None:
@@ -85,9 +93,13 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
                 aspect=aspect,
             )
         )
-    crossings = values(_DRAWDOWN, int(ends) * int(picks))
+    drawdown = values(_DRAWDOWN, int(ends) * int(picks)).reshape(int(picks), int(ends)) != 0
+    layers, gap = None, nan
+    if field.HasArray(_LAYERS):
+        second = values(_LAYERS, int(ends) + int(picks)) != 0
+        layers, gap = Layers(drawdown, *np.split(second, [int(ends)])), float(values(_GAP, 1)[0])
     return Cloth(
-        drawdown=crossings.reshape(int(picks), int(ends)) != 0,
+        drawdown=drawdown,
         warp=threads[0],
         weft=threads[1],
         crimp_height=height,
@@ -96,6 +108,8 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         caps=bool(caps),
         exact=bool(exact),
         axis=AXES[int(axis)],
+        layers=layers,
+        layer_gap=gap if gap < inf else None,
     )
 
 

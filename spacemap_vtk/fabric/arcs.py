@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.fabric.axis import Axes, crossing_heights
+from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.bezier import rational_handles
 from spacemap_vtk.fabric.peirce import Crimp, solve
 from spacemap_vtk.fabric.threads import Yarns
@@ -62,26 +62,13 @@ class Plan(NamedTuple):
     """(yarns, gaps) Whether there is one between the arcs."""
 
 
-def arc_axes(
-    upper: NDArray[np.bool_],
-    own: Yarns,
-    crossed: Yarns,
-    share: float,
-    overhang: float,
-    exact: bool,
-) -> Axes:
-    """Lay axes that run arc - straight - arc between crossings."""
-    arc, height = crossing_heights(upper, own, crossed, share)
-    gaps = gaps_of(crossed, arc, height, overhang)
-    return lay_gaps(0.5 * own.diameter, own.position, gaps, exact)
-
-
 def gaps_of(
     crossed: Yarns,
     arc: NDArray[np.float64],
     height: NDArray[np.float64],
     overhang: float,
     stretch: NDArray[np.float64] | None = None,
+    kept: NDArray[np.bool_] | None = None,
 ) -> Gaps:
     """Return the gaps of yarns from what is known at their crossings, (yarns, crossings)."""
     # Yarns past their last crossing, and flats, keep their length however space is stretched.
@@ -110,12 +97,35 @@ def gaps_of(
         both[:, ::2], both[:, 1::2] = size, between
         height, arc, between = np.repeat(height, 2, axis=1), np.repeat(arc, 2, axis=1), both
     past = np.broadcast_to(np.maximum(overhang - half[[0, -1]], 0.0), (len(size), 2))
-    return Gaps(
+    gaps = Gaps(
         bounds=np.concatenate([first, position, last], axis=1),
         spacing=np.concatenate([past[:, :1], inner, past[:, 1:]], axis=1),
         height=np.pad(height, ((0, 0), (1, 1)), mode="edge"),
         arc=np.pad(arc, ((0, 0), (1, 1)), mode="edge"),
         stretch=np.concatenate([size[:, :1], between, size[:, -1:]], axis=1),
+    )
+    if kept is None:
+        return gaps
+    flats = height.shape[1] // kept.shape[1]
+    return _passed_by(gaps, np.repeat(kept, flats, axis=1))
+
+
+def _passed_by(gaps: Gaps, kept: NDArray[np.bool_]) -> Gaps:
+    """Leave out bounds that are not kept; shorter rows end in gaps of no length."""
+    kept = np.pad(kept, ((0, 0), (1, 1)), constant_values=True)
+    count = kept.sum(axis=1, keepdims=True)
+    column = np.arange(count.max(initial=2))
+    order = np.argsort(~kept, axis=1, kind="stable")[:, : len(column)]
+    order = np.where(column < count, order, kept.shape[1] - 1)
+    # past its first and its last crossing a yarn stays as high as there
+    level = np.take_along_axis(order, np.clip(column, 1, count - 2), axis=1)
+    bounds = gaps.bounds[0][order]
+    return Gaps(
+        bounds=bounds,
+        spacing=np.diff(bounds, axis=1),
+        height=np.take_along_axis(gaps.height, level, axis=1),
+        arc=np.take_along_axis(gaps.arc, level, axis=1),
+        stretch=np.ones((1, len(column) - 1)),
     )
 
 

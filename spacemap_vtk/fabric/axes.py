@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.arcs import arc_axes
+from spacemap_vtk.fabric.arcs import Gaps, gaps_of, lay_gaps
 from spacemap_vtk.fabric.axis import Axes, sampled
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.spline import spline_axes
@@ -34,11 +34,18 @@ def axes(cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
 
 
 def _axes(cloth: Cloth, number: int, some: Some) -> Axes:
-    laid = cloth.upper(number, some), cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
-    past = cloth.families[number].overhang
+    own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
     if cloth.axis == "spline":
-        return spline_axes(*laid, cloth.shares[number], past)
-    return arc_axes(*laid, cloth.shares[number], past, cloth.exact)
+        height = cloth.passing(number, some).height
+        return spline_axes(own, crossed, height, cloth.families[number].overhang)
+    return lay_gaps(0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact)
+
+
+def woven_gaps(cloth: Cloth, number: int, some: Some = slice(None)) -> Gaps:
+    """Return what lies between the crossings of ends (0) or picks (1) as woven, by arcs."""
+    arc, height, kept = cloth.passing(number, some)
+    past = cloth.families[number].overhang
+    return gaps_of(cloth.yarns[1 - number], arc, height, past, kept=kept)
 
 
 def axis_points(cloth: Cloth, samples: int = 8) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein
-from spacemap_vtk.fabric.threads import Yarns
 
 
 class Axes(NamedTuple):
@@ -83,14 +82,6 @@ class Axes(NamedTuple):
             for values, direction in zip(place, (np.cos, np.sin), strict=True)
         )
         return along, height, a + k * s
-
-
-def crossing_heights(
-    upper: NDArray[np.bool_], own: Yarns, crossed: Yarns, share: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how far apart axes are at each crossing, and where the family's own are."""
-    arc = 0.5 * (own.diameter[:, None] + crossed.diameter)
-    return arc, np.where(upper, share, -share) * arc
 
 
 def sampled(

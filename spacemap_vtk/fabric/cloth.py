@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric.double_weave import APART, Layers
 from spacemap_vtk.fabric.drawdown import as_drawdown
 from spacemap_vtk.fabric.peirce import (
     JAM,
@@ -45,6 +46,19 @@ AXES = ("arcs", "spline")
 FAMILIES = ("warp", "weft")
 #: A crimp may pass the end of its interval by this share of the largest, by rounding.
 _GRACE = 1e-9
+#: Room between the two cloths of a double weave where nobody says, over D.
+_LAYER_GAP = 0.1
+
+
+class Passing(NamedTuple):
+    """How yarns pass what they cross: arrays (yarns, crossings)."""
+
+    arc: NDArray[np.float64]
+    """Radii of the arcs on which they do: where yarns touch, how far apart the axes are, R."""
+    height: NDArray[np.float64]
+    """Of the axes, in z."""
+    kept: NDArray[np.bool_] | None
+    """Where they take notice of what they cross; None: everywhere."""
 
 
 class Family(NamedTuple):
@@ -97,6 +111,10 @@ class Cloth:
         Mass of a volume of yarn, the air between its fibres included, in kg/m3.
     warnings : tuple of str
         What was assumed or changed on the way to this cloth.
+    layers : Layers, optional
+        Of a double weave: two cloths, each with the crossings of its own yarns.
+    layer_gap : float, optional
+        Room between these cloths, in metres; by default a tenth of D.
     cure : str
         What helps where there is no room, beside thinner yarns and wider spacings.
 
@@ -123,6 +141,8 @@ class Cloth:
     axis: str = AXES[0]
     density: float | None = None
     warnings: tuple[str, ...] = ()
+    layers: Layers | None = None
+    layer_gap: float | None = None
     cure: str = ""
 
     def __post_init__(self) -> None:
@@ -203,13 +223,41 @@ class Cloth:
         if self.axis == "spline":
             return 4
         # an arc of 60 degrees needs a height of at least half the sum of its radii
-        arcs = 1 if self.exact or max(self.shares) <= 0.5 + 1e-9 else 2
+        steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.joined))
+        arcs = 2 if steep and not self.exact else 1
         return 2 * arcs + 1 + (max(self.warp.aspect, self.weft.aspect) > 1.0)
 
     @property
     def threads(self) -> tuple[Threads, Threads]:
         """Warp and weft."""
         return self.warp, self.weft
+
+    @cached_property
+    def sheets(self) -> tuple[tuple[Threads, Threads], ...]:
+        """Warp and weft of each cloth: of both, where it is a double weave."""
+        if self.layers is None:
+            return (self.threads,)
+        ends, picks = self.layers.ends, self.layers.picks
+        return tuple(
+            (self.warp.chosen(ends == second), self.weft.chosen(picks == second))
+            for second in (False, True)
+        )
+
+    @property
+    def sheet_thickness(self) -> float:
+        """Thickness of the cloth, or of each of the two of a double weave, in metres."""
+        tallest = [float(np.max(threads.diameter)) for threads in self.threads]
+        return max(
+            share * sum(tallest) + own for share, own in zip(self.shares, tallest, strict=True)
+        )
+
+    @property
+    def level(self) -> float:
+        """Height of the cloth above over the middle of both, in metres; 0 where there is one."""
+        if self.layers is None:
+            return 0.0
+        gap = _LAYER_GAP * self.diameter_sum if self.layer_gap is None else self.layer_gap
+        return 0.5 * (self.sheet_thickness + gap)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -239,6 +287,38 @@ class Cloth:
         """
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
+    def passing(self, number: int, which: Some = slice(None)) -> Passing:
+        """Return how ends or picks pass what they cross.
+
+        Parameters
+        ----------
+        number : {0, 1}
+            Warp or weft.
+        which : slice or ndarray of int
+            Its yarns.
+
+        Returns
+        -------
+        Passing
+            A row for each yarn.
+        """
+        own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
+        arc = 0.5 * (own[:, None] + crossed)
+        upper, share = self.upper(number, which), self.shares[number]
+        height = np.where(upper, share, -share) * arc
+        if self.layers is None:
+            return Passing(arc, height, None)
+        same, above = (
+            (table if number else table.T)[which] for table in (self.layers.own, self.layers.above)
+        )
+        height = np.where(
+            same,
+            np.where(above, self.level, -self.level) + height,
+            np.where(upper, self.level, -self.level) - height,
+        )
+        arc = np.where(same, arc, (1.0 + APART) * arc)
+        return Passing(arc, height, self.layers.kept(number)[which])
+
     def courses(self, number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the different courses of ends or picks: yarns of one course have equal axes.
 
@@ -256,7 +336,11 @@ class Cloth:
         """
         upper, diameter = self.upper(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)
-        table = np.column_stack([np.packbits(upper, axis=1), sizes])
+        told = [upper]
+        if self.layers is not None:
+            same, above = self.layers.own, self.layers.own & self.layers.above
+            told += [self.layers.kept(number), *((t if number else t.T) for t in (same, above))]
+        table = np.column_stack([*(np.packbits(one, axis=1) for one in told), sizes])
         _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)
         place = np.empty_like(order)
@@ -278,12 +362,14 @@ class Cloth:
         """Spacings p1 and p2 at which yarns of mean diameters would be as tight as the worst."""
         # Feasible heights over D depend on p'/D alone.
         result = []
-        for own, other in (self.threads, self.threads[::-1]):
-            room, diameters = own.gaps()
-            sums = diameters + np.max(other.diameter)
-            ratio = np.min(room / sums, initial=inf)
+        for number in (0, 1):
+            ratio = inf
+            for sheet in self.sheets:
+                room, diameters = sheet[number].gaps()
+                sums = diameters + np.max(sheet[1 - number].diameter)
+                ratio = min(ratio, float(np.min(room / sums, initial=inf)))
             # without a second yarn there is nothing to bend between
-            result.append(float(ratio * self.diameter_sum) if ratio < inf else self.diameter_sum)
+            result.append(ratio * self.diameter_sum if ratio < inf else self.diameter_sum)
         return result[0], result[1]
 
     def _family(self, number: int, share: float) -> Family:
@@ -291,13 +377,18 @@ class Cloth:
         threads, other = self.threads[number], self.threads[1 - number]
         own, across = float(np.mean(threads.diameter)), float(np.mean(other.diameter))
         crossed = other.mean_spacing(other.aspect * across)
-        room, between = other.gaps()
+        found = [sheet[1 - number].gaps() for sheet in self.sheets]
+        room, between = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        # from crossing to crossing of the same cloth: flats, where there are any, are part of it
+        apart = crossed
+        if self.layers is not None and room.size:
+            apart = float(np.mean(room + (other.aspect - 1.0) * between))
         arcs = own + (float(np.mean(between)) if room.size else across)
         # a lone crossed yarn has no neighbour to bend towards: nothing is tight
         gap = float(np.mean(room)) if room.size else max(crossed, arcs)
         theta, straight, length, crimp = solve(gap, share * arcs, arcs)
         if room.size:
-            length, crimp = length + (crossed - gap), crimp * gap / crossed
+            length, crimp = length + (apart - gap), crimp * gap / apart
         return Family(
             diameter=own,
             spacing=threads.mean_spacing(threads.aspect * own),
@@ -349,8 +440,15 @@ class Cloth:
         """Refuse what no crimp height could mend."""
         for family, threads, count in zip(FAMILIES, self.threads, self.size, strict=True):
             threads.check(family, count)
-        for family, threads in zip(FAMILIES, self.threads, strict=True):
-            threads.check_neighbours(family, JAM, self.diameter_sum)
+        for number, family in enumerate(FAMILIES):
+            # yarns of two cloths lie one above the other where they never change places
+            apart = self.layers is not None and not self.layers.joined[number]
+            for threads in (
+                [sheet[number] for sheet in self.sheets] if apart else [self.threads[number]]
+            ):
+                threads.check_neighbours(family, JAM, self.diameter_sum)
+        if self.layers is not None:
+            self.layers.check_room(self.threads, self.layer_gap, self.axis)
         if self.axis not in AXES:
             raise InputError(
                 "no such shape",

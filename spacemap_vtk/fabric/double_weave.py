@@ -1,31 +1,78 @@
-"""Double weaves: two cloths in one draft, of every other end and pick, one above the other."""
+"""Double weaves: two cloths in one draft, one above the other, that may change places.
+
+Each end and each pick belongs to one of two cloths. Threads of one cloth interlace where they
+cross. Where threads of both cross, that of the cloth above passes over; where it does not, the
+cloths are stitched, or change places (interchange). A yarn of a cloth that stays where it is takes
+no notice of the other: it bends between the crossings of its own cloth alone.
+
+Heights, above the middle of both cloths, of axes that are D/2 = R apart where they touch:
+
+- in the cloth above all axes are at least H - h/2 high, below at most -(H - h/2), with 2 H - R at
+  least a gap more than R: so no yarn of one can touch one of the other.
+- between two crossings of its own cloth where a yarn changes from one to the other, or is stitched,
+  it passes every yarn of the other cloth at H - h/2 or at -(H - h/2), level there, on arcs of a
+  radius of (1 + `APART`) R. As long as arcs turn by at most a right angle, which is where gaps are
+  as wide as the sum of their radii, the axis is that far from all that lies on the other side: for
+  a circle of radius r about a centre at least as high as the highest axis below touches its top,
+  and what is lower than its centre is at least r aside.
+
+Sources: the terms of Z. Grosicki, "Watson's Advanced Textile Design" (double cloth, self-stitched;
+interchanging double plain).
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import product
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-#: Share of the crossings that must lie where both cloths are woven, each for itself; what remains
-#: are edges of blocks.
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric.peirce import JAM
+from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.units import format_quantity
+
+Bools = NDArray[np.bool_]
+
+#: By what share of R yarns of different cloths keep further apart than those that touch.
+APART = 0.05
+#: Crossings along both sides of what is searched for two cloths; what is found holds for all.
+_SEARCHED = 96
+#: Largest repeat of an arrangement of threads that is looked for: 1 to 1, 2 to 1, 2 to 2, 3 to 1.
+_REPEAT = 4
+#: Share of threads that must interlace with their own cloth wherever it stays; what remains are
+#: edges of blocks.
 _WOVEN = 0.9
+#: Share of crossings with the other cloth that must lie as its place there says; what remains are
+#: stitches.
+_TOLD = 0.85
+#: Least crossings of a cloth between two changes of place, in the mean.
+_STAYS = 2.0
+#: Most changes between neighbouring crossings with the other cloth, of all; and who they are.
+_LOOSE = 0.6
+_NEIGHBOURS = (1, 1, 1), (1, 1, -1), (0, 1, 1), (1, 0, 1), (0, 2, 1), (2, 0, 1)
+#: The arrangements, the first thread in the first cloth.
+_ARRANGED = [
+    np.array((False, *rest))
+    for size in range(2, _REPEAT + 1)
+    for rest in product((False, True), repeat=size - 1)
+    if any(rest)
+]
 
 
-def upper_cloth(drawdown: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
-    """Find which of two interleaved cloths lies above the other.
-
-    Ends of the cloth above lie over all picks of the one below, and its picks over all ends of that
-    one; with its own threads each cloth interlaces. Where the two change places, a block ends.
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """Which threads belong to which of two cloths, and which of these is above.
 
     Parameters
     ----------
-    drawdown : numpy.ndarray
-        (picks, ends) bool, True where the end lies over the pick.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        (picks // 2, ends // 2) bool, for each pair of picks and of ends whether the cloth of the
-        first end of each pair is above; None where the draft is not of two such cloths.
+    drawdown : (picks, ends) ndarray of bool
+        True: the end lies over the pick.
+    ends, picks : ndarray of bool
+        Whether each belongs to the second cloth.
 
     Examples
     --------
@@ -34,32 +81,230 @@ def upper_cloth(drawdown: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     >>> plain = np.indices((4, 4)).sum(axis=0) % 2 == 0
     >>> both = np.zeros((8, 8), dtype=bool)
     >>> both[::2, ::2], both[1::2, 1::2], both[1::2, ::2] = plain, plain, True
-    >>> bool(upper_cloth(both).all())
-    True
-    >>> upper_cloth(plain) is None
-    True
+    >>> layers = Layers(both, np.arange(8) % 2 == 1, np.arange(8) % 2 == 1)
+    >>> bool(layers.above[::2, ::2].all()), bool(layers.above[1::2, 1::2].any()), layers.joined
+    (True, False, (False, False))
     """
-    picks, ends = (size // 2 * 2 for size in drawdown.shape)
-    if min(picks, ends) < 4:
-        return None
-    cells = drawdown[:picks, :ends]
-    for first in (0, 1):
-        # the picks that go with the first ends: the first of each pair, or the second
-        own, other = cells[first::2], cells[1 - first :: 2]
-        above = other[:, ::2]
-        cloths = own[:, ::2], other[:, 1::2]
-        if np.array_equal(above, ~own[:, 1::2]) and all(
-            _woven(above, cloth) and _woven(above.T, cloth.T) for cloth in cloths
+
+    drawdown: Bools
+    ends: Bools
+    picks: Bools
+
+    @cached_property
+    def own(self) -> Bools:
+        """(picks, ends) Whether the threads that cross are of one cloth."""
+        return self.picks[:, None] == self.ends
+
+    @cached_property
+    def above(self) -> Bools:
+        """(picks, ends) Whether the cloth of both threads is the one above; see `own`."""
+        # The nearest threads of the other cloth tell, before and after, of both: at a corner of a
+        # block two against two. There those decide with which the draft's threads make pairs.
+        over = np.where(self.drawdown, 1, -1).astype(np.int8)
+        votes = np.zeros(over.shape, np.int8)
+        for table, tally, crossed, weight in (
+            (over, votes, self.picks, 2),
+            (-over.T, votes.T, self.ends, 1),
         ):
-            return np.ascontiguousarray(above)
-    return None
+            for after in (False, True):
+                line = crossed[::-1] if after else crossed
+                beside = _nearest(line)
+                there = (beside >= 0)[:, None]
+                vote = table[:: -1 if after else 1][beside] * there
+                partner = ((line == crossed[0]) == after)[:, None]
+                tally[:: -1 if after else 1] += (4 + weight * partner) * vote
+        return votes > 0
+
+    def kept(self, number: int) -> Bools:
+        """Return which crossings yarns take notice of.
+
+        Parameters
+        ----------
+        number : {0, 1}
+            Ends or picks.
+
+        Returns
+        -------
+        (yarns, crossings) bool
+            A row for each yarn.
+        """
+        return self._passes[number][0]
+
+    @property
+    def joined(self) -> tuple[bool, bool]:
+        """Whether ends, and picks, pass from one cloth into the other anywhere."""
+        return self._passes[0][1], self._passes[1][1]
+
+    def check_room(self, threads: tuple[Threads, Threads], gap: float | None, axis: str) -> None:
+        """Refuse yarns that have no room to pass from one cloth into the other."""
+        cure = "warp_layer = 1 draws it as one layer"
+        if axis != "arcs":
+            raise InputError(
+                "a spline holds no distance between the two cloths of a double weave",
+                key="axis",
+                value=axis,
+                allowed='"arcs"',
+                cure=f"Leave axis out; {cure}",
+            )
+        if gap is not None and not 0.0 < gap < inf:
+            raise GeometryError(
+                "two cloths need room between them",
+                key="layer_gap",
+                value=gap,
+                allowed="more than 0 m",
+            )
+        names = "warp", "weft"
+        for number, (own, crossed) in enumerate((threads, threads[::-1])):
+            room, between = crossed.gaps()
+            if not (self.joined[number] and room.size):
+                continue
+            # so that arcs stay within a right angle
+            needed = (1.0 + APART) * (between + np.max(own.diameter))
+            lack = needed - room
+            if lack.max() > JAM * between.max():
+                worst = int(np.argmax(lack))
+                wanted, there = (
+                    format_quantity(float(np.broadcast_to(x, lack.shape)[worst]), "m")
+                    for x in (needed, room)
+                )
+                raise GeometryError(
+                    "the two cloths of the double weave have no room to change places: the "
+                    f"{names[number]} needs {wanted} between neighbouring {names[1 - number]} "
+                    f"yarns, and has {there}",
+                    key=f"{names[number]}_diameter",
+                    value=float(np.max(own.diameter)),
+                    allowed=f"warp_diameter + weft_diameter up to 1 / {1.0 + APART:g} of that",
+                    cure=f"Make the yarns thinner or a spacing larger; {cure}",
+                )
+
+    @cached_property
+    def _passes(self) -> tuple[tuple[Bools, bool], tuple[Bools, bool]]:
+        warp, weft = (self._passed(number) for number in (0, 1))
+        return warp, weft
+
+    def _passed(self, number: int) -> tuple[Bools, bool]:
+        own, above = (self.own, self.above) if number else (self.own.T, self.above.T)
+        upper = ~self.drawdown if number else self.drawdown.T
+        before, after, gap = _beside(own, above)
+        astray = ~own & ((upper != before) | (upper != after))
+        # a yarn without a crossing of its own cloth has nothing else to pass
+        astray |= ~own.any(axis=1, keepdims=True)
+        marked = np.zeros(own.shape[0] * (own.shape[1] + 1), bool)
+        marked[gap[astray]] = True
+        return own | marked[gap], bool(astray.any())
 
 
-def _woven(above: NDArray[np.bool_], cloth: NDArray[np.bool_]) -> bool:
-    """Return whether the yarns along the first axis change side between two changes of place."""
-    stays = above[1:] == above[:-1]
-    runs = np.zeros(above.shape, dtype=np.int64)
-    np.cumsum(~stays, axis=0, out=runs[1:])
-    runs += np.arange(above.shape[1]) * len(above)
-    turns = np.bincount(runs[1:][stays & (cloth[1:] != cloth[:-1])], minlength=above.size)
-    return float((turns[runs] > 0).mean()) >= _WOVEN
+def _nearest(second: Bools) -> NDArray[np.int64]:
+    """Return for each thread the last one before it of the other cloth, or -1."""
+    place = np.arange(len(second))
+    first, other = (np.maximum.accumulate(np.where(mine, place, -1)) for mine in (~second, second))
+    return np.where(second, first, other)
+
+
+def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools, NDArray[np.int64]]:
+    """Return what rows' own crossings say before and after each place, and its gap's number."""
+    count = own.shape[1]
+    place = np.arange(count)
+    row = np.arange(len(own))[:, None]
+    last = np.maximum.accumulate(np.where(own, place, -1), axis=1)
+    following = np.where(own, place, count)[:, ::-1]
+    following = np.minimum.accumulate(following, axis=1)[:, ::-1]
+    # before the first crossing and after the last the one there is tells
+    before = above[row, np.where(last < 0, following, last).clip(0, count - 1)]
+    after = above[row, np.where(following == count, last, following).clip(0, count - 1)]
+    return before, after, np.cumsum(own, axis=1) + row * (count + 1)
+
+
+def find_layers(
+    drawdown: Bools, ends: Bools | None = None, picks: Bools | None = None
+) -> Layers | None:
+    """Find two cloths in a drawdown; None where it is of one. Given are threads of the second."""
+    if ends is not None and picks is not None:
+        return Layers(drawdown, ends, picks)
+    rows, columns = (
+        slice(at, at + _SEARCHED)
+        for at in (max((size - _SEARCHED) // 2, 0) // 12 * 12 for size in drawdown.shape)
+    )
+    part = drawdown[rows, columns]
+    known = None if ends is None else ends[columns], None if picks is None else picks[rows]
+    found = _arranged(
+        part.tobytes(), part.shape, *(None if one is None else one.tobytes() for one in known)
+    )
+    if found is None:
+        return None
+    whole = Layers(
+        drawdown,
+        np.resize(found[0], drawdown.shape[1]) if ends is None else ends,
+        np.resize(found[1], drawdown.shape[0]) if picks is None else picks,
+    )
+    return whole if _apart(whole) > 0.0 else None
+
+
+@lru_cache(maxsize=16)  # a window asks again whatever is changed of the yarns
+def _arranged(
+    crossings: bytes, shape: tuple[int, int], ends: bytes | None, picks: bytes | None
+) -> tuple[Bools, Bools] | None:
+    """Return the arrangement of ends and picks in which two cloths lie the clearest apart."""
+    drawdown = np.frombuffer(crossings, bool).reshape(shape)
+    if min(shape) < 2 * _REPEAT:
+        return None
+    asked = [
+        turned if known is None else [np.frombuffer(known, bool)]
+        for known, turned in ((ends, _ARRANGED), (picks, [*_ARRANGED, *(~a for a in _ARRANGED)]))
+    ]
+    most, best = 0.0, None
+    for one, other in sorted(product(*asked), key=_repeat):
+        if best is not None and _repeat((one, other)) > _repeat(best):
+            break
+        tried = Layers(drawdown, np.resize(one, shape[1]), np.resize(other, shape[0]))
+        if _told_apart(tried) and (share := _apart(tried)) > most:
+            most, best = share, (one, other)
+    return best
+
+
+def _repeat(arranged: tuple[Bools, ...]) -> int:
+    return max(map(len, arranged))
+
+
+def _told_apart(layers: Layers) -> bool:
+    """Return whether neighbours among the other cloth's crossings mostly agree, at little cost."""
+    other, first_above = ~layers.own, layers.drawdown ^ layers.ends
+    picks, ends = other.shape
+    for up, aside, turn in _NEIGHBOURS:
+        (one, two), (high, low) = (
+            (table[up:, aside:], table[: picks - up, : ends - aside])
+            for table in (other[:, ::turn], first_above[:, ::turn])
+        )
+        both = one & two
+        if np.count_nonzero(both & (high ^ low)) > _LOOSE * np.count_nonzero(both):
+            return False
+    return True
+
+
+def _apart(layers: Layers) -> float:
+    """Return the share of crossings with the other cloth where cloths stay, 0 if there are none."""
+    share = 1.0
+    for number in (0, 1):
+        own, above = (layers.own, layers.above) if number else (layers.own.T, layers.above.T)
+        upper = ~layers.drawdown if number else layers.drawdown.T
+        before, after, _ = _beside(own, above)
+        astray, of_other = (upper != before).astype(np.int8) + (upper != after), ~own
+        if np.count_nonzero(of_other & (astray == 2)) > (1.0 - _TOLD) * np.count_nonzero(of_other):
+            return 0.0
+        place = np.flatnonzero(own)
+        row, (high, over) = (
+            place // own.shape[1],
+            (table.ravel()[place] for table in (above, upper)),
+        )
+        same = row[1:] == row[:-1]
+        stays = same & (high[1:] == high[:-1])
+        if np.count_nonzero(same & ~stays) * _STAYS > len(place):
+            return 0.0
+        run = np.concatenate([[0], np.cumsum(~stays)])
+        turns = np.bincount(run[1:][stays & (over[1:] != over[:-1])], minlength=len(place))
+        woven = turns[run] > 0
+        second = (layers.picks if number else layers.ends)[row]
+        if min(woven[second].mean(), woven[~second].mean()) < _WOVEN:
+            return 0.0
+        share = min(share, 1.0 - float(astray[of_other].mean()) / 2.0)
+    return share

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.axis import crossing_heights
+from spacemap_vtk.fabric.axes import Share, axes, woven_gaps
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.peirce import solve
-from spacemap_vtk.fabric.spline import spline_axes
 from spacemap_vtk.fabric.threads import Yarns
 
 #: Crossings that are looked at in one go: some ten megabytes.
@@ -39,7 +38,8 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
         and of the cloth, away from its edges
 
-        - ``thickness``: max(h1 + d1, h2 + d2), for the thickest yarns (m);
+        - ``thickness``: max(h1 + d1, h2 + d2), for the thickest yarns (m); of a double weave twice
+          that, and the room between its cloths;
         - ``cover``: K1 + K2 - K1 K2, the share of the plane that the yarns cover;
         - ``volume_fraction``: V / thickness, with the volume of yarn per area
           V = A1 (1 + c1) / p1 + A2 (1 + c2) / p2, sections A and each yarn's own crimp;
@@ -54,8 +54,7 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
     (0.2, 0.75)
     """
     result: dict[str, Any] = dict(zip(("ends", "picks"), cloth.size, strict=True))
-    tallest = [float(np.max(threads.diameter)) for threads in cloth.threads]
-    volume = thickness = 0.0
+    volume = 0.0
     for number, (name, family) in enumerate(zip(FAMILIES, cloth.families, strict=True)):
         yarns, across = cloth.yarns[number], cloth.yarns[1 - number].spacing.sum()
         excess = _excess_lengths(cloth, number)
@@ -70,9 +69,8 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
             "yarn_length": float(len(crimp) * (2 * family.overhang + across) + excess.sum()),
         }
         volume += float(np.mean(_area(yarns) * (1.0 + crimp))) / family.spacing
-        thickness = max(thickness, cloth.shares[number] * sum(tallest) + tallest[number])
     k1, k2 = result["warp"]["cover"], result["weft"]["cover"]
-    result["thickness"] = thickness
+    result["thickness"] = thickness = cloth.sheet_thickness + 2.0 * cloth.level
     result["cover"] = k1 + k2 - k1 * k2
     result["volume_fraction"] = volume / thickness
     result["areal_mass"] = None if cloth.density is None else cloth.density * volume
@@ -81,23 +79,19 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
 def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
     """Return by how much each yarn of a family is longer than straight, in m."""
-    own, crossed, share = cloth.yarns[number], cloth.yarns[1 - number], cloth.shares[number]
     chosen, which = cloth.courses(number)
     if cloth.axis == "spline":
-        past, upper = cloth.families[number].overhang, cloth.upper(number, chosen)
-        path = spline_axes(upper, own.chosen(chosen), crossed, share, past)
+        none = slice(0, 0)
+        path = axes(cloth, Share(none, chosen) if number else Share(chosen, none))[number]
         straight = path.along[path.last] - path.along[0]
         return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
-    room = crossed.spacing - 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
     excess = np.empty(len(chosen))
     step = max(1, _CROSSINGS // cloth.size[1 - number])
     for first in range(0, len(excess), step):
-        some = chosen[first : first + step]
-        upper = cloth.upper(number, some)
-        arc, height = crossing_heights(upper, own.chosen(some), crossed, share)
-        rise = np.abs(np.diff(height, axis=1))
-        crimp = solve(room, rise, arc[:, 1:] + arc[:, :-1]).crimp
-        excess[first : first + step] = (crimp * room).sum(axis=1)
+        gaps = woven_gaps(cloth, number, chosen[first : first + step])
+        rise = np.abs(np.diff(gaps.height, axis=1))
+        crimp = solve(gaps.spacing, rise, gaps.arc[:, 1:] + gaps.arc[:, :-1]).crimp
+        excess[first : first + step] = (crimp * gaps.spacing).sum(axis=1)
     return excess[which]
 
 

@@ -149,6 +149,15 @@ class Interchange:
 
     def __init__(self, cloth: Cloth, yarns: YarnMechanics | None = None) -> None:
         cloth.check()
+        if cloth.layers is not None:
+            raise InputError(
+                "the yarns of a double weave cannot trade crimp yet: each of its two cloths has "
+                "crossings of its own",
+                key="warp_layer",
+                allowed="1, one layer",
+                cure="Leave [yarns] and the material of the yarns out, or let warp_layer = 1 "
+                "draw one layer",
+            )
         yarns = YarnMechanics() if yarns is None else yarns
         self.shape = cloth.drawdown.shape
         tension = _tension(yarns, self.shape)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axes import Share
-from spacemap_vtk.fabric.axis import crossing_heights
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
@@ -105,10 +104,11 @@ def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:
 
 def telling_crops(cloth: Cloth, most: int) -> list[tuple[int, int, Cloth]] | None:
     """Return the first end and pick of each crop, and the crop; each 3 x 3 crossings are in one."""
-    # None where yarns of a family differ or bend as a spline does, so that place and neighbours
-    # count, where there are no 3 x 3 crossings, and where it would be more crossings than `most`.
+    # None where yarns of a family differ, bend as a spline does or belong to two cloths, so that
+    # place and neighbours count, where there are no 3 x 3 crossings, and where it would be more
+    # crossings than `most`.
     varied = any(np.ndim(v) for t in cloth.threads for v in (t.diameter, t.spacing))
-    if varied or cloth.axis == "spline" or min(cloth.size) < _LOCAL:
+    if varied or cloth.axis == "spline" or cloth.layers or min(cloth.size) < _LOCAL:
         return None
     codes = _codes(cloth.drawdown)
     first = np.full(2 ** (_LOCAL * _LOCAL), -1, np.int64)
@@ -145,20 +145,18 @@ def _parts(cloth: Cloth, number: int) -> NDArray[np.float64]:
 
 def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
     """Return the numbers of the yarns that bound a family."""
-    own, crossed = cloth.yarns[number], cloth.yarns[1 - number]
-    upper = cloth.upper(number)
+    own, upper = cloth.yarns[number], cloth.upper(number)
     radius = 0.5 * own.diameter
     wide = own.aspect * radius
     telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
     if cloth.axis == "spline":
         telling |= set(cloth.courses(number)[0].tolist())
         return np.array(sorted(telling))
-    share = cloth.shares[number]
     top, bottom = np.empty(len(upper)), np.empty(len(upper))
     step = max(_CROSSINGS // upper.shape[1], 1)
     for first in range(0, len(upper), step):
         some = slice(first, first + step)
-        _, height = crossing_heights(upper[some], own.chosen(some), crossed, share)
+        height = cloth.passing(number, some).height
         top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
     telling |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
     return np.array(sorted(telling))

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.arcs import Plan, gaps_of, lay_gaps, plan_of
-from spacemap_vtk.fabric.axes import ALL, Share
-from spacemap_vtk.fabric.axis import Axes, crossing_heights
+from spacemap_vtk.fabric.axes import ALL, Share, woven_gaps
+from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.section import Cap, Section, cap, section
 from spacemap_vtk.fabric.sweep import Tubes, span_caps
@@ -250,8 +250,7 @@ class Recrimp:
         cloth, some = self.cloth, self.share[number]
         own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
         upper = cloth.upper(number, some)
-        arc, height = crossing_heights(upper, own, crossed, cloth.shares[number])
-        gaps = gaps_of(crossed, arc, height, cloth.families[number].overhang)
+        gaps = woven_gaps(cloth, number, some)
         plan = plan_of(gaps, cloth.exact)
         path = lay_gaps(0.5 * own.diameter, own.position, gaps, cloth.exact, plan)
         count = (2 * plan.pieces + plan.straight).ravel()

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.double_weave import Bools, Layers, find_layers
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.thick_yarns import flattened, scaled
@@ -21,6 +22,13 @@ from spacemap_vtk.fabric.yarn import section_area, yarn_height
 SPACING = 0.5e-3
 #: Diameter over spacing where neither the user nor the draft gives a thickness.
 FILLING = 0.5
+#: The same of a double weave, whose cloths need more room to change places.
+LAYERED_FILLING = 0.45
+#: What is said of a draft of two cloths.
+_FOUND = (
+    "it is a double weave, and is drawn as two cloths, one above the other; warp_layer = 1 draws "
+    "it as one layer"
+)
 #: Width over height of yarns that are not round, where the user gives none.
 ASPECT = 1.5
 #: Colours of warp and weft where neither the user nor the draft gives any.
@@ -45,6 +53,7 @@ class ThreadsAsked:
     crimp: float | None
     section: str
     aspect: float | None
+    layer: int | tuple[int, ...] | None
     color: Rgb | tuple[Rgb, ...] | None
 
     @property
@@ -73,6 +82,7 @@ class Asked:
     packing: float
     crimp_height: float | None
     thick_yarns: str
+    layer_gap: float | None
     overhang: float | None
     caps: bool
     exact: bool
@@ -121,17 +131,21 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
     if asked.thick_yarns == "flatten" and draft.loom is not None:  # of a file, not a pattern
         warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
+    drawdown = tile(draft.drawdown, ends, picks)
+    layers, told = _layers(drawdown, asked.warp.layer, asked.weft.layer)
     cloth = Cloth(
-        drawdown=tile(draft.drawdown, ends, picks),
-        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR),
-        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR),
+        drawdown=drawdown,
+        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, layers),
+        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, layers),
         crimp_height=asked.crimp_height,
         overhang=asked.overhang,
         caps=asked.caps,
         exact=asked.exact,
         axis=asked.axis,
         density=asked.packing * asked.fibre_density,
-        warnings=draft.warnings,
+        warnings=(*draft.warnings, *told),
+        layers=layers,
+        layer_gap=asked.layer_gap,
     )
     drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
     if asked.thick_yarns == "refuse" and any(drawn):
@@ -144,8 +158,49 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
     return replace(cloth, warnings=(*cloth.warnings, note)) if note else cloth
 
 
+def _layers(
+    drawdown: Bools, *asked: int | tuple[int, ...] | None
+) -> tuple[Layers | None, tuple[str, ...]]:
+    """Return the two cloths that are asked for or found, and what is said of those found."""
+    ends, picks = (
+        None if layer is None else np.resize(layer, count) == 2
+        for layer, count in zip(asked, drawdown.T.shape, strict=True)
+    )
+    known = [one for one in (ends, picks) if one is not None]
+    if known and not any(_both(one) for one in known):
+        return None, ()
+    if ends is not None and picks is not None and not (_both(ends) and _both(picks)):
+        one, other = FAMILIES if _both(picks) else FAMILIES[::-1]
+        raise InputError(
+            f"each of two layers needs ends and picks, and the {one} is all in one",
+            key=f"{one}_layer",
+            value=asked[FAMILIES.index(one)],
+            allowed="a list of 1 and 2",
+            cure=f"Write, for example, {one}_layer = [1, 2], or leave {other}_layer out",
+        )
+    found = find_layers(drawdown, ends, picks)
+    if found is None and known:
+        one, other = FAMILIES if ends is None else FAMILIES[::-1]
+        raise InputError(
+            f"with this {other}_layer no cloths are found that lie apart",
+            key=f"{one}_layer",
+            allowed="a list of 1 and 2, repeated over the yarns",
+            cure=f"Write, for example, {one}_layer = [1, 2]",
+        )
+    return found, (_FOUND,) if found is not None and not known else ()
+
+
+def _both(second: Bools) -> bool:
+    return bool(second.any() and not second.all())
+
+
 def _threads(
-    own: DraftThreads, asked: ThreadsAsked, fibres: Asked, count: int, color: Rgb
+    own: DraftThreads,
+    asked: ThreadsAsked,
+    fibres: Asked,
+    count: int,
+    color: Rgb,
+    layers: Layers | None,
 ) -> Threads:
     aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
     spacing = _spacing(own, asked, count)
@@ -161,7 +216,8 @@ def _threads(
         diameter = along(along(own.thickness, count) / aspect, count)
     else:
         # the narrowest gap decides, so that a default is feasible
-        diameter = FILLING / aspect * float(np.min(spacing))
+        filling = FILLING if layers is None else LAYERED_FILLING
+        diameter = filling / aspect * float(np.min(spacing))
     chosen = asked.color if asked.color is not None else color if own.colors is None else own.colors
     return Threads(
         diameter=diameter,

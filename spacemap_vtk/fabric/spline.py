@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.axis import Axes, crossing_heights
+from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.threads import Yarns
 
 #: Parts of an axis between two crossings. The tube's surface is a cubic along each, which misses
@@ -23,11 +23,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
-def spline_axes(
-    upper: NDArray[np.bool_], own: Yarns, crossed: Yarns, share: float, overhang: float
-) -> Axes:
+def spline_axes(own: Yarns, crossed: Yarns, height: NDArray[np.float64], overhang: float) -> Axes:
     """Lay axes as splines z(y), horizontal at both ends."""
-    _, height = crossing_heights(upper, own, crossed, share)
     knots = crossed.position
     if overhang > 0.0:
         height = np.pad(height, ((0, 0), (1, 1)), mode="edge")

@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.axis import crossing_heights
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.fabric.peirce import solve
@@ -119,7 +118,7 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
 
 def _rods(cloth: Cloth, number: int) -> tuple[float, float]:
     """Return what a family's mean yarn resists where B is 1: that its cloth bends, and leans."""
-    own, crossed, share = cloth.yarns[number], cloth.yarns[1 - number], cloth.shares[number]
+    crossed = cloth.yarns[1 - number]
     spacing = crossed.spacing
     across = float(spacing.sum())
     flats = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
@@ -129,7 +128,7 @@ def _rods(cloth: Cloth, number: int) -> tuple[float, float]:
     for first in range(0, count, step):
         some = slice(first, first + step)
         upper = cloth.upper(number, some)
-        arc, height = crossing_heights(upper, own.chosen(some), crossed, share)
+        arc, height, _ = cloth.passing(number, some)
         rise = np.abs(np.diff(height, axis=1))
         length = solve(spacing - flats, rise, arc[:, 1:] + arc[:, :-1]).length + flats
         # A crossing within a float grips nothing: what lies between two that do is one beam.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -123,6 +123,23 @@ class Threads:
             return np.empty(0), np.empty(0)
         room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
         return np.atleast_1d(room), np.atleast_1d(mean)
+
+    def chosen(self, which: NDArray[np.bool_]) -> Threads:
+        """Return some of the threads, in their places.
+
+        Parameters
+        ----------
+        which : (n,) ndarray of bool
+            Whether each is one of them.
+
+        Returns
+        -------
+        Threads
+            With a diameter for each and a spacing for each pair of neighbours.
+        """
+        yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
+        colors = self.colors if len(self.colors) == 1 else self.colors[which]
+        return replace(self, diameter=yarns.diameter, spacing=yarns.spacing, colors=colors)
 
     def yarns(self, count: int) -> Yarns:
         """Return the yarns one by one.

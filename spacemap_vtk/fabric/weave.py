@@ -198,12 +198,15 @@ def estimate_counts(cloth: Cloth) -> Counts:
         if cloth.axis == "spline":
             parts.append(yarns * cloth.parts_per_gap * (crossings + 1))
             continue
-        changes = yarns * (crossings - 1)
-        # Over yarns of unequal diameters a float bends, too.
-        if not np.ndim(crossed.diameter):
+        passed = yarns * crossings
+        if cloth.layers is not None:
+            passed = int(np.count_nonzero(cloth.layers.kept(number)))
+        changes = passed - yarns
+        # Over yarns of unequal diameters a float bends, too, and where cloths change places.
+        if not np.ndim(crossed.diameter) and cloth.layers is None:
             changes = int(np.count_nonzero(np.diff(cloth.drawdown, axis=number)))
-        straight = crossings + 1 + (crossed.aspect > 1.0) * crossings
-        parts.append(yarns * straight + 2 * _arcs(cloth, number) * changes)
+        straight = yarns + passed * (1 + (crossed.aspect > 1.0))
+        parts.append(straight + 2 * _arcs(cloth, number) * changes)
     return _counts(cloth, parts)
 
 
@@ -263,8 +266,10 @@ def _counts(cloth: Cloth, parts: Sequence[int]) -> Counts:
 def _arcs(cloth: Cloth, number: int) -> int:
     """Return into how many cubics an arc of a family is cut."""
     crossed = cloth.threads[1 - number]
-    if any(np.ndim(v) for v in (cloth.warp.diameter, cloth.weft.diameter, crossed.spacing)):
-        return 1 if cloth.exact or max(cloth.shares) <= 0.5 + 1e-9 else 2
+    varied = any(np.ndim(v) for v in (cloth.warp.diameter, cloth.weft.diameter, crossed.spacing))
+    if varied or cloth.layers is not None:
+        steep = cloth.layers is not None or max(cloth.shares) > 0.5 + 1e-9
+        return 2 if steep and not cloth.exact else 1
     theta = float(cloth.families[number].crimp.theta)
     if theta < FLAT:
         return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,7 +16,6 @@ from spacemap_vtk.fabric import weave, yarn
 from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL
 from spacemap_vtk.fabric.cloth import AXES, Cloth
-from spacemap_vtk.fabric.double_weave import upper_cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
@@ -33,11 +31,6 @@ from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
-#: What is said of a draft of two cloths.
-_DOUBLE = (
-    "it is a double weave, two cloths of every other end and pick: it is drawn as one layer, where "
-    "the one above floats over the one below"
-)
 #: Of a drawdown, while it is repeated.
 _CROSSING_BYTES = 4
 
@@ -198,6 +191,25 @@ class WeaveSource(Stage):
         ["scale", "flatten", "refuse"],
         when={"draft": ()},
     )
+    warp_layer, weft_layer = both(
+        lambda family: PerYarn(
+            Integer(
+                None,
+                f"Of a double weave, the cloth to which each of the {family.yarns} belongs: 1 and "
+                "2 are repeated over them; 1 alone draws one layer.",
+                minimum=1,
+                maximum=2,
+            ),
+            automatic="found in the weave",
+        )
+    )
+    layer_gap = Real(
+        None,
+        "Room between the two cloths of a double weave.",
+        unit="m",
+        above=0.0,
+        automatic="a tenth of d1 + d2",
+    )
     overhang = Real(
         None,
         "How far yarns reach past their last crossing.",
@@ -327,6 +339,7 @@ class WeaveSource(Stage):
                 crimp=self.warp_crimp,
                 section=self.warp_section,
                 aspect=self.warp_aspect,
+                layer=self.warp_layer,
                 color=self.warp_color,
             ),
             weft=ThreadsAsked(
@@ -337,12 +350,14 @@ class WeaveSource(Stage):
                 crimp=self.weft_crimp,
                 section=self.weft_section,
                 aspect=self.weft_aspect,
+                layer=self.weft_layer,
                 color=self.weft_color,
             ),
             fibre_density=self.fibre_density,
             packing=self.packing,
             crimp_height=self.warp_crimp_height,
             thick_yarns=self.thick_yarns,
+            layer_gap=self.layer_gap,
             overhang=self.overhang,
             caps=self.caps,
             exact=self.exact,
@@ -400,10 +415,7 @@ class WeaveSource(Stage):
                 allowed=read_words("draft"),
             )
         if self._read is None or self._read[0] != self._stamp:
-            draft = read_draft(self.draft, self.trim)
-            if upper_cloth(draft.drawdown) is not None:
-                draft = replace(draft, warnings=(*draft.warnings, _DOUBLE))
-            self._read = self._stamp, draft
+            self._read = self._stamp, read_draft(self.draft, self.trim)
         return self._read[1]
 
     @property
