@@ -28,7 +28,7 @@ from spacemap_vtk.io.registry import DATA, name_filter, writable, writer, writte
 class Exports(QObject):
     """What the menu "Export" does. The work is a child process: cancelling ends it at once."""
 
-    #: The file that was written.
+    #: The file that was written, with what there is to tell of it.
     written = Signal(str)
     failed = Signal(object)
     #: What the file that was written could not hold, in words.
@@ -43,6 +43,7 @@ class Exports(QObject):
         self._target = Path()
         self._error: SpacemapError | None = None
         self._lost: list[str] = []
+        self._told = ""
 
     def picture(self) -> None:
         """Ask for a picture's file and size, and write it."""
@@ -87,7 +88,8 @@ class Exports(QObject):
         try:
             if self._process is not None:
                 raise InputError("something is being written already")
-            order = Order(kind, path, [self._times.time], size, panels, place)
+            order = Order(kind, path, (), size, panels, place)
+            order.times = () if order.lasts else [self._times.time]
             loses = writer(path, kind).loses if kind in DATA else None
             self._lost = loses(document.scene.data(kind)) if loses else []
             self._files = ExitStack()
@@ -95,7 +97,7 @@ class Exports(QObject):
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._target, self._error = path, None
+        self._target, self._error, self._told = path, None, ""
         order.output = folder / path.name
         self._show_progress(kind)
         self._process = process = QProcess(self)
@@ -169,6 +171,8 @@ class Exports(QObject):
                 section = told.pop("section", None)
                 self._error = SpacemapError(**told)
                 self._error.section = section
+            elif "told" in line:
+                self._told = line["told"]
             elif progress is not None:
                 progress.setMaximum(line["of"])
                 progress.setValue(line["done"])
@@ -215,7 +219,7 @@ class Exports(QObject):
             progress.close()
             progress.deleteLater()
         if error is None:
-            self.written.emit(str(self._target))
+            self.written.emit(": ".join(filter(None, (str(self._target), self._told))))
             if self._lost:
                 self.lost.emit(". ".join(self._lost))
         elif not isinstance(error, Cancelled):

@@ -11,10 +11,15 @@ from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
     ColorBy,
+    Fps,
+    From,
     Quiet,
     Set,
     Size,
     Time,
+    Times,
+    To,
+    listed_times,
     opened,
     tell_warnings,
 )
@@ -23,6 +28,7 @@ from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_file
+from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
@@ -126,7 +132,7 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    order.times = () if times is None else _times(times)
+    order.times = () if times is None else listed_times(times)
     order.motions = () if motions is None else _motions(motions)
     order.size = chosen.view.size if size else None
     _carry_out(order, chosen, "Drawing columns", quiet)
@@ -140,18 +146,41 @@ def export(
     what: Annotated[
         str | None,
         Parameter(
-            help="patches, cage, surface or draft; by default what the ending stands for first: "
+            help=f"{', '.join(registry.DATA)}; by default what the ending stands for first: "
             "patches for .vtu."
         ),
     ] = None,
     time: Time = None,
+    times: Times = None,
+    start: From = None,
+    stop: To = None,
+    fps: Fps = None,
+    tolerance: Annotated[
+        str | None,
+        Parameter(
+            help="How far a .glb's surface may be from its motion, as in 0.01mm; by default a "
+            "fiftieth of the thinnest yarn. The less, the larger the file."
+        ),
+    ] = None,
+    modes: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Mode shapes in place of the motion: --what modes.",
+            show_default=False,
+        ),
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
     """Write a scene's data for other programs.
 
-    The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, or
-    the draft: the output's ending tells which.
+    The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, the
+    draft, or the surface with its motion: the output's ending tells which.
+
+    A .glb plays in browsers, presentations and Blender: its motion is a sum of few shapes (morph
+    targets), as many as the tolerance asks for; how many, how near and how large the file is are
+    told. With --modes it has a shape and a swing for each mode; --set modal.modes=12 for fewer.
 
     Parameters
     ----------
@@ -159,11 +188,20 @@ def export(
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     try:
-        order = Order(what or "", output)
+        order = Order("modes" if modes else what or "", output)
     except InputError as error:
         error.key = error.key and f"--{error.key}"  # in the words of the command line
         raise
-    chosen = opened(scene, set_, time=time)
+    chosen = opened(scene, set_, time=time, start=start, stop=stop, fps=fps)
+    given = {"--times": times, "--from": start, "--to": stop, "--fps": fps}
+    if found := [option for option, value in given.items() if value is not None]:
+        _check_times(order, found)
+    if times is not None:
+        order.times = listed_times(times)
+    elif time is not None:
+        order.times = [chosen.view.time]
+    if tolerance is not None:
+        order.tolerance = _tolerance(order, tolerance)
     _carry_out(order, chosen, "Computing", quiet)
 
 
@@ -219,8 +257,39 @@ def convert(
 
 def _carry_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
     with progress(scene, doing, quiet) as tell:
-        carry_out(order, scene, tell)
+        told = carry_out(order, scene, tell)
     tell_warnings(scene, quiet)
+    if not quiet and told:
+        print(f"{order.output}: {told}")
+
+
+def _check_times(order: Order, options: list[str]) -> None:
+    if not order.lasts:
+        lasting = [each for each in registry.writers() if each.times or "moving" in each.holds]
+        raise InputError(
+            f"a {order.output.suffix} holds one moment of {order.what}",
+            key=options[0],
+            allowed=", ".join(ending for each in lasting for ending in each.endings),
+            cure="Choose the moment with --time.",
+        )
+    if options[0] == "--times" and len(options) > 1:
+        raise InputError(
+            f"beside {options[1]}", key="--times", cure="Give either the times or their range."
+        )
+
+
+def _tolerance(order: Order, text: str) -> float:
+    if order.what != "moving":
+        raise InputError(f"nothing is left out of {order.what}", key="--tolerance", value=text)
+    try:
+        tolerance = parse_quantity(text, "m")
+        if 0.0 < tolerance < math.inf:
+            return tolerance
+    except InputError:
+        pass
+    raise InputError(
+        "not a tolerance", key="--tolerance", value=text, allowed="a length above 0, as in 0.01mm"
+    )
 
 
 def _motions(text: str) -> list[str]:
@@ -232,21 +301,3 @@ def _motions(text: str) -> list[str]:
             "no such motion", key="--motions", value=unknown[0], allowed=", ".join(MOTIONS)
         )
     return names
-
-
-def _times(text: str) -> list[float]:
-    from spacemap_vtk.units import parse_quantity
-
-    refused = InputError(
-        "not a list of times",
-        key="--times",
-        value=text,
-        allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
-    )
-    try:
-        times = [parse_quantity(word, "s") for word in text.split(",")]
-    except InputError as error:
-        raise refused from error
-    if not all(0.0 <= t < math.inf for t in times) or len(times) > 100:
-        raise refused
-    return times

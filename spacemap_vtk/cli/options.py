@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
@@ -33,6 +34,23 @@ Time = Annotated[
 Size = Annotated[
     str | None,
     Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
+]
+Times = Annotated[
+    str | None,
+    Parameter(
+        help="Times in s, separated by commas, as in 0,20ms,0.04; by default those of a film, "
+        "see the section [animation]."
+    ),
+]
+Fps = Annotated[
+    str | None,
+    Parameter(name="--fps", help="Frames for each second of a film; by default the scene's."),
+]
+From = Annotated[
+    str | None, Parameter(name="--from", help="First time in s; by default the scene's.")
+]
+To = Annotated[
+    str | None, Parameter(name="--to", help="Time in s at which it ends; by default the scene's.")
 ]
 ColorBy = Annotated[
     str | None,
@@ -60,6 +78,9 @@ def opened(
     time: str | None = None,
     size: str | None = None,
     color: str | None = None,
+    start: str | None = None,
+    stop: str | None = None,
+    fps: str | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it.
 
@@ -71,6 +92,8 @@ def opened(
         What followed each ``--set``.
     time, size, color : str, optional
         What followed ``--time``, ``--size`` and ``--color``.
+    start, stop, fps : str, optional
+        What followed ``--from``, ``--to`` and ``--fps``.
 
     Returns
     -------
@@ -90,6 +113,14 @@ def opened(
     if time is not None:
         with _naming("--time"):
             scene.view.time = time
+    for option, key, value in (
+        ("--from", "start", start),
+        ("--to", "stop", stop),
+        ("--fps", "frames_per_second", fps),
+    ):
+        if value is not None:
+            with _naming(option):
+                setattr(scene.animation, key, value)
     if color is not None:
         with _naming("--color"):
             scene.take({"view": {"color": color}})
@@ -106,6 +137,39 @@ def opened(
                 allowed=f"width x height, as in 1920x1080, each {side.component.allowed}",
             ) from error
     return scene
+
+
+def listed_times(text: str) -> list[float]:
+    """Return what followed ``--times``.
+
+    Parameters
+    ----------
+    text : str
+        Times, separated by commas.
+
+    Returns
+    -------
+    list of float
+        In s.
+
+    Raises
+    ------
+    InputError
+        If one is none, or there are too many.
+    """
+    refused = InputError(
+        "not a list of times",
+        key="--times",
+        value=text,
+        allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
+    )
+    try:
+        times = [parse_quantity(word, "s") for word in text.split(",")]
+    except InputError as error:
+        raise refused from error
+    if not all(0.0 <= t < math.inf for t in times) or len(times) > 100:
+        raise refused
+    return times
 
 
 def tell_warnings(scene: Scene, quiet: bool) -> None:

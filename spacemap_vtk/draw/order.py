@@ -2,7 +2,7 @@
 
 ``python -m spacemap_vtk.draw.order`` is a process of its own that can be ended at any moment. It
 reads an order as JSON from its standard input, see `as_text`, and prints a line of JSON for each
-step: ``{"done": 3, "of": 50}``, and at last ``{"error": ...}`` if it fails.
+step: ``{"done": 3, "of": 50}``, and at last ``{"told": ...}``, or ``{"error": ...}`` if it fails.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,8 @@ class Order:
     what: str
     #: The file; of a film of numbered frames, with ``%04d`` in it.
     output: Path
-    #: Of a picture and of data, one, of a storyboard some, in s; none: as the scene says.
+    #: Of a picture, and of data of one moment, one; of a storyboard and of what lasts some, in s;
+    #: none: as the scene says.
     times: Sequence[float] = ()
     #: In pixels; by default as the scene says, of a film in a .gif half of that.
     size: tuple[int, int] | None = None
@@ -54,6 +56,8 @@ class Order:
     #: What moves a storyboard's scene, row by row: keys of `spacemap_vtk.scenes.motions.MOTIONS`;
     #: none: as the scene says, its cage above its fabric.
     motions: Sequence[str] = ()
+    #: How far a surface that moves may be from its motion [m]; by default so that nobody sees it.
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if self.what in _STILLS:
@@ -78,6 +82,13 @@ class Order:
         """Whether a film is written as numbered frames."""
         return self.what == "film" and self.output.suffix.lower() in written("frames")
 
+    @property
+    def lasts(self) -> bool:
+        """Whether data of many times are written."""
+        if self.what not in DATA:
+            return False
+        return self.what == "moving" or writer(self.output, self.what).times
+
     def _check_film(self) -> None:
         check_output(self.output, written("film") | written("frames"), self.numbered)
         writer(self.output, "frames" if self.numbered else "film").check(self.output)
@@ -89,8 +100,8 @@ class Order:
             )
 
 
-def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> None:
-    """Write what is ordered of a scene: whole or not at all, unless the caller sees to that."""
+def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str:
+    """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
     if order.what == "film":
         _write_film(order, scene, tell, whole)
     elif order.what in _STILLS:
@@ -98,8 +109,11 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> Non
         image = _STILLS[order.what](order, scene, tell)
         with _file(order, whole) as file:
             writer(file, "picture").write(file, image)
+    elif order.what in ("moving", "modes"):
+        return _write_moving(order, scene, tell, whole)
     else:
         _write_data(order, scene, tell, whole)
+    return ""
 
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
@@ -191,9 +205,7 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
     format_ = writer(order.output, order.what)
-    times = list(order.times) or [scene.view.time]
-    if format_.times and scene.moves:
-        times = scene.animation.frame_times()
+    times = _moments(order, scene) if format_.times else order.times or [scene.view.time]
     steps = len(times) + 1
     tell(0, steps)
 
@@ -213,6 +225,36 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
     with _file(order, whole) as file:
         format_.write(file, content)
     tell(steps, steps)
+
+
+def _moments(order: Order, scene: Scene) -> Sequence[float]:
+    """Return the times of what lasts: those that are ordered, or of the scene's film."""
+    if not order.times:
+        return scene.animation.frame_times() if scene.moves else [scene.view.time]
+    for before, after in pairwise(order.times):
+        if not before < after:
+            raise InputError(
+                f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
+            )
+    return order.times
+
+
+def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
+    from spacemap_vtk.draw.moving import mode_shapes, moving
+
+    if order.what == "modes":
+        made = mode_shapes(scene, tell)
+    else:
+        made = moving(scene, _moments(order, scene), order.tolerance, tell)
+    with _file(order, whole) as file:
+        writer(order.output, order.what).write(file, made)
+        size = file.stat().st_size
+    count = len(made.targets)
+    words = [f"{count} target{'s' * (count > 1)}"] if count else []
+    if "largest_error" in made.about:
+        error = 1e6 * made.about["largest_error"]
+        words.append(f"{made.about['frames']} frames, each within {error:.3g} µm")
+    return ", ".join([*words, f"{size / 1e6:.3g} MB"])
 
 
 @contextmanager
@@ -249,7 +291,10 @@ def main() -> None:
         with telling_refusals(order.output, order.output.name):
             if order.what != "draft":
                 scene.check()
-            carry_out(order, scene, lambda done, of: _say({"done": done, "of": of}), whole=False)
+            told = carry_out(
+                order, scene, lambda done, of: _say({"done": done, "of": of}), whole=False
+            )
+            _say({"told": told})
     except Exception as error:
         known = isinstance(error, SpacemapError)
         names = ("message", "section", "key", "value", "allowed", "cure")

@@ -37,6 +37,8 @@ DATA = {
     "surface": "Surface",
     "cage": "Cage with its motion",
     "draft": "Weaver's draft",
+    "moving": "Surface that moves",
+    "modes": "Mode shapes",
 }
 #: What is drawn and written, and what its writers take after the file.
 DRAWN = {

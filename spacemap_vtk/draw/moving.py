@@ -1,0 +1,380 @@
+"""A scene's surface with its motion, or its mode shapes, as morph targets.
+
+A fabric's points follow from the cage's by a linear map, and a surface's from the fabric's. So the
+targets of a motion are found on the cage, whose points are few, and carried over as any other
+displacement of it. What trades crimp on the way is not linear: there they are those of the fabric's
+own points. In either case the surface at every frame is compared with what the targets make of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+
+from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_points
+from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface
+from spacemap_vtk.draw.camera import CAMERAS
+from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.draw.surface_actor import CLASSES, own_colors
+from spacemap_vtk.embedding.morph_targets import morph_targets
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.memory import require
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.report import modes
+from spacemap_vtk.scenes.scene import Scene
+
+#: Tolerance by itself: shares of the thinnest yarn's diameter, or of the size of what has no yarns.
+_OF_YARN, _OF_SIZE = 0.02, 2e-4
+#: Share of the largest coordinate that rounding may take.
+_ROUNDING = 2.0**-21
+#: How often targets are sought on one stage: where the fabric is off by more than the cage.
+_TRIES = 4
+#: A mode is shown at this share of the cage's longest side, in this time [s], by so many steps.
+_AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
+#: Places are told apart by the size over this, up to 21 bits, directions by a unit over this.
+_PLACES, _DIRECTIONS = 2**19, 100
+#: Bytes that a file may have.
+_MOST_BYTES = 2**32
+_SMALLER = {
+    "tolerance": "Raise --tolerance, take fewer times, or lower surface.subdivisions.",
+    "modes": "Take fewer modes (modal.modes), or lower surface.subdivisions.",
+}
+
+#: Where what has no normal faces.
+_NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
+
+Tell = Callable[[int, int], object]
+FloatArray = NDArray[np.float64]
+Rows = NDArray[np.integer[Any]]
+
+
+def moving(
+    scene: Scene, times: Sequence[float], tolerance: float | None, tell: Tell
+) -> MovingSurface:
+    """Return a scene's surface at the first of some times, and its motion from there on."""
+    tell(0, 2 * len(times))
+    _settle_colors(scene)
+    scene.update(times[0])
+    still, rows = _still(scene, scene.polygons)
+    if not scene.moves or len(times) < 2:
+        return still
+    tolerance = _default_tolerance(scene) if tolerance is None else tolerance
+    least = _ROUNDING * float(np.abs(still.points).max())
+    if tolerance < least:
+        raise _too_small(tolerance, least)
+    error = np.inf
+    for stage in _movers(scene):
+        places, aim = _places(scene, stage, times, tell), tolerance
+        for _ in range(_TRIES):
+            scene.update(times[0])
+            found = morph_targets(places, aim)
+            targets, _ = _carried(scene, stage, found.shapes, still, rows, "tolerance")
+            weights = found.weights.astype(np.float32)
+            error, normals = _compared(scene, times, still, rows, targets, weights, tell)
+            if error <= tolerance:
+                # as a film shows it, which may be slower
+                seconds = (np.array(times) - times[0]) / scene.animation.speed
+                about = {"targets": len(targets), "tolerance": tolerance, "largest_error": error}
+                return replace(
+                    still,
+                    targets=targets,
+                    normal_targets=normals,
+                    target_names=[f"shape {k}" for k in range(len(targets))],
+                    clips=[Clip("motion", seconds, weights)],
+                    about={**still.about, **about, "frames": len(times)},
+                )
+            aim *= 0.5 * tolerance / error
+    raise _too_small(tolerance, 2.0 * error)
+
+
+def mode_shapes(scene: Scene, tell: Tell) -> MovingSurface:
+    """Return a scene's surface as it hangs, a target for each mode, and a swing of each."""
+    _settle_colors(scene)
+    scene.warp.carried = ""  # a mode has no velocity that could ride along
+    figures = modes(scene)["modes"]
+    tell(0, len(figures))
+    stage, solver = scene.deforming, scene.stage("solver")
+    assert solver is not None
+    cage = copied(solver.output)
+    data, points = cage.GetPointData(), points_of(cage)
+    names = [MODE_NAME.format(number) for number in range(len(figures))]
+    shapes = np.array([array_of(data, name, "a mode's shape") for name in names])
+    largest = _AMPLITUDE * np.ptp(points, axis=0).max()
+    shapes *= largest / np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
+    hung = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
+    add_array(data, "displacement", hung)
+    still, rows = _still(scene, _below(scene, stage, cage))
+    targets, normals = _carried(scene, stage, shapes, still, rows, "modes", cage)
+    labels = [f"mode {k} {mode['frequency_hz']:.4g} Hz" for k, mode in enumerate(figures)]
+    seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
+    swing = np.sin(2 * np.pi * seconds / _PERIOD)
+    clips = [
+        Clip(label, seconds, swing[:, None] * one)
+        for label, one in zip(labels, np.eye(len(labels)), strict=True)
+    ]
+    about = {"modes": [{"frequency_hz": mode["frequency_hz"]} for mode in figures]}
+    tell(len(figures), len(figures))
+    return replace(
+        still,
+        targets=targets,
+        normal_targets=normals,
+        target_names=labels,
+        clips=clips,
+        about={**still.about, **about, "seconds_of_a_swing": _PERIOD},
+    )
+
+
+def _too_small(tolerance: float, least: float) -> InputError:
+    return InputError(
+        "no number of targets, in single precision, brings the surface so near to its motion",
+        key="tolerance",
+        value=f"{tolerance:g} m",
+        allowed=f"{least:.1e} m or more",
+    )
+
+
+def _movers(scene: Scene) -> list[Stage]:
+    """Return the stages of whose output the surface may be a linear map, cheapest first."""
+    warp = scene.stage("warp")
+    assert warp is not None
+    return [warp] if scene.stage("crimp") else [scene.deforming, warp]
+
+
+def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> FloatArray:
+    """Return how far a stage moves its points from where they are at the first time, (T, n, 3)."""
+    found: FloatArray = np.empty(0)
+    for number, time in enumerate(times):
+        scene.update_stage(stage, time)
+        now = _field(stage, stage.output)
+        if not number:
+            size = 5 * 8 * len(times) * now.size  # and their decomposition
+            require(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
+            found, first = np.empty((len(times), *now.shape)), now.astype(np.float64)
+        np.subtract(now, first, out=found[number])
+        tell(number + 1, 2 * len(times))
+    return found
+
+
+def _field(stage: Stage, data: Any) -> NDArray[Any]:
+    """Return what of a stage's output moves: the cage's displacement, or where the points are."""
+    if stage.makes == "cage":
+        return array_of(data.GetPointData(), "displacement", type(stage).__name__)
+    return points_of(data)
+
+
+def _below(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
+    """Return the surface of what takes the place of a stage's output."""
+    made = {"object": scene.source.output, stage.makes: data}
+    for each in scene.stages[scene.stages.index(stage) + 1 :]:
+        made[each.makes] = each(*(made[kind] for kind in each.takes))
+    return made["object"]
+
+
+def _carried(
+    scene: Scene,
+    stage: Stage,
+    shapes: FloatArray,
+    still: MovingSurface,
+    rows: Rows,
+    key: str,
+    data: Any = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Carry a stage's displacements to the surface and its normals: half of there and back."""
+    count = len(shapes) * len(still.points)
+    kinds = 1 if still.normals is None else 2
+    if 12 * kinds * count > _MOST_BYTES:
+        raise SizeError(
+            f"{len(shapes)} targets of {len(still.points)} points do not fit into a file",
+            allowed=f"up to {_MOST_BYTES // 2**30} GiB",
+            cure=_SMALLER[key],
+        )
+    require(
+        # and as much again while they are made
+        12 * kinds * count + 48 * len(still.points),
+        f"{len(shapes)} targets of {len(still.points)} points",
+        cure=_SMALLER[key],
+    )
+    data = stage.output if data is None else data
+    at = _field(stage, data).astype(np.float64)
+    targets = np.empty((len(shapes), *still.points.shape), np.float32)
+    turned = None if still.normals is None else np.empty_like(targets)
+    for number, shape in enumerate(shapes):
+        ends = []
+        for side in (1.0, -1.0):
+            moved = copied(data)
+            if stage.makes == "cage":
+                add_array(moved.GetPointData(), "displacement", at + side * shape)
+            else:
+                moved.SetPoints(to_points(at + side * shape))
+            ends.append(_taken(_below(scene, stage, moved), rows))
+        (there, facing), (back, away) = ends
+        np.subtract(there, back, out=targets[number])
+        if turned is not None and facing is not None and away is not None:
+            np.subtract(facing, away, out=turned[number])
+    targets *= 0.5
+    if turned is not None:
+        turned *= 0.5
+    return targets, turned
+
+
+def _compared(
+    scene: Scene,
+    times: Sequence[float],
+    still: MovingSurface,
+    rows: Rows,
+    targets: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    tell: Tell,
+) -> tuple[float, NDArray[np.float32] | None]:
+    """Return how far the sum of targets is from the surface at most, and targets of its normals."""
+    error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
+    # The least squares of what the normals do: the weights are orthogonal over time.
+    shares = weights / np.square(weights).sum(axis=0)
+    for number, time in enumerate(times):
+        scene.update(time)
+        points, normals = _taken(scene.polygons, rows)
+        off = points - still.points - np.tensordot(weights[number], targets, 1)
+        error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
+        if turned is not None and normals is not None and still.normals is not None:
+            for target, share in zip(turned, shares[number], strict=True):
+                target += share * (normals - still.normals)
+        tell(len(times) + number + 1, 2 * len(times))
+    return error, turned
+
+
+def _taken(
+    surface: vtkPolyData, rows: Rows
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    """Return a surface's points and normals, those that are written."""
+    normals = surface.GetPointData().GetNormals()
+    points = points_of(surface)[rows].astype(np.float32, copy=False)
+    if normals is None:
+        return points, None
+    facing = vtk_to_numpy(normals)[rows].astype(np.float32, copy=False)
+    lengths = np.linalg.norm(facing, axis=1, keepdims=True)
+    return points, np.where(lengths > 0.0, facing / np.maximum(lengths, 1e-30), _NOWHERE)
+
+
+def _settle_colors(scene: Scene) -> None:
+    """Show own colours in place of those that change with time, and tell."""
+    color = scene.view.color
+    if COLORINGS[color].scaled or color == "clearance":
+        scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
+        scene.take({"view": {"color": "own"}})
+
+
+def _still(scene: Scene, surface: vtkPolyData) -> tuple[MovingSurface, Rows]:
+    """Return a surface without its motion, and which of its points are written."""
+    triangles, cells = _triangles(surface)
+    points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
+    names, parts, colors, of_points = _looks(scene, surface)
+    # Points are told apart by what they are of: materials do not blend into each other.
+    look: Rows = parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
+    kinds = np.unique(look[cells], axis=0, return_inverse=True)[1].reshape(-1, 1)
+    one = _merged(points, normals, colors if of_points else None)
+    keys, places = np.unique(kinds * len(points) + one[triangles], return_inverse=True)
+    rows, triangles = keys % len(points), places.reshape(-1, 3)
+    cell = np.empty(len(rows), np.int64)
+    cell[triangles] = cells[:, None]
+    points, normals = _taken(surface, rows)
+    first, second, third = points[triangles].transpose(1, 0, 2)
+    if normals is not None:
+        across = np.cross(second - first, third - first)
+        back = np.einsum("nk,nk->n", across, normals[triangles].sum(axis=1)) < 0.0
+        triangles[back] = triangles[back][:, ::-1]
+    twice = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+    about = {"scene": scene.title, "units": "m"}
+    still = MovingSurface(
+        scene.title,
+        points,
+        np.empty((0, *points.shape), np.float32),
+        normals,
+        None if normals is None else np.empty((0, *points.shape), np.float32),
+        triangles[~twice],
+        colors[rows if of_points else cell],
+        parts[cell],
+        names,
+        CAMERAS[scene.view.camera][1] == (0.0, 0.0, 1.0),
+        about=about,
+    )
+    return still, rows
+
+
+def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the corners of a surface's polygons cut into triangles, and whose each is."""
+    bare, cutter = vtkPolyData(), vtkTriangleFilter()
+    bare.CopyStructure(surface)
+    add_array(bare.GetCellData(), "cell", np.arange(surface.GetNumberOfCells()))
+    cutter.SetInputData(bare)
+    cutter.PassLinesOff()
+    cutter.PassVertsOff()
+    cutter.Update()
+    cut = cutter.GetOutput()
+    if not cut.GetNumberOfPolys():
+        raise InputError("there is no polygon to write", key="what", cure="Write a .vtu.")
+    corners = vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    return corners.astype(np.int64), vtk_to_numpy(cut.GetCellData().GetArray("cell"))
+
+
+def _looks(
+    scene: Scene, surface: vtkPolyData
+) -> tuple[list[str], NDArray[Any], NDArray[np.uint8], bool]:
+    """Return names of parts, the part of each cell, colours, and whether those are of points."""
+    cells, color = surface.GetCellData(), scene.view.color
+    family = cells.GetArray("family")
+    names = ["surface"] if family is None else ["warp", "weft"]
+    count = surface.GetNumberOfCells()
+    parts = np.zeros(count, np.int64) if family is None else vtk_to_numpy(family)
+    if color in CLASSES and cells.GetArray(color) is not None:
+        table = np.array([list(bytes.fromhex(c[1:])) for c in CLASSES[color]], np.uint8)
+        return names, parts, table[vtk_to_numpy(cells.GetArray(color)) % len(table)], False
+    if scene.painting is not None:
+        scene.warn("the picture that the object is painted with is not written")
+    own = own_colors(surface)
+    if own is None:
+        plain = np.array(scene.view.object_color, np.uint8)
+        return names, parts, np.broadcast_to(plain, (count, 3)), False
+    of_points, name = own
+    data = surface.GetPointData() if of_points else cells
+    return names, parts, vtk_to_numpy(data.GetArray(name))[:, :3], of_points
+
+
+def _merged(
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
+    colors: NDArray[np.uint8] | None,
+) -> NDArray[np.int64]:
+    """Return for each point the first that lies there, faces there and has its colour."""
+    # Patches do not share their borders; within a yarn they go on into each other smoothly.
+    look = np.zeros(len(points), np.int64)
+    for value in () if normals is None else np.round(_DIRECTIONS * normals.T):
+        look = 256 * look + _DIRECTIONS + value.astype(np.int64)
+    for value in () if colors is None else colors.T:
+        look = 256 * look + value
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    scaled = (points - points.min(axis=0)) * (_PLACES / size)
+    one = np.arange(len(points))
+    for shift in (0.25, 0.75):  # of what rounding puts on both sides of a step
+        x, y, z = (scaled[one] + shift).astype(np.int64).T
+        place = (x << 42) + (y << 21) + z
+        order = np.lexsort((one, look, place))
+        same = (np.diff(place[order]) == 0) & (np.diff(look[order]) == 0)
+        first = np.where(np.concatenate(([False], same)), 0, np.arange(len(order)))
+        one[order] = one[order[np.maximum.accumulate(first)]]
+    return one
+
+
+def _default_tolerance(scene: Scene) -> float:
+    """Return a distance that is not seen."""
+    if scene.source is scene.weave:
+        return _OF_YARN * min(float(yarns.diameter.min()) for yarns in scene.weave.cloth.yarns)
+    return _OF_SIZE * float(np.ptp(points_of(scene.polygons), axis=0).max())

@@ -1,0 +1,162 @@
+"""glTF in one file (.glb): triangles with materials, morph targets, animations of their weights.
+
+By the specification of glTF 2.0 of the Khronos Group. It is written here and not by a library:
+those that there are (pygltflib) hold its JSON, and leave all that is in the buffer to their user.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.io.registry import writes
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from spacemap_vtk.datasets.moving_surface import MovingSurface
+
+#: Materials there may be; of more colours than that each point has its own.
+_MATERIALS = 32
+#: Of yarn: light is scattered, and glances off a little.
+_ROUGHNESS = 0.75
+#: Turns z up into y up.
+_LYING = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
+#: Numbers of glTF: of components, and of what a buffer's part is for.
+_COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123}
+_VERTICES, _INDICES = 34962, 34963
+
+
+@writes(".glb", label="glTF", holds=("moving", "modes"))
+def write_glb(file: Path, moving: MovingSurface) -> None:
+    """Write a surface, its targets and their animations."""
+    import json
+
+    import numpy as np
+
+    from spacemap_vtk.io.output import write
+
+    buffer = _Buffer()
+    colors, parts = _linear(moving.colors), np.zeros(len(moving.points), np.int64)
+    kinds = np.column_stack([moving.parts, moving.colors])
+    found, own = np.unique(kinds, axis=0, return_inverse=True)
+    painted = len(found) > _MATERIALS
+    if not painted:
+        parts = own.reshape(-1)
+    else:
+        found = np.zeros((1, 4), np.int64)
+    names = moving.part_names
+    materials, primitives = [], []
+    for number, (part, *color) in enumerate(found.tolist()):
+        rows = np.flatnonzero(parts == number)
+        base = [1.0] * 3 if painted else _linear(np.array(color, np.uint8)).tolist()
+        look = {"baseColorFactor": [*base, 1.0], "metallicFactor": 0.0}
+        name = "colours of points" if painted else f"{names[part]} #{bytes(color).hex()}"
+        look["roughnessFactor"] = _ROUGHNESS
+        materials.append({"name": name, "pbrMetallicRoughness": look, "doubleSided": True})
+        attributes = {"POSITION": buffer.add(moving.points[rows], bounds=True)}
+        if moving.normals is not None:
+            attributes["NORMAL"] = buffer.add(moving.normals[rows])
+        if painted:
+            alpha = np.ones((len(rows), 1))
+            table = np.round(65535 * np.hstack([colors[rows], alpha])).astype("<u2")
+            attributes["COLOR_0"] = buffer.add(table, normalized=True)
+        targets = []
+        for k, target in enumerate(moving.targets):
+            targets.append({"POSITION": buffer.add(target[rows], bounds=True)})
+            if moving.normal_targets is not None:
+                targets[-1]["NORMAL"] = buffer.add(moving.normal_targets[k][rows])
+        place = np.zeros(len(parts), "<u4")
+        place[rows] = np.arange(len(rows))
+        corners = place[moving.triangles[parts[moving.triangles[:, 0]] == number]]
+        primitive = {"attributes": attributes, "material": number}
+        primitive["indices"] = buffer.add(corners.reshape(-1), target=_INDICES)
+        primitives.append(primitive | ({"targets": targets} if targets else {}))
+    mesh: dict[str, Any] = {"name": moving.title or "surface", "primitives": primitives}
+    if len(moving.targets):
+        mesh["weights"] = [0.0] * len(moving.targets)
+        mesh["extras"] = {"targetNames": list(moving.target_names)}
+    node = {"name": moving.title or "surface", "mesh": 0} | (
+        {"rotation": _LYING} if moving.lying else {}
+    )
+    content: dict[str, Any] = {
+        "asset": {
+            "version": "2.0",
+            "generator": "spacemap_vtk",
+            "extras": dict(moving.about),
+        },
+        "scene": 0,
+        "scenes": [{"name": moving.title or "scene", "nodes": [0]}],
+        "nodes": [node],
+        "meshes": [mesh],
+        "materials": materials,
+    }
+    animations = []
+    for clip in moving.clips:
+        sampler = {"input": buffer.add(clip.times, target=None, bounds=True)}
+        sampler["output"] = buffer.add(clip.weights.reshape(-1), target=None)
+        channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
+        animations.append({"name": clip.name, "samplers": [sampler], "channels": [channel]})
+    if animations:
+        content["animations"] = animations
+    content |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
+    content["buffers"] = [{"byteLength": buffer.size}]
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    head = b"glTF" + _words(2, 12 + 8 + len(text) + 8 + buffer.size)
+    chunks = [_words(len(text)), b"JSON", text, _words(buffer.size), b"BIN\0"]
+    write(file, [head, *chunks, *buffer.parts])
+
+
+class _Buffer:
+    """All arrays of a file, one after another, and what glTF says of each."""
+
+    def __init__(self) -> None:
+        self.parts: list[Any] = []
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+        self.size = 0
+
+    def add(
+        self,
+        values: NDArray[Any],
+        target: int | None = _VERTICES,
+        bounds: bool = False,
+        normalized: bool = False,
+    ) -> int:
+        """Add an array, and return its number."""
+        import numpy as np
+
+        kind = "<f4" if values.dtype.kind == "f" else values.dtype.str
+        table = np.ascontiguousarray(values, kind)
+        view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes}
+        accessor: dict[str, Any] = {
+            "bufferView": len(self.views),
+            "componentType": _COMPONENTS[kind],
+            "count": len(table),
+            "type": "SCALAR" if table.ndim == 1 else f"VEC{table.shape[1]}",
+        }
+        if bounds:
+            rows = table.reshape(len(table), -1)
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        self.views.append(view | ({} if target is None else {"target": target}))
+        self.accessors.append(accessor | ({"normalized": True} if normalized else {}))
+        self.parts.append(table)  # of four bytes, or eight: the next begins where it must
+        self.size += table.nbytes
+        return len(self.accessors) - 1
+
+
+def _linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return colours of screens as shares of light, which glTF has (IEC 61966-2-1)."""
+    import numpy as np
+
+    shares = colors / 255.0
+    linear: NDArray[np.float64] = np.where(
+        shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4
+    )
+    return linear
+
+
+def _words(*numbers: int) -> bytes:
+    return b"".join(number.to_bytes(4, "little") for number in numbers)

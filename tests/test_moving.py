@@ -1,0 +1,130 @@
+"""Surfaces that move, as other programs play them: three.js, after Khronos's validator."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.draw.frame import add_shape, copied
+from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.io.registry import writer
+from spacemap_vtk.scenes.scene import Scene
+
+ROOT = Path(__file__).parent.parent
+#: Where .ci/run installs gltf-validator and three.
+MODULES = ROOT / ".venv-node" / "node_modules"
+SMALL = ("weave.ends=3", "weave.picks=4", "surface.subdivisions=2", "modal.youngs_modulus=500")
+
+
+def changed(name: str, *assignments: str) -> Scene:
+    scene = Scene.read(name)
+    for assignment in assignments:
+        scene.set(assignment)
+    return scene
+
+
+def played(file: Path, seconds: Sequence[float] = (), clip: int = 0) -> dict[str, Any]:
+    if not MODULES.is_dir() or shutil.which("node") is None:
+        pytest.skip("needs node, and gltf-validator and three in .venv-node")
+    script = ROOT / "tests" / "play_gltf.mjs"
+    words = ["node", script, MODULES, file, str(clip), *map(str, seconds)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    found: dict[str, Any] = json.loads(done.stdout)
+    assert found["issues"]["messages"] == []  # no hint, even
+    return found
+
+
+def farthest(found: Any, surface: vtkPolyData) -> float:
+    """How far vertices and the points of a surface are from each other, both ways."""
+    there, here = np.array(found), points_of(surface)
+    ways = cKDTree(here).query(there)[0], cKDTree(there).query(here)[0]
+    return max(float(distances.max()) for distances in ways)
+
+
+@pytest.mark.parametrize(
+    "more", [(), ("warp.smooth=true", "view.camera=lying"), ("yarns.inextensible=true",)]
+)
+def test_the_motion_is_within_the_tolerance_at_every_frame(
+    more: tuple[str, ...], tmp_path: Path
+) -> None:
+    scene, file = changed("plain_weave", *SMALL, *more), tmp_path / "a.glb"
+    times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
+    made = moving(scene, times, tolerance, lambda done, of: None)
+    assert 2 <= len(made.targets) < 12
+    assert made.about["largest_error"] <= tolerance
+    writer(file).write(file, made)
+    step, places = 1.0 / scene.animation.speed, (0, 3, 8, 12)
+    told = played(file, [times[k] * step for k in places])
+    for number, found in zip(places, told["played"], strict=True):
+        scene.update(times[number])
+        there = np.array(found)
+        if "view.camera=lying" in more:  # y is up in a glTF
+            there = there[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+        assert farthest(there, scene.polygons) <= 1.01 * tolerance
+    assert np.ptp(np.array(told["played"]), axis=0).max() > 1000 * tolerance
+    assert told["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
+
+
+def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
+    scene, file = changed("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
+    writer(file).write(file, mode_shapes(scene, lambda done, of: None))
+    told = played(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
+    solver = scene.stage("solver")
+    assert solver is not None
+    cage = copied(solver.output)
+    frequencies = array_of(cage.GetFieldData(), "frequencies", "")
+    assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies)]
+    for found, share in zip(told["played"], (0.0, 0.1), strict=True):
+        add_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
+        assert farthest(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
+
+
+def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
+    file = tmp_path / "a.glb"
+    words = ["export", "plain_weave"] + [word for each in SMALL for word in ("--set", each)]
+    with pytest.raises(SystemExit, match="0"):
+        main(
+            [
+                *words,
+                "-o",
+                str(file),
+                "--fps",
+                "25",
+                "--from",
+                "0.01",
+                "--to",
+                "0.04",
+                "--tolerance",
+                "1um",
+            ]
+        )
+    told = re.fullmatch(
+        r".*a\.glb: \d targets, 7 frames, each within (0\.\d+) µm, [\d.]+ MB\n",
+        capsys.readouterr().out,
+    )
+    assert told is not None
+    for more, said in (
+        (["--tolerance", "1e-20"], "no number of targets"),
+        (["--tolerance", "0mm"], "a length above 0"),
+        (["--modes", "--tolerance", "1mm"], "nothing is left out of modes"),
+        (["--times", "0.1,0.05"], "times that ascend"),
+        (["--times", "0,0.05", "--fps", "3"], "--times: beside --fps"),
+        (["--to", "1", "--what", "surface"], "--to: a .vtp holds one moment"),
+    ):
+        output = file.with_suffix(".vtp") if "surface" in more else file
+        with pytest.raises(SystemExit, match="2"):
+            main([*words, "-o", str(output), *more])
+        assert said in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
