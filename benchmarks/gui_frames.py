@@ -1,4 +1,4 @@
-"""Frames a second of the window, on the 7 x 7 scene: dragging a slider or the pad, and playing.
+"""Frames a second of the window: dragging a slider or the pad, playing, and turning large cloth.
 
 Where other programs run at the same time, the processor's milliseconds for a frame say more: of the
 window's thread, of the engine's, and of OpenGL's in software.
@@ -7,11 +7,14 @@ Run on a display: xvfb-run -a -s "-screen 0 1280x900x24" python benchmarks/gui_f
 
 from __future__ import annotations
 
+import tempfile
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
-from PySide6.QtCore import QEventLoop, QTimer
+from PySide6.QtCore import QEvent, QEventLoop, QPointF, Qt, QTimer
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication
 
 import spacemap_vtk.app.launch  # noqa: F401  chooses the Qt binding
@@ -19,6 +22,17 @@ from spacemap_vtk.app.main_window import MainWindow
 from spacemap_vtk.cli.window import begin_collecting
 
 SECONDS = 4.0
+#: A cloth that hangs.
+CLOTH = """
+[weave]
+ends = {yarns}
+picks = {yarns}
+pattern = "twill 2/2"
+[cage]
+divisions = [6, 6, 1]
+[response]
+gravity = [0, -1, 0]
+"""
 
 
 def live(milliseconds: int) -> None:
@@ -129,6 +143,67 @@ def pulling(window: MainWindow) -> str:
     return line
 
 
+def turning(window: MainWindow) -> str:
+    """Return how often the view is drawn in a second while the mouse turns it."""
+    view, drawn = window.view.plotter, []
+    observer = view.renderer.AddObserver("EndEvent", lambda *_: drawn.append(1))
+    middle = QPointF(view.width() / 2, view.height() / 2)
+    left, none = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
+
+    def mouse(kind: QEvent.Type, at: QPointF, held: Qt.MouseButton) -> None:
+        button = Qt.MouseButton.NoButton if kind == QEvent.Type.MouseMove else left
+        event = QMouseEvent(kind, at, view.mapToGlobal(at), button, held, none)
+        QApplication.sendEvent(view, event)
+
+    mouse(QEvent.Type.MouseButtonPress, middle, left)
+    clocks, begun, step = Clocks(), time.perf_counter(), 0
+    while time.perf_counter() - begun < SECONDS:
+        step += 1
+        aside = QPointF(60 * abs((step % 100) / 50 - 1), 40 * abs((step % 70) / 35 - 1))
+        mouse(QEvent.Type.MouseMove, middle + aside, left)
+        live(5)
+    line = clocks.line(len(drawn))
+    mouse(QEvent.Type.MouseButtonRelease, middle + aside, Qt.MouseButton.NoButton)
+    view.renderer.RemoveObserver(observer)
+    return line
+
+
+def at_rest(window: MainWindow) -> str:
+    """Return how long it takes until what is seen is drawn as it is at rest."""
+    begun, clock = time.perf_counter(), time.process_time()
+    wait_until(lambda: not window.view.steering and not window.engine.busy)
+    live(20)  # it is handed over
+    wait_until(lambda: not window.engine.busy)
+    window.view.image()
+    facets = window.told.text().split(" facets")[0]
+    seconds, cpu = time.perf_counter() - begun, time.process_time() - clock
+    return f"{facets} facets at rest after {seconds:.1f} s (processor {cpu:.1f} s)"
+
+
+def large(window: MainWindow, yarns: int) -> None:
+    """Print what becomes of a cloth of so many yarns when it is turned, from afar and near."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder, "cloth.toml")
+        scene.write_text(CLOTH.format(yarns=yarns))
+        generation = window.director.generation
+        window.document.undo.setClean()
+        window.document.open(str(scene))
+        wait_until(
+            lambda: (
+                window.view.frame is not None
+                and window.view.frame.generation > generation
+                and not window.engine.busy
+            )
+        )
+    at_rest(window)
+    window.view.reset_camera("front")
+    at_rest(window)
+    for name, nearer in (("whole", 1.0), ("3 times nearer", 3.0), ("12 times", 4.0)):
+        window.view.zoom(nearer)
+        at_rest(window)  # compiled loops are loaded once
+        print(f"{yarns} x {yarns}, {name:<15} {turning(window)}; {at_rest(window)}")
+
+
 def main() -> None:
     """Print a table."""
     begin_collecting()  # as `spacemap gui` does
@@ -149,6 +224,8 @@ def main() -> None:
         print(f"{section}.{name:<16} {rate(window, section, name, low, high)}")
     print(f"playing                {playing(window)}")
     print(f"pulling                {pulling(window)}")
+    for yarns in (100, 800):
+        large(window, yarns)
     window.document.undo.setClean()
     window.close()
     app.processEvents()

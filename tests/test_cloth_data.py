@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
@@ -14,6 +15,7 @@ from spacemap_vtk import PatchTessellator, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import add_cloth, cloth_of
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build
@@ -48,6 +50,20 @@ def same(found: Cloth | None, cloth: Cloth) -> None:
 def test_a_weave_says_what_cloth_it_is(values: dict[str, Any]) -> None:
     source = WeaveSource(**values)
     same(cloth_of(source.update().output), source.cloth)
+
+
+def test_a_part_of_a_weave_says_where_it_lies() -> None:
+    whole = WeaveSource(pattern="twill 2/2", ends=20, picks=18, weft_spacing=["0.5 mm", "0.6 mm"])
+    part = WeaveSource(**whole.settings)
+    whole.lend(part, Share(slice(4, 9), slice(10, 16)))
+    found = cloth_of(part.update().output)
+    assert found is not None
+    for number, some in ((0, slice(4, 9)), (1, slice(10, 16))):
+        wanted = whole.cloth.yarns[number].position[some]
+        np.testing.assert_allclose(found.yarns[number].position, wanted, rtol=1e-12)
+    # Its yarns have the numbers that they have in the whole, the ends first.
+    yarn = vtk_to_numpy(part.output.GetCellData().GetArray("yarn"))
+    assert np.unique(yarn).tolist() == [*range(4, 9), *range(30, 36)]
 
 
 def test_a_lone_yarn_has_no_spacing() -> None:

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spacemap_vtk.fabric.axes import axes
+from spacemap_vtk.fabric.axes import Share, axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.draft import twill
 from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.partition import telling_crops
+from spacemap_vtk.fabric.partition import cropped, telling_crops
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn_clearance import clearance_of_large, least_clearance
@@ -46,6 +46,30 @@ def test_yarns_of_one_course_are_measured_once(axis, varied):
     figures = fabric_figures(cloth)
     for name, path in zip(("warp", "weft"), axes(cloth), strict=True):
         assert figures[name]["yarn_length"] == pytest.approx(path.length.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_part_of_a_cloth_lies_where_it_does_in_the_whole(flat):
+    rng = np.random.default_rng(4)
+    shape = {"section": "racetrack", "aspect": 1.4} if flat else {}
+    warp = Threads(diameter=rng.choice([0.15e-3, 0.2e-3], 30), spacing=0.5e-3, **shape)
+    weft = Threads(diameter=0.2e-3, spacing=rng.choice([0.5e-3, 0.6e-3], 39), **shape)
+    cloth = Cloth(drawdown=shafts(30, 40, 5), warp=warp, weft=weft)
+    part = Share(slice(7, 19), slice(20, 36))
+    for number, (whole, some) in enumerate(
+        zip(axes(cloth, part), axes(cropped(cloth, part)), strict=True)
+    ):
+        np.testing.assert_allclose(some.lateral, whole.lateral, rtol=1e-12)
+        # From one of its crossings to the next, wherever both are inside.
+        inside = cloth.yarns[1 - number].position[part[1 - number]][[0, -1]] + [1e-9, -1e-9]
+        stations = [
+            np.column_stack([path.along, path.height])[
+                (path.along > inside[0]) & (path.along < inside[1])
+            ]
+            for path in (some, whole)
+        ]
+        assert len(stations[0]) > 200
+        np.testing.assert_allclose(*stations, atol=1e-15)
 
 
 def test_each_local_weave_is_in_a_crop():

@@ -1,7 +1,8 @@
-"""Cloth of many yarns in the window: a sheet while it moves, at rest its yarns, if not too many."""
+"""Cloth of many yarns in the window: a sheet, and at rest the yarns that are seen near."""
 
 from __future__ import annotations
 
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,7 @@ from window import require_display, scene_of, settled, wait_until
 require_display()
 
 from spacemap_vtk.app import pipeline  # noqa: E402
-from spacemap_vtk.app.job import Job  # noqa: E402
-from spacemap_vtk.draw import form  # noqa: E402
-from spacemap_vtk.draw.frame import Frame  # noqa: E402
+from spacemap_vtk.draw import form, near  # noqa: E402
 
 SCENE = """
 [weave]
@@ -48,7 +47,7 @@ def test_eight_hundred_yarns_follow_the_time(opened: Any) -> None:
     frame = window.view.frame
     assert frame.cloth is not None
     assert not frame.coarse
-    assert any("shows a sheet" in text for text in frame.warnings)
+    wait_until(lambda: any("a sheet in the colours" in text for text in window.view.frame.warnings))
     image = window.view.image()
     assert np.ptp(image[image.shape[0] // 2].astype(int), axis=0).max() > 60
     begun = time.perf_counter()
@@ -59,28 +58,93 @@ def test_eight_hundred_yarns_follow_the_time(opened: Any) -> None:
     assert scene_of(window).warp.executions == 0
 
 
-def test_at_rest_yarns_are_drawn_while_they_are_few(
+def at_rest(window: Any) -> bool:
+    return settled(window) and not window.view.steering
+
+
+def test_yarns_are_made_where_they_are_seen_near(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(form, "_MANY_PATCHES", 100)
-    window = opened(10)
-    assert window.view.frame.cloth is None
-    director, run = window.director, pipeline.Pipeline.run
-    # Where cores are busy the smooth frame may be there before the coarse one is drawn.
-    made: list[Frame] = []
+    monkeypatch.setattr(near, "MOST_PATCHES", 12_000)
+    window = opened(60)
+    view = window.view
+    wait_until(lambda: at_rest(window))
+    # All are far more than that: no yarn stands in for the sheet.
+    assert view.frame.cloth is not None
+    assert view.frame.yarns is None
+    assert any("come nearer" in text for text in view.frame.warnings)
+    runs = scene_of(window).modal.executions
+    view.reset_camera("front")
+    view.zoom(8.0)
+    assert view.steering
+    wait_until(lambda: at_rest(window) and view.frame.yarns is not None)
+    assert not any("come nearer" in text for text in view.frame.warnings)
+    assert scene_of(window).modal.executions == runs
+    assert scene_of(window).warp.executions == 0
+    # Yarns take the sheet's place in its colours, and are what is picked.
+    fine = view.image()
+    x, y = view.plotter.width() / 2, view.plotter.height() / 2
+    found = next(pick for d in range(0, 30, 3) if (pick := view.pick(x + d, y)) is not None)
+    assert 25 < (found.number or 0) < 36
+    assert found.yarn == (found.number or 0) - 1 + 60 * (found.family or 0)
+    view.steer(True)
+    coarse = view.image()
+    assert np.abs(fine.mean(axis=(0, 1)) - coarse.mean(axis=(0, 1))).max() < 12
+    # Held, turned and let go: another part, made anew.
+    part = window.engine.pipeline._near.part
+    view.plotter.camera.Azimuth(2.0)
+    view.steer(False)
+    wait_until(lambda: at_rest(window) and view.frame.seen == view.seen)
+    assert view.frame.yarns is not None
+    view.zoom(0.125)
+    wait_until(lambda: at_rest(window) and view.frame.yarns is None)
+    assert part is not None
 
-    def noted(self: pipeline.Pipeline, job: Job) -> Frame:
-        made.append(run(self, job))
-        return made[-1]
 
-    monkeypatch.setattr(pipeline.Pipeline, "run", noted)
-    director.ask(coarse=True)
-    wait_until(lambda: len(made) > 1 and settled(window))
-    assert made[0].coarse
-    assert made[0].cloth is not None
-    assert window.view.frame.cloth is None
-    assert scene_of(window).modal.executions == 1
-    monkeypatch.setattr(pipeline, "FINE_PATCHES", 100)
-    director.ask()
-    wait_until(lambda: window.view.frame.cloth is not None and settled(window))
-    assert not window.view.frame.coarse
+def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
+    opened: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(form, "_MANY_PATCHES", 100)
+    window = opened(24)
+    view, director = window.view, window.director
+    wait_until(lambda: at_rest(window) and view.frame.yarns is not None)
+    frame, going, wait = view.frame, threading.Event(), threading.Event()
+
+    def slow(*_: Any) -> str:
+        going.set()
+        wait.wait(20.0)
+        return ""
+
+    monkeypatch.setattr(near.NearYarns, "follow", slow)
+    view.zoom(1.5)
+    wait_until(going.is_set)
+    assert director._looking
+    view.steer(True)
+    wait.set()
+    wait_until(lambda: settled(window))
+    assert view.frame is frame
+    assert window.errors.text == ""
+    assert "stale" not in window.stages.states.values()
+    monkeypatch.undo()
+    view.steer(False)
+    wait_until(lambda: at_rest(window) and view.frame is not frame)
+
+
+def test_many_facets_are_fewer_while_the_camera_moves(
+    open_window: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "_HEAVY_QUADS", 1000)
+    window = open_window("twill_2_2")
+    view = window.view
+    assert view.frame.light is not None
+    wait_until(lambda: not view.steering)
+    actors = view.scene_view.surface, view.scene_view.light
+    assert [actor.GetVisibility() for actor in actors] == [1, 0]
+    view.steer(True)
+    assert [actor.GetVisibility() for actor in actors] == [0, 1]
+    cells = [actor.GetMapper().GetInput().GetNumberOfCells() for actor in actors]
+    assert 0 < cells[1] < cells[0] / 2
+    view.steer(False)
+    wait_until(lambda: not view.steering)
+    assert [actor.GetVisibility() for actor in actors] == [1, 0]

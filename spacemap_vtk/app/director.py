@@ -50,6 +50,8 @@ class Director(QObject):
         self._share = 0.0
         #: Whether a drag goes on.
         self.held = self._giving_up = False
+        #: Whether what was asked for last is but what is now in view; and was, but is no longer.
+        self._looking = self._dropped = False
         self._settings: dict[str, dict[str, Any]] = {}
         self.rest = later(self, self._refine, _REST)
         self._notice = later(self, self._show_running, _NOTICE)
@@ -65,6 +67,7 @@ class Director(QObject):
         engine.cancelled.connect(self._cancelled)
         # What ends is told while the thread is still busy with ending.
         engine.idle.connect(self._idle)
+        view.moving.connect(self._look)
 
     def ask(self, coarse: bool = False) -> None:
         """Ask for a frame of the present document and time."""
@@ -77,7 +80,9 @@ class Director(QObject):
             time=self._times.time,
             coarse=coarse,
             swing=self.swing,
+            seen=self._view.seen,
         )
+        self._looking = False
         self._giving_up = False
         self._engine.ask(self._asked)
         if not self._notice.isActive():
@@ -112,7 +117,7 @@ class Director(QObject):
         """Give up what runs; the last picture stays."""
         self._times.pause()
         self.rest.stop()
-        self._giving_up = True
+        self._giving_up, self._dropped = True, False
         self._engine.cancel()
 
     def stop(self) -> None:
@@ -153,8 +158,20 @@ class Director(QObject):
         elif not self._times.playing and not isinstance(self.swing, Swing):
             self.ask(coarse=False)
 
+    def _look(self, moving: bool) -> None:
+        """Ask for what is in view once the camera rests; give that up when it moves on."""
+        frame = self._view.frame
+        if moving and self._looking and self._engine.busy:
+            self._looking, self._dropped = False, True
+            self._engine.cancel()
+        elif not moving and frame is not None and frame.cloth is not None:
+            waits = self.held or self._times.playing or self.swing is not None
+            if not waits and frame.seen != self._view.seen:
+                self.ask()
+                self._looking = True
+
     def _ready(self) -> None:
-        self._times.waiting = False
+        self._times.waiting = self._dropped = False
         # Before it is drawn: the engine has the next one to do meanwhile.
         self._document.catch_up()
         frame = self._engine.take()
@@ -215,6 +232,11 @@ class Director(QObject):
 
     def _cancelled(self) -> None:
         self._times.waiting = False
+        if self._dropped:  # what is shown is as fresh as it was
+            self._dropped = False
+            self._stages.set_state("surface", "fresh")
+            self._end_notice()
+            return
         self._show_ended(self._running or self._document.scene.stages[0].section, "stale")
         self._end_notice()
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from spacemap_vtk.draw.camera import Seen
+
 
 @dataclass(frozen=True)
 class Swing:
@@ -48,3 +50,5 @@ class Job:
     coarse: bool = False
     #: The mode, or the stretch, to show in place of the motion.
     swing: Swing | Pull | None = field(default=None)
+    #: What the view looks at; None before it has been aimed.
+    seen: Seen | None = None

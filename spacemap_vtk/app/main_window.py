@@ -355,7 +355,9 @@ class MainWindow(QMainWindow):
             doubts.insert(0, f"The motion {motion_told(frame.motion)}")
         warnings = self.document.drafts.told("\n".join(doubts))
         note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
-        text = f"{frame.surface.GetNumberOfCells():,} facets{note}"
+        drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
+        count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
+        text = f"{count:,} facets{note}"
         if (cure := "a section [rotation]") in text:  # its words are the click that does it
             text = html.escape(text).replace(cure, f'<a href="rotation">{cure}</a>')
         self.told.setText(text)

@@ -10,6 +10,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.units import format_quantity
 
 Point = tuple[float, float, float]
@@ -41,8 +42,8 @@ class Pick:
         return f"{of}at ({where})   moved by {format_quantity(float(f'{size:.4g}'), 'm')}"
 
 
-def read_point(surface: vtkPolyData, cell: int, point: int) -> Pick:
-    """Read what a surface says of one of its points."""
+def read_point(surface: vtkPolyData, cell: int, point: int, cloth: Cloth | None = None) -> Pick:
+    """Read what a surface, or that of a part of a cloth, says of one of its points."""
     position = points_of(surface)[point].astype(float)
     moved = surface.GetPointData().GetArray("displacement")
     displacement = np.zeros(3) if moved is None else vtk_to_numpy(moved)[point].astype(float)
@@ -51,7 +52,8 @@ def read_point(surface: vtkPolyData, cell: int, point: int) -> Pick:
     if cells.HasArray("yarn") and cells.HasArray("family"):
         yarns, families = (vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "family"))
         yarn, family = int(yarns[cell]), int(families[cell])
-        number = yarn - int(yarns[families == family].min()) + 1
+        first = int(yarns[families == family].min())
+        number = yarn - (first if cloth is None else family * cloth.size[0]) + 1
     return Pick(
         yarn,
         family,

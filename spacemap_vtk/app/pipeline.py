@@ -16,8 +16,12 @@ from spacemap_vtk.app.interrupt import Interrupt
 from spacemap_vtk.app.job import Job, Pull, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import Frame, add_shape, copied, frame_of
+from spacemap_vtk.draw.near import NearYarns
+from spacemap_vtk.draw.sheet_actor import thinned
+from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -31,13 +35,10 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
 COARSE_QUADS = 8_000
-#: Patches of a cloth that is drawn yarn by yarn when it is at rest; while it moves it is a sheet.
-FINE_PATCHES = 1_000_000
-#: What is told of a cloth that the window does not show yarn by yarn.
-_AS_SHEET = (
-    "of so many yarns the window shows a sheet in their colours; pictures show yarns where they "
-    "are two pixels wide"
-)
+#: Cells along each side of a sheet that moves, or is seen while the camera does.
+_MOVING_CELLS = 48
+#: More quadrilaterals have fewer in their place while the camera moves.
+_HEAVY_QUADS = 150_000
 
 
 class Pipeline:
@@ -65,6 +66,7 @@ class Pipeline:
         self._swing_crimp = CrimpInterchange()
         self._swing_warp = BarycentricWarp()
         self._sheet: Sheet | None = None
+        self._near: NearYarns | None = None
         self._running: Stage | None = None
         #: Whether the present job is given up; whoever takes the next one sets it back.
         self.stopped = False
@@ -86,13 +88,8 @@ class Pipeline:
         # A swing never rests, a pull does.
         coarse = job.coarse or isinstance(swing, Swing)
         sheet, piece = self._sheet_of(scene), WHOLE
-        endless = sheet is not None and sheet.patches > FINE_PATCHES
-        if sheet is not None and endless:
-            piece = sheet.one
-        elif sheet is not None and not coarse:
-            scene.surface.choose(max(1, int(math.sqrt(FINE_PATCHES / sheet.patches))))
-            sheet = None
         if sheet is not None:  # in place of what has yarns
+            piece = sheet.one
             skipped = [*skipped, *(stage for stage in stages[1:] if stage.makes == "object")]
         # What lies above is fresh, and each update asks all the stages above, which takes its time.
         first = min(self._first, stages.index(mover)) if mover else self._first
@@ -113,6 +110,8 @@ class Pipeline:
             drawn = sheet.moved
             if scene.moves:
                 drawn = sheet.ride(scene.deformed_cage if cage is None else cage)
+            if coarse:
+                drawn = thinned(drawn, sheet.cells, _MOVING_CELLS)
         else:
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
@@ -123,19 +122,60 @@ class Pipeline:
             drawn = surface.GetOutputDataObject(0)
             self._require_drawn(drawn)
         cloth = None if sheet is None else sheet.cloth
-        return replace(
+        frame = replace(
             frame_of(scene, job.time, drawn, cage, loads=swing is None, cloth=cloth),
             values=job.values,
-            coarse=coarse and not endless and (surface is self._coarse or sheet is not None),
+            coarse=coarse and (surface is self._coarse or sheet is not None),
             swing=None if swing is None else getattr(swing, "mode", -1),
             generation=job.generation,
-            warnings=tuple(
-                dict.fromkeys(
-                    [text for s in scene.stages for text in s.warnings] + [_AS_SHEET] * endless
-                )
-            ),
+            warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion(scene, job.coarse),
         )
+        if sheet is not None and not coarse:
+            return self._nearer(scene, job, frame, sheet)
+        if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
+            return self._lighter(scene, source, frame)
+        return frame
+
+    def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: Sheet) -> Frame:
+        """Return a sheet's frame with the yarns that are seen near."""
+        thin = thinned(frame.surface, sheet.cells, _MOVING_CELLS)
+        frame = replace(frame, light=replace(frame, surface=thin), seen=job.seen)
+        if job.seen is None or job.swing is not None:
+            return frame
+        near = self._near
+        if near is None or not near.serves(scene, sheet):
+            self._near = near = NearYarns(scene, sheet)
+        why = near.follow(job.seen, scene.deformed_cage if scene.moves else None)
+        if not why:
+            try:
+                for stage in near.stages:
+                    self._update(scene, stage, job.time, WHOLE)
+            except SizeError as error:
+                self._near, why = None, str(error)
+        if why or near.part is None:
+            return replace(frame, warnings=(*frame.warnings, why))
+
+        def with_yarns(frame: Frame, yarns: vtkPolyData, most: int) -> Frame:
+            drawn = copied(yarns)
+            add_measure(drawn, frame.color)
+            around = thinned(whole, sheet.cells, most, near.part)
+            return replace(frame, yarns=drawn, around=around)
+
+        whole, few = frame.surface, near.light(job.time)
+        light = frame.light
+        if few is not None and light is not None:
+            light = with_yarns(light, few, _MOVING_CELLS)
+        return replace(with_yarns(frame, near.yarns, max(sheet.cells)), light=light)
+
+    def _lighter(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
+        """Return a frame with one of fewer facets to be drawn while the camera moves."""
+        few = self._coarse_surface(scene, source, coarse=True)
+        if few is None:
+            return frame
+        surface = copied(few.update(frame.time).output)
+        add_measure(surface, frame.color)
+        return replace(frame, light=replace(frame, surface=surface))
 
     def prepared(self, job: Job) -> Scene:
         """Return the scene with a job's values set; only what differs is touched."""
@@ -173,7 +213,9 @@ class Pipeline:
     def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:
         if self.stopped:
             raise Cancelled("the run was stopped")
-        section, before = stage.section, stage.executions
+        # What is made of the part in view beside the scene's stages is its surface.
+        listed = stage in scene.stages
+        section, before = stage.section if listed else scene.surface.section, stage.executions
         progressed = self._progressed
 
         def tell(caller: Stage, event: str) -> None:
@@ -194,7 +236,7 @@ class Pipeline:
         finally:
             self._running = None
             stage.RemoveObserver(observer)
-        if stage.executions != before:
+        if listed and stage.executions != before:
             self._ran(section, time.perf_counter() - begun, stage.executions)
 
     def _unless_stopped(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:

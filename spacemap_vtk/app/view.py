@@ -15,8 +15,9 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point
+from spacemap_vtk.app.widgets import later
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import FLAT, Viewpoint, aim
+from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim
 from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, moved_points, rest_of
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Most picked points; the oldest goes.
 MOST_PICKS = 6
+#: Milliseconds after the camera's last move until it counts as at rest.
+_REST = 220
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
 
@@ -44,6 +47,8 @@ class View3D(QWidget):
     clipped = Signal(object, object)
     #: A preset has taken the perspective away, or given it back.
     flattened = Signal(bool)
+    #: The camera begins to move, or has come to rest.
+    moving = Signal(bool)
 
     def __init__(self, look: Look) -> None:
         super().__init__()
@@ -75,13 +80,17 @@ class View3D(QWidget):
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
         self._aimed: tuple[str | None, Viewpoint] | None = None
+        self._rest = later(self, self._come_to_rest, _REST)
+        #: What was drawn last.
+        self._looked_at: Seen | None = None
+        #: Whether the camera moves, or has only just.
+        self.steering = self._held = False
+        self._observe_camera()
         #: What the camera is aimed for: the share of the width that the scale takes, and arrows.
         self._aimed_for = 0.0, False
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
-        # Smooth edges cost as much as all the rest in software, so moving pictures go without.
-        self.plotter.renderer.SetUseFXAA(not frame.coarse)
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame = frame
         self._fit(view)
@@ -94,6 +103,56 @@ class View3D(QWidget):
         if first:
             self.reset_camera(view.camera)
         self.render()
+
+    @property
+    def seen(self) -> Seen | None:
+        """What is looked at; None before there is anything."""
+        if self._aimed is None:
+            return None
+        ratio = self.plotter.devicePixelRatioF()
+        width, height = self.plotter.width(), self.plotter.height()
+        pixels = max(1, round(ratio * width)), max(1, round(ratio * height))
+        return Seen(self.place, self.scene_view.room, pixels)
+
+    def _observe_camera(self) -> None:
+        me, style = weakref.ref(self), self.plotter.interactor.GetInteractorStyle()
+
+        def tell(_style: object, event: str) -> None:
+            here = me()
+            if here is not None:
+                here.steer(event == "StartInteractionEvent")
+
+        for name in ("StartInteractionEvent", "EndInteractionEvent"):
+            style.AddObserver(name, tell)
+
+    def steer(self, held: bool) -> None:
+        """Draw what takes little time while the camera is held, and for a moment afterwards."""
+        self._held = held
+        if self.frame is None or self.frame.light is None:
+            return
+        if not self.steering:
+            self.steering = True
+            self.scene_view.move(True)
+            self._smooth()
+            self.moving.emit(True)
+        if held:
+            self._rest.stop()
+        else:
+            self._rest.start()
+
+    def _come_to_rest(self) -> None:
+        self.steering, frame = False, self.frame
+        if frame is not None and (frame.cloth is None or frame.seen == self.seen):
+            self.scene_view.move(False)
+            self._smooth()
+            self.render()
+        # Else there will be a frame for what is seen now.
+        self.moving.emit(False)
+
+    def _smooth(self) -> None:
+        # Smooth edges cost as much as all the rest in software, so moving pictures go without.
+        coarse = self.steering or (self.frame is not None and self.frame.coarse)
+        self.plotter.renderer.SetUseFXAA(not coarse)
 
     def adopt(self, view: View) -> None:
         """Show the present frame as a scene's section ``[view]`` says."""
@@ -113,6 +172,8 @@ class View3D(QWidget):
         if wanted != self._cut[0]:
             self._cut = wanted, self._placed(cut_of(view, frame.surface))
         self.scene_view.show(frame, view, self.look, self._span_of(frame), self._cut[1])
+        self.scene_view.move(self.steering)
+        self._smooth()
         aimed_for = self.scene_view.room, view.loads
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
@@ -159,6 +220,9 @@ class View3D(QWidget):
     def render(self) -> None:
         """Draw as soon as Qt comes to it."""
         if not self._closed:
+            if self.seen != self._looked_at and not self._held:
+                self._looked_at = self.seen
+                self.steer(False)
             self.plotter.renderer.ResetCameraClippingRange()
             # Not plotter.render(): the widget would draw a second time when Qt paints it.
             self.plotter.update()
@@ -248,12 +312,17 @@ class View3D(QWidget):
         picker = vtkCellPicker()
         picker.SetTolerance(0.0005)
         picker.PickFromListOn()
+        surface = self.frame.surface if self.frame.cloth is None else self.frame.yarns
+        if surface is None:
+            return None
         picker.AddPickList(self.scene_view.surface)
         height = self.plotter.height()
         if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
             return None
         cell, point = picker.GetCellId(), picker.GetPointId()
-        return None if cell < 0 or point < 0 else read_point(self.frame.surface, cell, point)
+        if cell < 0 or point < 0:
+            return None
+        return read_point(surface, cell, point, self.frame.cloth)
 
     def click(self, at: QPointF, adding: bool = False) -> None:
         """Pick what lies under a point of the widget, if anything does."""

@@ -3,10 +3,10 @@
 ``cloth_drawdown`` (uint8, pick by pick), ``cloth_warp_diameter`` and ``cloth_warp_spacing`` (m: one
 value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, width over height),
 likewise of the weft; and ``cloth_measures``: ends and picks, crimp height and overhang (m), density
-of the yarns (kg/m3), and 0 or 1 for closed ends, rational patches and axes by splines. Of a double
-weave ``cloth_layers`` (uint8: 1 for each end and pick of its second cloth) and ``cloth_layer_gap``
-(m). NaN stands for what is not known. Colours are those of the cells; warnings were told where it
-was made.
+of the yarns (kg/m3), 0 or 1 for closed ends, rational patches and axes by splines, and where the
+middles of ends and picks are (m; at 0 where it is not said). Of a double weave ``cloth_layers``
+(uint8: 1 for each end and pick of its second cloth) and ``cloth_layer_gap`` (m). NaN stands for
+what is not known. Colours are those of the cells; warnings were told where it was made.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         cloth.caps,
         cloth.exact,
         AXES.index(cloth.axis),
+        *cloth.middle,
     )
     add_array(field, _MEASURES, np.array(measures, np.float64))
     if cloth.layers is not None:
@@ -68,18 +69,19 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
     if not field.HasArray(_MEASURES):
         return None
 
-    def values(name: str, count: int) -> NDArray[Any]:
+    def values(name: str, *counts: int) -> NDArray[Any]:
         found = array_of(field, name, "a cloth").ravel()
-        if len(found) != count:
+        if len(found) not in counts:
             message = f'the field array "{name}" has {len(found)} values'
-            raise InputError(message, allowed=str(count))
+            raise InputError(message, allowed=" or ".join(map(str, counts)))
         return found
 
     def lengths(name: str) -> Lengths:
         found = array_of(field, name, "a cloth").ravel().astype(np.float64)
         return found if len(found) > 1 else float(found[0])
 
-    ends, picks, height, overhang, density, caps, exact, axis = values(_MEASURES, 8).tolist()
+    measures = np.append(values(_MEASURES, 10, 8), [0.0, 0.0])[:10]
+    ends, picks, height, overhang, density, caps, exact, axis, *middle = measures.tolist()
     threads = []
     for family in FAMILIES:
         name = _PREFIX + family
@@ -110,6 +112,7 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         axis=AXES[int(axis)],
         layers=layers,
         layer_gap=gap if gap < inf else None,
+        middle=(middle[0], middle[1]),
     )
 
 

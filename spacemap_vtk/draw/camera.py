@@ -50,6 +50,27 @@ class Viewpoint(NamedTuple):
 
 #: Full opening of the lens, in degrees.
 VIEW_ANGLE = 24.0
+
+
+class Seen(NamedTuple):
+    """What a view looks at."""
+
+    place: Viewpoint
+    #: Share of the width by which the middle of the picture is aside.
+    aside: float
+    #: Width and height in pixels.
+    size: tuple[int, int]
+
+    @property
+    def camera(self) -> vtkCamera:
+        """A camera of its own that sees the same."""
+        camera = vtkCamera()
+        camera.SetViewAngle(VIEW_ANGLE)
+        self.place.take(camera)
+        camera.SetWindowCenter(self.aside, 0.0)
+        return camera
+
+
 #: Share of the picture left free at each edge, and by `FLAT`.
 _MARGIN, _FLAT_MARGIN = 0.06, 0.01
 

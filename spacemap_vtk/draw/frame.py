@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstruct
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
 from spacemap_vtk.fabric.cloth import Cloth
@@ -48,6 +49,13 @@ class Frame:
     warnings: tuple[str, ...] = ()
     #: The cloth whose sheet the surface is; None where its yarns are drawn.
     cloth: Cloth | None = None
+    #: Of a sheet, the yarns that are seen near, and the sheet where these are not.
+    yarns: vtkPolyData | None = None
+    around: vtkPolyData | None = None
+    #: The view that these were chosen for.
+    seen: Seen | None = None
+    #: What is drawn in its place while the camera moves; None: itself.
+    light: Frame | None = None
     #: How far its motion turns and stretches, see `spacemap_vtk.scenes.report.motion`.
     motion: dict[str, Any] | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -36,16 +37,10 @@ class DrawnPieces:
         patches = estimate_counts(self._cloth).patches
         wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
         self.count = min(ceil(wanted), sum(self._cloth.size))
-        self._stages: list[Stage] = [
-            type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
-        ]
-        first, last = self._stages[0], self._stages[-1]
-        assert isinstance(first, WeaveSource)
+        self._stages = own_stages(scene)
+        last = self._stages[-1]
         assert isinstance(last, PatchTessellator)
-        scene.weave.lend(first)
         last.choose(sides)
-        for before, stage in zip(self._stages, self._stages[1:], strict=False):
-            stage.SetInputConnection(0, before.GetOutputPort())
 
     def in_sight(
         self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
@@ -56,7 +51,7 @@ class DrawnPieces:
             for stage in self._stages[1:]:
                 if len(stage.takes) > 1:
                     stage.SetInputDataObject(1, cage)
-        columns, rows = _seen(sheet, camera, aspect)
+        columns, rows = cells_in_sight(sheet, camera, aspect)
         for number in range(self.count):
             share = share_of(self._cloth, number, self.count)
             if _any(columns, share.ends, self._cloth.size[0]) or _any(
@@ -67,7 +62,19 @@ class DrawnPieces:
                 yield self._stages[-1].output
 
 
-def _seen(
+def own_stages(scene: Scene) -> list[Stage]:
+    """Return stages as those of a scene that make yarns, connected to one another alone."""
+    stages: list[Stage] = [
+        type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
+    ]
+    assert isinstance(stages[0], WeaveSource)
+    scene.weave.lend(stages[0])
+    for before, stage in pairwise(stages):
+        stage.SetInputConnection(0, before.GetOutputPort())
+    return stages
+
+
+def cells_in_sight(
     sheet: Sheet, camera: vtkCamera, aspect: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which columns and rows of a sheet's cells are in a picture."""

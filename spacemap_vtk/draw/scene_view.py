@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkRenderer
@@ -45,7 +45,7 @@ class SceneView:
         # samples of a pixel at an edge some see them: pictures have them, moving ones go without.
         self._far_sides = far_sides
         self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
-        self.sheet = SheetActor()
+        self.sheet, self.light = SheetActor(), SurfaceActor()
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
         for actor in (*self.solids, *self.signs, self.ghost):
             renderer.AddActor(actor)
@@ -58,11 +58,12 @@ class SceneView:
         self._plane = vtkPlane()
         self._size, self._point = (1, 1), 1.0
         self._shown: tuple[Frame, View, Look, Span | None] | None = None
+        self._moving = False
 
     @property
     def solids(self) -> list[vtkActor]:
         """The things of the scene's room: they cast shadows."""
-        return [self.surface, self.sheet, self.face]
+        return [self.surface, self.sheet, self.light, self.face]
 
     @property
     def signs(self) -> list[vtkActor]:
@@ -91,15 +92,15 @@ class SceneView:
     ) -> None:
         """Show a frame, its colours' scale from one end of `span` to the other."""
         self._shown = frame, view, look, span
+        self._moving = False
         scaled = look.fabric and span is not None
         self.room = scale_share(self._size) if scaled else 0.0
         self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
-        self.surface.SetVisibility(look.fabric and frame.cloth is None)
-        self.sheet.SetVisibility(look.fabric and frame.cloth is not None)
-        for drawn in (self.surface, self.sheet):
-            drawn.bar.VisibilityOff()
+        for actor in (self.surface, self.sheet, self.light):
+            actor.VisibilityOff()
+            actor.bar.VisibilityOff()
         if look.fabric:
-            self._show_surface(frame, view, look, span)
+            self._show_fabric(frame, view, look, span)
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
         self.ghost.SetVisibility(ghost)
         if ghost:
@@ -115,9 +116,9 @@ class SceneView:
         """Show another part of the fabric in place of the last, all else as it is."""
         assert self._shown is not None
         span = self._shown[3]
-        self.surface.SetVisibility(look.fabric)
-        self._show_surface(frame, view, look, span)
-        self.surface.bar.VisibilityOff()
+        if look.fabric:
+            self._show_surface(self.surface, frame, view, look, span)
+            self.surface.bar.VisibilityOff()
         solid = look.fabric and not look.wireframe
         cut = self.cut if solid else None
         self.face.fill(frame.surface, cut, frame.color, view.object_color, span)
@@ -129,7 +130,7 @@ class SceneView:
             self._plane.SetOrigin(*cut[1])
         if (cut is None) != (self.cut is None):
             # Loads are never cut, see `LoadActor`.
-            for actor in (self.surface, self.sheet, self.ghost, self.cage, self.supports):
+            for actor in (*self.solids[:3], self.ghost, self.cage, self.supports):
                 if cut is None:
                     actor.GetMapper().RemoveAllClippingPlanes()
                 else:
@@ -137,22 +138,61 @@ class SceneView:
         self.cut = cut
         if self._shown is not None:
             frame, view, look, span = self._shown
-            solid = look.fabric and not look.wireframe and frame.cloth is None
+            yarns = frame.surface if frame.cloth is None else frame.yarns
+            solid = look.fabric and not look.wireframe and yarns is not None
             self.face.fill(
-                frame.surface, cut if solid else None, frame.color, view.object_color, span
+                yarns or frame.surface, cut if solid else None, frame.color, view.object_color, span
             )
             if view.loads:
                 self.loads.show(frame.arrows, cut)
 
-    def _show_surface(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
-        if frame.cloth is None:
-            self.surface.show(frame.surface, frame.color, view.object_color, span, frame.painting)
-            drawn = self.surface.GetProperty()
+    def move(self, moving: bool) -> None:
+        """Show what takes little time to be drawn in place of the frame, or the frame again."""
+        if self._shown is None or moving == self._moving:
+            return
+        frame, view, look, span = self._shown
+        if not look.fabric or frame.light is None:
+            return
+        if frame.light.cloth is not None:
+            self._show_fabric(frame.light if moving else frame, view, look, span)
         else:
-            shaded = view.shadows and span is None
-            self.sheet.show_sheet(frame.surface, frame.cloth, frame.color, span, shaded)
-            drawn = self.sheet.GetProperty()
-        drawn.SetBackfaceCulling(frame.closed and not self._far_sides)
+            # Another actor: the fine one keeps what it has handed to OpenGL.
+            if moving:
+                self._show_surface(self.light, frame.light, view, look, span)
+                self.light.bar.VisibilityOff()
+            self.light.SetVisibility(moving)
+            self.surface.SetVisibility(not moving)
+        self._moving = moving
+        if moving:
+            self.face.VisibilityOff()
+        elif self.cut is not None:
+            self.cut_open(self.cut)
+
+    def _show_fabric(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
+        if frame.cloth is None:
+            self._show_surface(self.surface, frame, view, look, span)
+            return
+        around = frame.surface if frame.around is None else frame.around
+        # As its yarns would be: only pictures shade them.
+        shaded = view.shadows and span is None and self._far_sides
+        self.sheet.show_sheet(around, frame.cloth, frame.color, span, shaded)
+        self._dress(self.sheet, look)
+        self.surface.VisibilityOff()
+        if frame.yarns is not None:
+            yarns = replace(frame, surface=frame.yarns, closed=True)
+            self._show_surface(self.surface, yarns, view, look, span)
+            self.surface.bar.VisibilityOff()
+
+    def _show_surface(
+        self, actor: SurfaceActor, frame: Frame, view: View, look: Look, span: Span | None
+    ) -> None:
+        actor.show(frame.surface, frame.color, view.object_color, span, frame.painting)
+        actor.GetProperty().SetBackfaceCulling(frame.closed and not self._far_sides)
+        self._dress(actor, look)
+
+    def _dress(self, actor: SurfaceActor, look: Look) -> None:
+        actor.VisibilityOn()
+        drawn = actor.GetProperty()
         drawn.SetRepresentation(VTK_WIREFRAME if look.wireframe else VTK_SURFACE)
         # Of a wire frame, and of objects of lines or points alone.
         drawn.SetLineWidth((1.0 if look.wireframe else 2.0) * self._point)

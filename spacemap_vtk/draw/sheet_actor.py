@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
@@ -192,6 +193,7 @@ class SheetActor(SurfaceActor):
         for name, pixels in zip(
             _LAYERS, layers(cloth.drawdown, *_colors(cloth, color)), strict=True
         ):
+            self.GetProperty().RemoveTexture(name)  # or VTK warns that there is one
             self.GetProperty().SetTexture(name, _texture(pixels))
 
 
@@ -200,12 +202,10 @@ def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
     x, y = (grid_lines(cloth, number, cells[number]) for number in (0, 1))
     across, up = np.meshgrid(x, y)
     points = np.stack([across, up, np.zeros_like(up)], axis=-1).reshape(-1, 3)
-    place = np.arange(len(points)).reshape(across.shape)
-    corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
     s, t = np.meshgrid(*(np.linspace(0.0, 1.0, n + 1, dtype=np.float32) for n in cells))
     sheet = vtkPolyData()
     sheet.SetPoints(to_points(points))
-    sheet.SetPolys(to_cells(np.stack(corners, axis=-1).reshape(-1, 4)))
+    sheet.SetPolys(to_cells(quadrilaterals(*cells)))
     sheet.GetPointData().SetTCoords(to_array(np.stack([s, t], axis=-1).reshape(-1, 2), "texels"))
     add_directions(sheet, cells)
     return sheet
@@ -217,6 +217,41 @@ def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
     for name, axis in (("warp", 0), ("weft", 1)):
         along = np.asarray(np.gradient(points, axis=axis), np.float32)
         sheet.GetPointData().AddArray(to_array(along.reshape(-1, 3), name))
+
+
+def thinned(
+    sheet: vtkPolyData,
+    cells: tuple[int, int],
+    most: int,
+    hole: tuple[slice, slice] | None = None,
+) -> vtkPolyData:
+    """Return a sheet of at most so many cells along each side, without those in a hole."""
+    # Its shader works at vertices. The hole is said in columns and rows of the cells as they are.
+    lines = [np.linspace(0, n, min(n, most) + 1).astype(np.int64) for n in cells]
+    chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
+    polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
+    if hole is not None:
+        columns, rows = (
+            (line[:-1] >= some.start) & (line[1:] <= some.stop)
+            for line, some in zip(lines, hole, strict=True)
+        )
+        polygons = polygons[~(rows[:, None] & columns).ravel()]
+    made = vtkPolyData()
+    made.SetPoints(to_points(points_of(sheet)[chosen]))
+    made.SetPolys(to_cells(polygons))
+    data, of_points = sheet.GetPointData(), made.GetPointData()
+    for number in range(data.GetNumberOfArrays()):
+        array = data.GetArray(number)
+        of_points.AddArray(to_array(vtk_to_numpy(array)[chosen], array.GetName()))
+    of_points.SetActiveTCoords(data.GetTCoords().GetName())
+    return made
+
+
+def quadrilaterals(columns: int, rows: int) -> NDArray[np.int64]:
+    """Return the corners of the cells of a sheet, row by row, (cells, 4)."""
+    place = np.arange((columns + 1) * (rows + 1)).reshape(rows + 1, columns + 1)
+    corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
+    return np.stack(corners, axis=-1).reshape(-1, 4)
 
 
 def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -243,7 +278,8 @@ def _texture(pixels: NDArray[np.uint8]) -> vtkTexture:
     texture.SetColorModeToDirectScalars()
     texture.InterpolateOn()
     texture.MipmapOn()
-    texture.SetMaximumAnisotropicFiltering(8.0)
+    # Mesa's software makes stripes of it, and takes half as long again.
+    texture.SetMaximumAnisotropicFiltering(1.0)
     texture.RepeatOff()
     texture.EdgeClampOn()
     return texture

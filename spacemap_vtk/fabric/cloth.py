@@ -109,6 +109,9 @@ class Cloth:
         crossings, which bends without jumps in curvature but holds no distance between yarns.
     density : float, optional
         Mass of a volume of yarn, the air between its fibres included, in kg/m3.
+    middle : tuple of 2 float
+        Where the middle between its first and its last end, and pick, is, in metres: of a part of a
+        cloth, where that lies in the whole.
     warnings : tuple of str
         What was assumed or changed on the way to this cloth.
     layers : Layers, optional
@@ -140,6 +143,7 @@ class Cloth:
     exact: bool = False
     axis: str = AXES[0]
     density: float | None = None
+    middle: tuple[float, float] = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
     layers: Layers | None = None
     layer_gap: float | None = None
@@ -267,8 +271,11 @@ class Cloth:
     @cached_property
     def yarns(self) -> tuple[Yarns, Yarns]:
         """Ends and picks one by one."""
-        ends, picks = self.size
-        return self.warp.yarns(ends), self.weft.yarns(picks)
+        warp, weft = (
+            threads.yarns(count, middle)
+            for threads, count, middle in zip(self.threads, self.size, self.middle, strict=True)
+        )
+        return warp, weft
 
     def upper(self, number: int, which: Some = slice(None)) -> NDArray[np.bool_]:
         """Return where ends or picks lie over what they cross.

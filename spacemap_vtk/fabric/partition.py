@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
 
@@ -62,6 +63,67 @@ def share_of(cloth: Cloth, piece: int, pieces: int) -> Share:
         slice(min(start, ends), min(stop, ends)),
         slice(max(start - ends, 0), max(stop - ends, 0)),
     )
+
+
+def cropped(cloth: Cloth, part: Share) -> Cloth:
+    """Return the part of a cloth where some ends cross some picks, in its place.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        The whole of it.
+    part : Share
+        Slices of neighbours; of each family at least one.
+
+    Returns
+    -------
+    Cloth
+        Its yarns lie as they do in the whole, but for those by splines near the cut.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> cloth = Cloth(drawdown=[[1, 0, 1], [0, 1, 0]], warp=threads, weft=threads)
+    >>> part = cropped(cloth, Share(slice(1, 3), slice(0, 1)))
+    >>> part.drawdown.tolist(), part.yarns[0].position.round(9).tolist()
+    ([[False, True]], [0.0, 0.2])
+    """
+    threads, middle = [], []
+    for number, (whole, some) in enumerate(zip(cloth.threads, part, strict=True)):
+        assert isinstance(some, slice)
+        first, last, _ = some.indices(cloth.size[number])
+        place = cloth.yarns[number].position
+        middle.append(0.5 * float(place[first] + place[last - 1]))
+        colors = whole.colors if len(whole.colors) == 1 else whole.colors[some]
+        apart, thick = whole.spacing, whole.diameter
+        threads.append(
+            replace(
+                whole,
+                spacing=apart[first : last - 1] if isinstance(apart, np.ndarray) else apart,
+                diameter=thick[some] if isinstance(thick, np.ndarray) else thick,
+                colors=colors,
+            )
+        )
+    warp, weft = threads
+    drawdown, layers = cloth.drawdown[part.picks, part.ends], None
+    if cloth.layers is not None:
+        layers = Layers(drawdown, cloth.layers.ends[part.ends], cloth.layers.picks[part.picks])
+        # what is told by neighbours that are not there any more
+        layers.__dict__["above"] = cloth.layers.above[part.picks, part.ends]
+    made = replace(
+        cloth,
+        drawdown=drawdown,
+        warp=warp,
+        weft=weft,
+        # The height is shared out as in the whole, whose mean yarns may be others.
+        crimp_height=cloth.share * (warp.mean_diameter + weft.mean_diameter),
+        middle=(middle[0], middle[1]),
+        layers=layers,
+    )
+    if layers is None:
+        return made
+    return replace(made, layer_gap=2.0 * cloth.level - made.sheet_thickness)
 
 
 def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:

@@ -33,7 +33,7 @@ class Yarns(NamedTuple):
     section: str
     """One of `SECTIONS`; "circular" wherever the aspect is 1."""
     position: NDArray[np.float64]
-    """(n,) Places across the whole family, the middle of its first and its last yarn at 0."""
+    """(n,) Places across the whole family."""
 
     def chosen(self, which: Some) -> Yarns:
         """Return some of the yarns, in their places."""
@@ -141,13 +141,15 @@ class Threads:
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
         return replace(self, diameter=yarns.diameter, spacing=yarns.spacing, colors=colors)
 
-    def yarns(self, count: int) -> Yarns:
+    def yarns(self, count: int, middle: float = 0.0) -> Yarns:
         """Return the yarns one by one.
 
         Parameters
         ----------
         count : int
             How many.
+        middle : float, optional
+            Place of the middle between the first and the last, in metres.
 
         Returns
         -------
@@ -160,7 +162,7 @@ class Threads:
             apart,
             self.aspect,
             self.shape,
-            _places(apart),
+            _places(apart) + middle,
         )
 
     def check(self, family: str, count: int) -> None:

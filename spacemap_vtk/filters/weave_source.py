@@ -14,12 +14,12 @@ from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
 from spacemap_vtk.fabric.as_draft import as_draft
-from spacemap_vtk.fabric.axes import ALL
+from spacemap_vtk.fabric.axes import ALL, Share
 from spacemap_vtk.fabric.cloth import AXES, Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.partition import share_of, whole_bounds
+from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
@@ -67,6 +67,8 @@ class WeaveSource(Stage):
     _read: tuple[tuple[Any, ...], Draft] | None = None
     #: For which parameters, and which cloth.
     _resolved: tuple[tuple[Any, ...], Cloth] | None = None
+    #: What is made of the cloth: where some of its yarns cross; None: all of it.
+    _part: tuple[Share, Cloth] | None = None
     #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
     _whole: tuple[Cloth, float | None, NDArray[np.float64] | None] | None = None
 
@@ -273,7 +275,7 @@ class WeaveSource(Stage):
         SizeError
             If the patches would not fit into memory.
         """
-        cloth = self.cloth
+        cloth = self.cloth if self._part is None else self._part[1]
         # A piece has its share, and at most a yarn more.
         pieces = min(self.piece.of, sum(cloth.size))
         self._require(weave.estimate_bytes(cloth, self.single) // pieces, *cloth.size, pieces)
@@ -427,7 +429,12 @@ class WeaveSource(Stage):
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
         _ = self.counts
-        cloth = self.cloth
+        cloth, numbers = self.cloth, np.arange(sum(self.cloth.size), dtype=np.int32)
+        if self._part is not None:
+            (ends, picks), made_of = self._part
+            of_picks = numbers[cloth.size[0] :]
+            numbers = np.concatenate([numbers[: cloth.size[0]][ends], of_picks[picks]])
+            cloth = made_of
         for text in cloth.warnings:
             self.warn(text)
         share = ALL
@@ -438,7 +445,7 @@ class WeaveSource(Stage):
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
         if made.weights is not None:
             output.GetPointData().SetRationalWeights(to_array(made.weights, "RationalWeights"))
-        add_array(output.GetCellData(), "yarn", made.yarn)
+        add_array(output.GetCellData(), "yarn", numbers[made.yarn])
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
         colors = np.concatenate([cloth.warp.colors, cloth.weft.colors])
         add_array(output.GetCellData(), "color", colors[made.yarn])
@@ -454,7 +461,7 @@ class WeaveSource(Stage):
             ):
                 add_array(output.GetFieldData(), f"{name}_{figure}", np.array([float(value)]))
         add_array(output.GetFieldData(), "radial_error", np.array([made.radial_error]))
-        if self._whole is None or self._whole[0] is not cloth:
+        if self._whole is None or (self._whole[0] is not cloth and self._part is None):
             # of all yarns, and the same for each piece
             bounds = whole_bounds(cloth) if self.piece.of > 1 else None
             self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
@@ -464,15 +471,19 @@ class WeaveSource(Stage):
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
 
-    def lend(self, other: WeaveSource) -> None:
+    def lend(self, other: WeaveSource, part: Share | None = None) -> None:
         """Spare another source of the same cloth to read and measure it anew.
 
         Parameters
         ----------
         other : WeaveSource
             With the same settings.
+        part : Share, optional
+            Slices: what the other makes of the cloth, where these yarns cross; by default all.
         """
         other._read, other._resolved, other._whole = self._read, self._resolved, self._whole
+        other._part = None if part is None else (part, cropped(self.cloth, part))
+        other.Modified()
 
     def _require(self, size: int, ends: int, picks: int, pieces: int = 1) -> None:
         require(

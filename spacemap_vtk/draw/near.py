@@ -1,0 +1,148 @@
+"""Of a cloth of many yarns those that are seen near: they are made as far as they are in sight."""
+
+from __future__ import annotations
+
+from math import ceil, isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.camera import Seen
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
+from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.draw.pieces import cells_in_sight, own_stages
+from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.fabric.partition import cropped
+from spacemap_vtk.fabric.weave import estimate_counts
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.scenes.scene import Scene
+
+#: Most patches and quadrilaterals of what is in sight: made in two seconds, drawn in one.
+MOST_PATCHES, _MOST_QUADS = 1_500_000, 2_000_000
+#: So many may be drawn while the camera moves, each in one quadrilateral.
+_MOVING_PATCHES = 120_000
+#: What is made beyond the edges of the view, as a share of what is in sight.
+_MARGIN = 0.08
+#: What is told where no yarns are made.
+AFAR = "from so far a yarn is {:.2g} pixels wide: a sheet in the colours of the yarns is shown"
+CROWD = "so many yarns are in sight that the window shows a sheet in their colours: come nearer"
+
+
+class NearYarns:
+    """The yarns of a scene in a part of the cloth that follows the view, in stages of their own."""
+
+    def __init__(self, scene: Scene, sheet: Sheet) -> None:
+        self._scene, self._sheet = scene, sheet
+        self._settings = _settings(scene)
+        self.stages: list[Stage] = own_stages(scene)
+        self._weave.configure(precision="single")  # nothing but eyes sees it
+        self._light = PatchTessellator(subdivisions=1)
+        self._light.SetInputConnection(self.stages[-2].GetOutputPort())
+        #: The columns and rows of the sheet's cells in whose place yarns are made.
+        self.part: tuple[slice, slice] | None = None
+        self._patches = 0
+        self._cage: tuple[vtkUnstructuredGrid, int] | None = None
+
+    def serves(self, scene: Scene, sheet: Sheet) -> bool:
+        """Return whether its stages are still as the scene's."""
+        return sheet is self._sheet and _settings(scene) == self._settings
+
+    def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None) -> str:
+        """Choose what will be made; return why nothing is, or nothing."""
+        sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
+        columns, rows = (_ends_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
+        if columns is None or rows is None:
+            return AFAR.format(0.0)
+        points = points_of(sheet.moved).reshape(sheet.cells[1] + 1, sheet.cells[0] + 1, 3)
+        near = points[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
+        scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
+        threads = sheet.cloth.threads
+        pixels = scale * max(family.mean_spacing(0.0) for family in threads)
+        if pixels < SMALLEST_YARN:
+            return AFAR.format(pixels)
+        wanted = columns, rows
+        if not _covers(self.part, wanted):
+            wider = _wider(columns, sheet.cells[0]), _wider(rows, sheet.cells[1])
+            part = next((p for p in (wider, wanted) if self._takes(p)), None)
+            if part is None:
+                return CROWD
+            self.part = part
+            self._scene.weave.lend(self._weave, self._share(part))
+        sides = sides_seen((float(np.max(t.diameter)) for t in threads), scale)
+        self._surface.choose(max(1, min(sides, isqrt(_MOST_QUADS // self._patches))))
+        if cage is not None and self._cage != (cage, cage.GetMTime()):
+            self._cage = cage, cage.GetMTime()
+            for stage in self.stages[1:]:
+                if len(stage.takes) > 1:
+                    stage.SetInputDataObject(1, copied(cage))
+        return ""
+
+    @property
+    def yarns(self) -> vtkPolyData:
+        """Their surface, as of the last update of the stages."""
+        return self._surface.output
+
+    @property
+    def _weave(self) -> WeaveSource:
+        first = self.stages[0]
+        assert isinstance(first, WeaveSource)
+        return first
+
+    @property
+    def _surface(self) -> PatchTessellator:
+        last = self.stages[-1]
+        assert isinstance(last, PatchTessellator)
+        return last
+
+    def light(self, time: float) -> vtkPolyData | None:
+        """Return a surface of fewer facets; None where they would still be too many."""
+        if self._patches > _MOVING_PATCHES:
+            return None
+        return self._light.update(time).output
+
+    def _takes(self, part: tuple[slice, slice]) -> bool:
+        """Return whether the yarns of a part are few enough."""
+        patches = estimate_counts(cropped(self._sheet.cloth, self._share(part))).patches
+        if patches <= MOST_PATCHES:
+            self._patches = patches
+        return patches <= MOST_PATCHES
+
+    def _share(self, part: tuple[slice, slice]) -> Share:
+        """Return the yarns that cross in some cells of the sheet."""
+        sheet = self._sheet
+        ends, picks = (
+            slice(cells.start * count // of, -(-cells.stop * count // of))
+            for cells, count, of in zip(part, sheet.cloth.size, sheet.cells, strict=True)
+        )
+        return Share(ends, picks)
+
+
+def _settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
+    """Return what the stages that make yarns are to do."""
+    makers = (stage for stage in scene.stages if stage.makes == "object")
+    return [(stage.section, stage.settings) for stage in makers]
+
+
+def _ends_of(cells: NDArray[np.bool_]) -> slice | None:
+    """Return the run that holds all cells that are seen."""
+    found = np.flatnonzero(cells)
+    return slice(int(found[0]), int(found[-1]) + 1) if len(found) else None
+
+
+def _wider(cells: slice, count: int) -> slice:
+    more = 1 + ceil(_MARGIN * (cells.stop - cells.start))
+    return slice(max(cells.start - more, 0), min(cells.stop + more, count))
+
+
+def _covers(part: tuple[slice, slice] | None, wanted: tuple[slice, slice]) -> bool:
+    """Return whether a part shows what is wanted, and is not far larger."""
+    if part is None:
+        return False
+    inside = all(p.start <= w.start and w.stop <= p.stop for p, w in zip(part, wanted, strict=True))
+    sizes = [(p.stop - p.start) / (w.stop - w.start) for p, w in zip(part, wanted, strict=True)]
+    return inside and sizes[0] * sizes[1] < 3.0
