@@ -1,4 +1,4 @@
-"""Work shared among processes, each of which can be ended at any moment.
+"""Work shared among processes, each of which can be ended at any moment, or on a Dask cluster.
 
 Processes, not threads: one that is killed for its memory takes one piece of work with it and not
 all, and what VTK draws in one process it draws one after another. They are started as a program of
@@ -14,24 +14,30 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from queue import Empty, SimpleQueue
+from socket import create_connection
 from typing import Any
+from urllib.parse import urlsplit
 
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.parallel import core_count
 
 #: Seconds after which Ctrl-C is looked for: on Windows it does not end a wait.
 _PATIENCE = 0.5
+#: Seconds for a scheduler's answer.
+_ANSWER = 10
+#: Of addresses, beside tcp and tls.
+_SCHEMES = ("inproc", "ucx", "ws", "wss")
 #: Why a process has ended, where only its status tells.
 _ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
 
 
 def in_processes(
     function: str, tasks: Sequence[Any], count: int
-) -> Iterator[tuple[int, Any | Exception]]:
+) -> Generator[tuple[int, Any | Exception]]:
     """Yield the number of each task and what a function makes of it, or why not, as they end."""
     # `function` is "module:name"; tasks and results are pickled. Leaving the loop early, by Ctrl-C
     # or any error, ends all processes. Each serves several tasks: what it keeps is there for more.
@@ -88,6 +94,54 @@ def in_processes(
                 child.kill()
         for server in servers:
             server.join()
+
+
+def on_cluster(
+    address: str, function: Callable[[Any], Any], tasks: Sequence[Any]
+) -> Generator[tuple[int, Any | Exception]]:
+    """Yield what `in_processes` does, worked out by the workers of a Dask cluster."""
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise MissingLibraryError(
+            "a Dask cluster needs the package distributed, which is not installed",
+            cure="Try \"pip install 'spacemap_vtk[cluster]'\".",
+        ) from None
+    refused = InputError(
+        "no Dask scheduler answers there",
+        key="--cluster",
+        value=address,
+        allowed="the address that it prints when it starts, as in tcp://127.0.0.1:8786",
+        cure='Start one by "dask scheduler", and workers by "dask worker ADDRESS".',
+    )
+    try:
+        # Asked first: a client that has found none tries again when it is let go, for long.
+        place = urlsplit(address if "://" in address else f"tcp://{address}")
+        if place.scheme in ("tcp", "tls"):
+            create_connection((place.hostname, place.port or 0), _ANSWER).close()
+        elif place.scheme not in _SCHEMES:
+            raise refused
+        client = Client(address, timeout=_ANSWER, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise refused from error
+    with client:
+        found = client.get_versions(packages=["spacemap_vtk"])["workers"]
+        lacking = [name for name, each in found.items() if not each["packages"]["spacemap_vtk"]]
+        if lacking or not found:
+            raise InputError(
+                f"its worker {lacking[0]} has no spacemap_vtk" if lacking else "it has no workers",
+                key="--cluster",
+                value=address,
+                cure="Start workers in an environment that has the program: dask worker "
+                f"{address} --nthreads 1",
+            )
+        futures = {client.submit(function, task, pure=False): k for k, task in enumerate(tasks)}
+        try:
+            for future in as_completed(list(futures), loop=client.loop):
+                failed = future.exception()
+                yield futures[future], failed or future.result()
+        finally:
+            client.cancel(list(futures))
 
 
 def _ask(

@@ -16,8 +16,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.as_text import as_command, as_script
-from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.document import Document, as_command, as_script
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.theme import apply_theme

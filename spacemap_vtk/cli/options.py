@@ -139,13 +139,15 @@ def opened(
     return scene
 
 
-def listed_times(text: str) -> list[float]:
-    """Return what followed ``--times``.
+def listed_times(text: str, option: str = "--times") -> list[float]:
+    """Return what followed an option for several times.
 
     Parameters
     ----------
     text : str
         Times, separated by commas.
+    option : str
+        For messages.
 
     Returns
     -------
@@ -159,7 +161,7 @@ def listed_times(text: str) -> list[float]:
     """
     refused = InputError(
         "not a list of times",
-        key="--times",
+        key=option,
         value=text,
         allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
     )

@@ -17,13 +17,13 @@ _PATIENCE = 1.0
 
 
 @contextmanager
-def progress(scene: Scene, what: str, quiet: bool) -> Iterator[Callable[[int, int], object]]:
+def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[int, int], object]]:
     """Show a bar while a scene is worked on, and the running stage beside it.
 
     Parameters
     ----------
-    scene : Scene
-        Its stages are watched.
+    scene : Scene or None
+        Its stages are watched, if there is one.
     what : str
         The work, in a word or two.
     quiet : bool
@@ -59,7 +59,7 @@ def progress(scene: Scene, what: str, quiet: bool) -> Iterator[Callable[[int, in
 
     observers = [
         (stage, stage.AddObserver(event, tell))
-        for stage in scene.stages
+        for stage in (scene.stages if scene else ())
         for event in ("StartEvent", "ProgressEvent", "EndEvent")
     ]
     timer = threading.Timer(_PATIENCE, bar.start)

@@ -18,7 +18,13 @@ _MANY = 1e9
 
 
 def one() -> AbstractContextManager[Any]:
-    """Return a context in which dense algebra is done by the calling thread."""
+    """Return a context in which dense algebra is done by the calling thread.
+
+    Returns
+    -------
+    context manager
+        In it results do not depend on how many cores there are, but for `several`.
+    """
     pools = known_pools()
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 

@@ -6,6 +6,7 @@ is printed and what a table holds cannot differ.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from spacemap_vtk.fabric.cloth import FAMILIES
@@ -15,6 +16,8 @@ from spacemap_vtk.units import UNITS, format_quantity
 
 #: In place of a figure that cannot be had; a warning says why.
 UNKNOWN = "–"
+#: Modes whose frequencies tables have.
+_FIRST = 3
 #: The units that tables are in, whatever a value's size: columns of all tables can be compared.
 _TABLE_UNITS = {
     "m": "mm",
@@ -62,14 +65,18 @@ class Figure(NamedTuple):
     @property
     def heading(self) -> str:
         """What a table's column is called, with its unit."""
-        name = self.key.removesuffix("_deg").replace("_", " ")
-        unit = _TABLE_UNITS.get(self.unit, self.unit)
-        return f"{name} [{unit}]" if unit else name
+        return with_unit(self.key.removesuffix("_deg").replace("_", " "), self.unit)
 
     @property
     def entry(self) -> str:
         """What stands in a table below that: six digits of the number, or nothing."""
         return "" if self.value is None else in_table(self.value, self.unit)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a table's heading for numbers that have a unit."""
+    unit = _TABLE_UNITS.get(unit, unit)
+    return f"{name} [{unit}]" if unit else name
 
 
 def in_table(value: float, unit: str) -> str:
@@ -145,6 +152,31 @@ def sheet_figures(figures: dict[str, Any]) -> list[Figure]:
                 key, text = f"{key}_{side}", f"{label}, {side}"
             found.append(Figure(key, text, parameter.tell(each), each, parameter.unit))
     return found
+
+
+def motion_figures(swing: dict[str, Any] | None) -> list[Figure]:
+    """Return the numbers of `report.motion`, which `cloth_figures` tells in one sentence."""
+    units = {"largest_rotation_deg": "deg", "largest_stretch": "%", "largest_volume_change": "%"}
+    return [Figure(key, key, "", swing[key], unit) for key, unit in units.items()] if swing else []
+
+
+def mode_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return the numbers of the first modes, of those of `report.modes`, and the cage's mass."""
+    found = [Figure("mass", "mass", "", figures["mass"], "kg")]
+    for number, mode in enumerate(figures["modes"][:_FIRST]):
+        found.append(Figure(f"mode_{number}", "", "", mode["frequency_hz"], "Hz"))
+        ratio = mode["damping_ratio"]
+        if math.isfinite(ratio):
+            found.append(Figure(f"mode_{number}_damping_ratio", "", "", ratio))
+    return found
+
+
+def body_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return the numbers of an object and its cage, of those of `anatomy.body`."""
+    counts = [Figure(key, key, "", figures[key]) for key in ("points", "cells", "triangles")]
+    cage = figures["cage"] or {}
+    units = {"vertices": "", "tetrahedra": "", "volume": "m3", "points_outside": ""}
+    return counts + [Figure(f"cage_{k}", k, "", cage[k], u) for k, u in units.items() if k in cage]
 
 
 def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +20,6 @@ from spacemap_vtk.errors import (
     InputError,
     SizeError,
     SpacemapError,
-    UnknownNameError,
     naming_section,
 )
 from spacemap_vtk.fabric.draft import Draft
@@ -34,8 +32,9 @@ from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.parameters import Parameterised, suggestion
+from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import Animation, View
@@ -203,18 +202,25 @@ class Scene:
         InputError
             If it is not of that form, or refused.
         """
-        target, equals, text = assignment.partition("=")
-        section, dot, key = target.strip().partition(".")
-        if not equals or not dot:
-            raise InputError(
-                f'"{assignment}" sets nothing',
-                allowed='section.key=value, as in "weave.ends=20"',
-            )
-        try:
-            value = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            value = text.strip()
-        part = self._known(section)
+        section, key, text = parsed(assignment)
+        self.assign(section, key, value_of(text))
+
+    def assign(self, section: str, key: str, value: Any) -> None:
+        """Change a value; messages about it do not name the file.
+
+        Parameters
+        ----------
+        section, key : str
+            Its place in a scene file.
+        value : object
+            As a scene file has it.
+
+        Raises
+        ------
+        InputError
+            If it is refused.
+        """
+        part = part_of(self.parts, section)
         with naming_section(section):
             part.configure(**{key: value})
         self._assigned.add((section, key))
@@ -428,7 +434,7 @@ class Scene:
         return self.stages[-1].output
 
     def _configure(self, section: str, values: Any) -> None:
-        part = self._known(section)
+        part = part_of(self.parts, section)
         if not isinstance(values, Mapping):
             raise InputError(
                 "not a section",
@@ -440,16 +446,6 @@ class Scene:
         with naming_section(section):
             for key, value in values.items():
                 part.configure(**{key: part.parameter(key).within(value, folder)})
-
-    def _known(self, section: str) -> Parameterised:
-        if section not in self.parts:
-            raise UnknownNameError(
-                "a scene has no section of that name",
-                key=section,
-                allowed=", ".join(["title", *(f"[{name}]" for name in self.parts)]),
-                cure=suggestion(section, self.parts),
-            )
-        return self.parts[section]
 
     def take(
         self, settings: Mapping[str, Mapping[str, Any]], given: Collection[str] | None = None

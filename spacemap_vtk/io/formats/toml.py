@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,3 +38,26 @@ def read_scene(path: Path) -> dict[str, Any]:
         ) from None
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from None
+
+
+def format_value(value: Any) -> str:
+    """Return a value as TOML in one line; tables too."""
+    if isinstance(value, Mapping):
+        pairs = ", ".join(f"{key} = {format_value(item)}" for key, item in value.items())
+        return f"{{{pairs}}}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(format_value, value))}]"
+    # A JSON string, number or flag is TOML too.
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+def format_scene(values: Mapping[str, Any], comment: str) -> str:
+    """Return a scene's values as a file, below a line that says where they come from."""
+    lines = [f"# {comment}"]
+    for section, said in values.items():
+        if isinstance(said, Mapping):
+            lines += ["", f"[{section}]"]
+            lines += [f"{key} = {format_value(value)}" for key, value in said.items()]
+        else:
+            lines.insert(1, f"{section} = {format_value(said)}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,212 @@
+"""The command that runs a scene over lists of values: sweep."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from spacemap_vtk.cli.options import ColorBy, Quiet, Size, listed_times, opened
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.errors import InputError, SpacemapError
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.study import Result
+    from spacemap_vtk.scenes.runs import Sweep
+
+#: Figures that are printed first where they differ from run to run, by how their headings begin;
+#: all of them are in the table's file.
+_FIRST = (
+    *("sag", "drape coefficient", "mode 0 [", "largest displacement", "largest rotation"),
+    *("warp crimp [", "weft crimp [", "cover [", "areal mass", "thickness"),
+    *("least clearance", "deformed clearance", "sheet bending length", "sheet bending rigidity"),
+)
+#: Sentences that are told of all runs.
+_MOST_WARNINGS = 5
+
+
+def sweep(
+    scene: str,
+    /,
+    *,
+    output: Annotated[
+        Path,
+        Parameter(name=["--output", "-o"], help="A folder; it is made where it is not there."),
+    ],
+    set_: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--set",
+            negative="",
+            help="The values that a key goes through, with commas between them, as in "
+            "--set weave.ends=5,7,9; a single one is set in all runs. Can be given again.",
+            show_default=False,
+        ),
+    ] = (),
+    paired: Annotated[
+        bool,
+        Parameter(
+            name="--zip",
+            negative="",
+            help="Pair the lists: the first value of each together, then the second, and so on. "
+            "Without, every value of one goes with every value of the others.",
+            show_default=False,
+        ),
+    ] = False,
+    time: Annotated[
+        str | None,
+        Parameter(
+            name=["--time", "--times"],
+            help="Times of the pictures in s, with commas between them, as in 0,20ms; by default "
+            "the scene's.",
+        ),
+    ] = None,
+    size: Size = None,
+    color: ColorBy = None,
+    workers: Annotated[
+        int | None,
+        Parameter(
+            help="Processes that work side by side; by default one for each core, as far as memory "
+            "goes."
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        Parameter(
+            help="In place of these the workers of a Dask cluster, by its scheduler's address, as "
+            "in tcp://host:8786. They have this program, and find a scene's files where they are "
+            "here. Needs the extra [cluster]."
+        ),
+    ] = None,
+    again: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Compute again what is in the folder already.",
+            show_default=False,
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene over lists of values, into a folder.
+
+    Each run has its picture, its scene as a .toml that renders alone, and its figures as .json;
+    table.csv has the values and the figures of all, with their units, contact_sheet.png all
+    pictures. Runs that are there already are kept, so that a sweep that was stopped goes on, and
+    one with more values adds to what it has. A run that fails, such as of yarns that have no room,
+    stands in the table with its message, and does not stop the others; the exit status is then 1.
+
+    Commas within brackets or quotes belong to a value: --set "modal.gravity=[0,0,-5],[0,0,-9.8]"
+    goes through two vectors (as [[0,0,-5],[0,0,-9.8]] does), --set 'modal.fixed="-x, +x",+y'
+    through two texts. linspace(0.4 mm, 0.6 mm, 5) stands for five values with even steps from the
+    first to the last, geomspace(1 kPa, 1 MPa, 4) for four each of which is as many times the one
+    before.
+
+    Nine runs, every spacing with every count:
+
+    "spacemap sweep yarn_to_cloth -o cloth --set weave.warp_spacing=0.45mm,0.5mm,0.6mm
+    --set 'weave.warp_count=20 tex,25 tex,30 tex'"
+
+    Three runs, of square cloths, smaller pictures, on four processes:
+
+    "spacemap sweep plain_weave -o square --zip --set weave.ends=5,7,9 --set weave.picks=5,7,9
+    --size 640x480 --workers 4"
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
+    """
+    if workers is not None and (workers < 1 or cluster is not None):
+        raise InputError(
+            "no number of processes" if workers < 1 else "a cluster has workers of its own",
+            key="--workers",
+            value=workers,
+            allowed="at least 1, and no --cluster",
+        )
+    times = () if time is None else listed_times(time, "--time")
+    chosen = opened(scene, size=size, color=color)
+    fixed: list[tuple[str, str, Any]] = []
+    if times:
+        fixed.append(("view", "time", times[0]))
+    if size is not None:
+        fixed.append(("view", "size", list(chosen.view.size)))
+    if color is not None:
+        fixed.append(("view", "color", color))
+    from spacemap_vtk.draw.study import SHEET, TABLE, carry_out_sweep
+    from spacemap_vtk.scenes.runs import sweep_of
+
+    asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
+    with progress(None, "Running", quiet) as tell:
+        found = carry_out_sweep(
+            asked, output, tell, workers=workers, cluster=cluster or "", again=again
+        )
+    if not quiet:
+        _print(asked, found)
+        print(f"{output / TABLE}, {output / SHEET}")
+        _tell_warnings(found)
+    failed = [run for run in asked.runs if found[run.name].error]
+    if failed:
+        first = f"{', '.join(failed[0].labels)}: " if failed[0].labels else ""
+        raise SpacemapError(
+            f"{len(failed)} of {len(found)} runs failed, the others are whole; "
+            f"{first}{found[failed[0].name].error}"
+        )
+
+
+def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
+    """Print the values and those figures that differ, as many as there is room for."""
+    from rich import box
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from spacemap_vtk.draw.study import table
+
+    headings, rows = table(sweep, found)
+    last = len(headings) - 2  # seconds, and the message
+    columns = list(range(1, 1 + len(sweep.axes)))
+    differ = [
+        k
+        for k in range(columns[-1] + 1 if columns else 1, last)
+        if len({row[k] for row in rows if not row[-1]}) > 1
+    ]
+    first = [k for name in _FIRST for k in differ if headings[k].startswith(name)]
+    console = Console()
+    room = console.width - 2
+    shown = []
+    for k in (*columns, last, *dict.fromkeys((*first, *differ))):
+        room -= 2 + max(len(word) for word in (*_wrapped(headings[k]), *(row[k] for row in rows)))
+        if room > 0 or k in columns or k == last:
+            shown.append(k)
+    shown.sort()
+    told = Table(
+        title=escape(sweep.title), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
+    for k in shown:
+        told.add_column(escape("\n".join(_wrapped(headings[k]))), justify="right", no_wrap=True)
+    for row in rows:
+        cells = [escape(row[k]) or "–" for k in shown]
+        told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
+    console.print(told)
+
+
+def _wrapped(heading: str) -> list[str]:
+    """Return a heading in short lines, its unit in the last."""
+    name, bracket, unit = heading.partition(" [")
+    words = name.replace(".", ". ").replace("_", "_ ").replace(" ", "\n").split("\n")
+    return [*words, *([bracket.strip() + unit] if unit else [])]
+
+
+def _tell_warnings(found: Mapping[str, Result]) -> None:
+    """Print what the stages doubt, each sentence once."""
+    told = Counter(text for result in found.values() for text in dict.fromkeys(result.warnings))
+    for text, count in told.most_common(_MOST_WARNINGS):
+        print(f"spacemap: warning: {text} ({count} of {len(found)} runs)", file=sys.stderr)
+    if len(told) > _MOST_WARNINGS:
+        more = len(told) - _MOST_WARNINGS
+        print(f"spacemap: warning: {more} more, in the .json of each run", file=sys.stderr)

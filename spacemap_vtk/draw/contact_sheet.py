@@ -1,0 +1,172 @@
+"""A contact sheet: the pictures of a sweep side by side, each with the values that it is of."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from spacemap_vtk.scenes.runs import Sweep
+from spacemap_vtk.units import format_quantity
+
+#: Width that a sheet has about, and that of a cell at least and at most, in pixels.
+_WIDE, _NARROWEST, _WIDEST = 2200, 150, 520
+#: Cells that stand in one row, where nothing says how many.
+_ROW = 4
+#: Most pixels of a sheet's side.
+_LARGEST = 16_000
+_INK, _FAINT, _PAPER, _EMPTY = (40, 46, 54), (118, 126, 138), (255, 255, 255), (244, 245, 247)
+_LINE, _FAILED = (214, 219, 226), (150, 70, 40)
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """What changes from one cell to the next: names above, values of each below."""
+
+    names: tuple[str, ...]
+    values: list[tuple[str, ...]]
+
+
+def contact_sheet(
+    sweep: Sweep, title: str, files: Mapping[str, list[Path]], errors: Mapping[str, str]
+) -> NDArray[np.uint8]:
+    """Draw the pictures of runs: two lists down and across, one list in lines one after another."""
+    axes = _axes(sweep)
+    shots = max((len(each) for each in files.values()), default=1)
+    cells = [
+        (_at(files.get(run.name, []), k), errors.get(run.name, "not run"))
+        for run in sweep.runs
+        for k in range(shots)
+    ]
+    if len(axes) < 2:
+        return _sheet(title, None, axes[0] if axes else None, cells)
+    *above, last = axes
+    rows = [sum(each, ()) for each in product(*(axis.values for axis in above))]
+    down = _Axis(sum((axis.names for axis in above), ()), rows)
+    return _sheet(title, down, last, cells)
+
+
+def _axes(sweep: Sweep) -> list[_Axis]:
+    lists = [(_name(sweep, k), [e.label(v) for v in e.values]) for k, e in enumerate(sweep.axes)]
+    if sweep.paired and lists:
+        names, values = zip(*lists, strict=True)
+        axes = [_Axis(names, list(zip(*values, strict=True)))]
+    else:
+        axes = [_Axis((name,), [(value,) for value in values]) for name, values in lists]
+    times = sweep.runs[0].times
+    if len(times) > 1:
+        axes.append(_Axis(("Time",), [(format_quantity(time, "s"),) for time in times]))
+    return axes
+
+
+def _name(sweep: Sweep, number: int) -> str:
+    labels = [each.parameter.label for each in sweep.axes]
+    return labels[number] if labels.count(labels[number]) == 1 else sweep.axes[number].name
+
+
+def _at(files: list[Path], number: int) -> Path | None:
+    return files[number] if number < len(files) else None
+
+
+def _sheet(
+    title: str,
+    down: _Axis | None,
+    across: _Axis | None,
+    cells: list[tuple[Path | None, str]],
+) -> NDArray[np.uint8]:
+    pictures = [None if path is None else Image.open(path) for path, _ in cells]
+    sizes = [picture.size for picture in pictures if picture is not None] or [(4, 3)]
+    shape = max(height / width for width, height in sizes)
+    count = len(cells)
+    if down and across:
+        columns = len(across.values)
+    else:
+        columns = count if count <= _ROW else math.ceil(math.sqrt(count * 1.5 * shape))
+    rows = math.ceil(count / columns)
+    width = min(max(_WIDE // columns, _NARROWEST), _WIDEST, max(size[0] for size in sizes))
+    width = min(width, _LARGEST // columns, int(_LARGEST / (rows * shape)) - 40)
+    height = round(width * shape)
+    size = max(12, width // 20)
+    font, small = ImageFont.load_default(size), ImageFont.load_default(max(11, size * 3 // 4))
+    gap, line = size, round(1.35 * size)
+    names = len(across.names) if across else 0
+    label = names * 2 * line if down else names * line
+    left = gap
+    if down:
+        words = [*down.names, *(word for row in down.values for word in row)]
+        left = round(max(font.getlength(word) for word in words)) + 2 * gap
+    head = 2 * line + gap
+    top = head + (label if down else 0)
+    step = height + gap + (0 if down else label)
+    sheet = Image.new("RGB", (left + columns * (width + gap), top + rows * step + gap // 2), _PAPER)
+    pen = ImageDraw.Draw(sheet)
+    pen.text((gap, gap), title, _INK, ImageFont.load_default(round(1.2 * size)), anchor="la")
+    for number, (picture, (_, error)) in enumerate(zip(pictures, cells, strict=True)):
+        row, column = divmod(number, columns)
+        x, y = left + column * (width + gap), top + row * step
+        if picture is None:
+            _empty(pen, (x, y, x + width, y + height), error, small)
+        else:
+            share = min(width / picture.width, height / picture.height)
+            fit = max(1, round(share * picture.width)), max(1, round(share * picture.height))
+            shrunk = picture.convert("RGB").resize(fit, Image.Resampling.LANCZOS, reducing_gap=3.0)
+            sheet.paste(shrunk, (x + (width - fit[0]) // 2, y + (height - fit[1]) // 2))
+            picture.close()
+        pen.rectangle((x, y, x + width - 1, y + height - 1), outline=_LINE)
+        if across and not down:
+            told = zip(across.names, across.values[number], strict=True)
+            for k, (name, value) in enumerate(told):
+                place = x + width / 2, y + height + gap // 3 + k * line
+                _two(pen, place, f"{name} ", value, font, small)
+    if down and across:
+        for column, values in enumerate(across.values):
+            middle = left + column * (width + gap) + width / 2
+            for k, (name, value) in enumerate(zip(across.names, values, strict=True)):
+                pen.text((middle, head + 2 * k * line), name, _FAINT, small, anchor="ma")
+                pen.text((middle, head + (2 * k + 0.8) * line), value, _INK, font, anchor="ma")
+        for row, values in enumerate(down.values):
+            start = top + row * step + height / 2 - len(values) * line
+            for k, (name, value) in enumerate(zip(down.names, values, strict=True)):
+                high = start + 2 * k * line
+                pen.text((left - gap, high), name, _FAINT, small, anchor="ra")
+                pen.text((left - gap, high + 0.8 * line), value, _INK, font, anchor="ra")
+    return np.asarray(sheet)
+
+
+def _two(
+    pen: ImageDraw.ImageDraw,
+    place: tuple[float, float],
+    name: str,
+    value: str,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    small: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+) -> None:
+    """Write a name, and in ink its value, centred together."""
+    before, after = small.getlength(name), font.getlength(value)
+    x, base = place[0] - (before + after) / 2, place[1] + getattr(font, "size", 12)
+    pen.text((x, base), name, _FAINT, small, anchor="ls")
+    pen.text((x + before, base), value, _INK, font, anchor="ls")
+
+
+def _empty(
+    pen: ImageDraw.ImageDraw,
+    box: tuple[int, int, int, int],
+    error: str,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+) -> None:
+    """Draw a cell that has no picture, and say why."""
+    pen.rectangle(box, fill=_EMPTY)
+    size = getattr(font, "size", 12)
+    room = max(8, int((box[2] - box[0]) / (0.56 * size)))
+    lines = textwrap.wrap(error, room)
+    most = max(1, int((box[3] - box[1]) / (1.5 * size)) - 1)
+    text = "\n".join(lines[:most]) + (" …" if len(lines) > most else "")
+    middle = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+    pen.multiline_text(middle, text, _FAILED, font, anchor="mm", align="center", spacing=size // 3)

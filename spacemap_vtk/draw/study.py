@@ -1,0 +1,296 @@
+"""A sweep carried out: a picture, a scene and figures of each run, a table and a contact sheet.
+
+Runs are independent, and nothing of one depends on who carries it out: a worker gets values and
+gives back bytes, which are written here. So it may be a process or a machine far away, files are
+whole or not there, and a sweep that was interrupted goes on where it was.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import tempfile
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.draw.contact_sheet import contact_sheet
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
+from spacemap_vtk.io.formats.toml import format_scene
+from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder
+from spacemap_vtk.io.registry import writer
+from spacemap_vtk.mechanics import blas_threads
+from spacemap_vtk.memory import available, require
+from spacemap_vtk.parallel import core_count
+from spacemap_vtk.scenes import anatomy, report
+from spacemap_vtk.scenes.assignments import ValueList
+from spacemap_vtk.scenes.figure_list import (
+    Figure,
+    body_figures,
+    cloth_figures,
+    hung_figures,
+    in_table,
+    mode_figures,
+    motion_figures,
+    with_unit,
+    yarn_figures,
+)
+from spacemap_vtk.scenes.footprint import picture_bytes
+from spacemap_vtk.scenes.runs import Run, Sweep
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import format_quantity
+from spacemap_vtk.workers import in_processes, on_cluster
+
+#: What stands in the folder beside the runs.
+TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
+#: By which a record is known.
+_MARK = "files of a spacemap sweep"
+#: What a process takes before it does anything [bytes].
+_PROCESS = 300_000_000
+#: Of several threads of a process one draws and solves at a time: VTK collects its garbage for all.
+_alone = threading.Lock()
+
+
+@dataclass
+class Result:
+    """What became of a run."""
+
+    #: Headings and entries of a table.
+    figures: dict[str, str] = field(default_factory=dict)
+    #: Why it failed; empty where it did not.
+    error: str = ""
+    warnings: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    #: Files of pictures, one for each time.
+    pictures: list[bytes] = field(default_factory=list)
+
+
+def carry_out_run(run: Run) -> Result:
+    """Return the figures and the pictures of a run."""
+    result, begin = Result(), perf_counter()
+    with _alone, blas_threads.one(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", SpacemapWarning)
+        try:
+            scene = run.scene()
+            for figure in _figures(scene, run.times):
+                if figure.value is not None:
+                    result.figures[figure.heading] = figure.entry
+            result.pictures = [_picture(scene, time) for time in _times(run, scene)]
+            result.warnings = scene.warnings
+        except Exception as error:  # of one run, told in its row
+            result.error = " ".join(str(error).split()) or type(error).__name__
+    result.seconds = perf_counter() - begin
+    return result
+
+
+def _times(run: Run, scene: Scene) -> Sequence[float]:
+    return run.times or (scene.view.time,)
+
+
+def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
+    """Yield what `info` and `modes` tell of a scene, and how far it has moved at each time."""
+    if scene.woven:
+        found = report.fabric(scene, asked[0] if asked and scene.moves else None)
+        for warp, weft in yarn_figures(found):
+            yield warp
+            yield weft
+        yield from cloth_figures(found)
+        yield from motion_figures(found.get("motion"))
+    else:
+        yield from body_figures(anatomy.body(scene))
+    if scene.stage("solver") is not None:
+        modes = report.modes(scene)
+        yield from mode_figures(modes)
+        yield from hung_figures(modes["hung"])
+    if scene.moves:
+        times = asked or [scene.view.time]
+        for time in times:
+            scene.update_stage(scene.deforming, time)
+            moved = array_of(scene.deformed_cage.GetPointData(), "displacement", "the cage")
+            far = float(np.sqrt((moved.astype(float) ** 2).sum(axis=1).max()))
+            key = "largest displacement"
+            if len(times) > 1:
+                key += f" at {format_quantity(time, 's')}"
+            yield Figure(key, key, "", far, "m")
+
+
+def _picture(scene: Scene, time: float) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        order = Order("picture", Path(folder) / "picture.png", [time])
+        carry_out(order, scene, lambda done, of: None, whole=False)
+        return order.output.read_bytes()
+
+
+def carry_out_sweep(
+    sweep: Sweep,
+    folder: Path,
+    tell: Callable[[int, int], object] = lambda done, of: None,
+    *,
+    workers: int | None = None,
+    cluster: str = "",
+    again: bool = False,
+) -> dict[str, Result]:
+    """Carry out all runs that are not there yet, and return what became of each, by its name."""
+    sweep.check()
+    own = _claim(folder, sweep)
+    found = {} if again else {run.name: kept for run in sweep.runs if (kept := _kept(folder, run))}
+    waiting = [run for run in sweep.runs if run.name not in found]
+    count = _count(waiting, workers) if waiting and not cluster else 1
+    with telling_refusals(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
+    tell(len(found), len(sweep.runs))
+    function = f"{__name__}:{carry_out_run.__name__}"
+    answers = (
+        on_cluster(cluster, carry_out_run, waiting)
+        if cluster
+        else in_processes(function, waiting, count)
+    )
+    try:
+        with closing(answers):
+            for number, answer in answers:
+                run = waiting[number]
+                found[run.name] = answer if isinstance(answer, Result) else Result({}, str(answer))
+                _write_run(folder, run, found[run.name])
+                _write(folder / TABLE, table_text(sweep, found))
+                tell(len(found), len(sweep.runs))
+    finally:
+        # Also of those that are there when it is ended in between.
+        if found:
+            _write(folder / TABLE, table_text(sweep, found))
+            errors = {name: result.error for name, result in found.items() if result.error}
+            files = {run.name: pictures_of(folder, run) for run in sweep.runs if run.name in found}
+            files = {name: paths for name, paths in files.items() if name not in errors}
+            sheet = contact_sheet(sweep, sweep.title, files, errors)
+            with whole_file(folder / SHEET) as file:
+                writer(file, "picture").write(file, sheet)
+    return found
+
+
+def pictures_of(folder: Path, run: Run) -> list[Path]:
+    """Return where the pictures of a run lie."""
+    names = [run.name]
+    if len(run.times) > 1:
+        told = [format_quantity(time, "s").replace(" ", "") for time in run.times]
+        names = [f"{run.name}_t={time}" for time in told]
+    return [folder / f"{name}.png" for name in names]
+
+
+def table(sweep: Sweep, found: Mapping[str, Result]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows: the values, the figures, how long it took, what went wrong."""
+    figures = dict.fromkeys(name for run in found.values() for name in run.figures)
+    keys = [with_unit(each.name, each.parameter.unit) for each in sweep.axes]
+    rows = []
+    for run in sweep.runs:
+        result = found.get(run.name, Result(error="not run"))
+        values = [_entry(*each) for each in zip(sweep.axes, run.chosen, strict=True)]
+        numbers = [result.figures.get(name, "") for name in figures]
+        rows.append([run.name, *values, *numbers, f"{result.seconds:.3g}", result.error])
+    return ["run", *keys, *figures, "seconds [s]", "message"], rows
+
+
+def table_text(sweep: Sweep, found: Mapping[str, Result]) -> str:
+    """Return the table as CSV."""
+    stream = io.StringIO()
+    headings, rows = table(sweep, found)
+    csv.writer(stream, lineterminator="\n").writerows([headings, *rows])
+    return stream.getvalue()
+
+
+def _entry(each: ValueList, value: Any) -> str:
+    checked = each.parameter.check(value)
+    number = isinstance(checked, (int, float)) and not isinstance(checked, bool)
+    return in_table(checked, each.parameter.unit) if number else each.label(value)
+
+
+def _claim(folder: Path, sweep: Sweep) -> set[str]:
+    """Return the names of all that a sweep writes; refuse to overwrite what is not its own."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(
+            f"{folder}: a file of that name is in the way", cure="Choose another name."
+        )
+    own: set[str] = set()
+    record = folder / RECORD
+    if record.is_file():
+        try:
+            told = json.loads(record.read_text(encoding="utf-8"))
+            own = set(told["files"]) if told["of"] == _MARK else set()
+        except (ValueError, KeyError, TypeError):
+            own = set()
+    files = {TABLE, SHEET, RECORD}
+    for run in sweep.runs:
+        files |= {path.name for path in pictures_of(folder, run)}
+        files |= {f"{run.name}.toml", f"{run.name}.json"}
+    if foreign := sorted(name for name in files - own if (folder / name).exists()):
+        raise InputError(
+            f"{folder / foreign[0]}: there already, and not of a sweep",
+            cure="Choose a new folder.",
+        )
+    return own | files
+
+
+def _kept(folder: Path, run: Run) -> Result | None:
+    """Return what an earlier sweep has found of the same run; None of what failed."""
+    try:
+        told = json.loads((folder / f"{run.name}.json").read_text(encoding="utf-8"))
+        same = told["digest"] == run.digest and not told["error"]
+        there = all(path.is_file() for path in pictures_of(folder, run))
+        if not same or not there:
+            return None
+        return Result(told["figures"], "", told["warnings"], told["seconds"])
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _write_run(folder: Path, run: Run, result: Result) -> None:
+    with whole_folder(folder / f"{run.name}.json") as place:
+        for path, content in zip(pictures_of(place, run), result.pictures, strict=False):
+            path.write_bytes(content)
+        comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
+        scene = format_scene(run.whole, comment)
+        (place / f"{run.name}.toml").write_text(scene, encoding="utf-8")
+        told = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
+        text = json.dumps(told, indent=1, ensure_ascii=False)
+        (place / f"{run.name}.json").write_text(text, encoding="utf-8")
+
+
+def _write(path: Path, text: str) -> None:
+    with whole_file(path) as file:
+        file.write_text(text, encoding="utf-8", newline="")
+
+
+def _count(runs: Sequence[Run], asked: int | None) -> int:
+    """Return how many processes there is memory for; refuse more that are asked for."""
+    need = _PROCESS + max(_bytes(run) for run in runs)
+    free = available()
+    fits = max(1, free // need) if free is not None else len(runs)
+    if asked is None:
+        return min(core_count(), fits)
+    count = min(asked, len(runs))
+    require(
+        count * need if count > 1 else 0,
+        f"{count} processes",
+        key="--workers",
+        value=asked,
+        cure=f"Take {fits} or fewer.",
+    )
+    return count
+
+
+def _bytes(run: Run) -> int:
+    try:
+        scene = run.scene()
+        width, height = scene.view.size
+        return picture_bytes(scene, width * height) if scene.woven else 0
+    except SpacemapError:  # told when it is carried out
+        return 0

@@ -1,0 +1,163 @@
+"""What ``--set`` says: a value of a scene's key, or the values that a sweep goes through."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError, UnknownNameError, naming_section
+from spacemap_vtk.parameters import Parameter, Parameterised, Real, suggestion
+
+#: Values between two ends, both among them: evenly spaced, or each the same multiple of the last.
+_SPACED = re.compile(r"\s*(linspace|geomspace)\((.*)\)\s*", re.DOTALL)
+_MOST = 1000
+_OPENING, _CLOSING = "([{", ")]}"
+
+
+@dataclass(frozen=True)
+class ValueList:
+    """The values that a key goes through; one that has a single value is set to it."""
+
+    section: str
+    key: str
+    #: As a scene file has them.
+    values: tuple[Any, ...]
+    #: Who checks and shows them.
+    parameter: Parameter[Any]
+
+    @property
+    def name(self) -> str:
+        """What follows ``--set``, before the values."""
+        return f"{self.section}.{self.key}"
+
+    def label(self, value: Any) -> str:
+        """Return a value as people read it, in a few words."""
+        checked = self.parameter.check(value)
+        if checked is None:
+            return "auto"
+        text = self.parameter.text(checked)
+        if isinstance(value, str) and self.parameter.kind == "file":
+            text = checked.name
+        text = text.strip('"')
+        return text if len(text) <= 40 else text[:39] + "…"
+
+
+def parsed(assignment: str) -> tuple[str, str, str]:
+    """Return section, key and what is said of it, of ``section.key=value``."""
+    target, equals, text = assignment.partition("=")
+    section, dot, key = target.strip().partition(".")
+    if not equals or not dot:
+        raise InputError(
+            f'"{assignment}" sets nothing',
+            allowed='section.key=value, as in "weave.ends=20"',
+        )
+    return section, key, text
+
+
+def value_of(text: str) -> Any:
+    """Return a value that is written as in a scene file; quotes can be left out."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def part_of(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
+    """Return what a section configures, of all that there are."""
+    if section not in parts:
+        raise UnknownNameError(
+            "a scene has no section of that name",
+            key=section,
+            allowed=", ".join(["title", *(f"[{name}]" for name in parts)]),
+            cure=suggestion(section, parts),
+        )
+    return parts[section]
+
+
+def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
+    """Return the values of ``section.key=value,value``, each of which the key takes."""
+    section, key, text = parsed(assignment)
+    part = part_of(parts, section)
+    with naming_section(section):
+        parameter = part.parameter(key)
+        words = list(_split(text))
+        if "" in words and len(words) > 1:
+            raise InputError(
+                "a value is missing between commas",
+                key=key,
+                value=text,
+                cure="Quote a value that has commas of its own.",
+            )
+        values = [value for word in words for value in _values(word, parameter)]
+        if len(values) == 1 and isinstance(values[0], list) and values[0]:
+            values = _whole_or_items(values[0], parameter)
+        for value in values:
+            parameter.check(value)
+    return ValueList(section, key, tuple(values), parameter)
+
+
+def _split(text: str) -> Iterator[str]:
+    """Yield what stands between commas that are in no brackets and no quotes."""
+    depth, quote, start = 0, "", 0
+    for place, letter in enumerate(text):
+        if quote:
+            escaped = quote == '"' and text[place - 1] == "\\"
+            quote = "" if letter == quote and not escaped else quote
+        elif letter in "\"'":
+            quote = letter
+        elif letter in _OPENING:
+            depth += 1
+        elif letter in _CLOSING:
+            depth -= 1
+        elif letter == "," and depth <= 0:
+            yield text[start:place].strip()
+            start = place + 1
+    yield text[start:].strip()
+
+
+def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
+    """Return the value that a word says, or those of a linspace or geomspace."""
+    match = _SPACED.fullmatch(word)
+    if match is None:
+        return [value_of(word)]
+    number = getattr(parameter, "component", parameter)
+    ends = [part.strip() for part in match[2].split(",")]
+    refused = InputError(
+        "no values between two ends",
+        key=parameter.name,
+        value=word,
+        allowed=f"{match[1]}(first, last, count) of a number, with a count from 2 to {_MOST}",
+    )
+    if not isinstance(number, Real) or len(ends) != 3 or not ends[2].isdecimal():
+        raise refused
+    count = int(ends[2])
+    first, last = (Real(None, "", unit=number.unit).check(value_of(end)) for end in ends[:2])
+    even = match[1] == "linspace"
+    if not 2 <= count <= _MOST or not (even or first * last > 0):
+        raise refused
+    found = (np.linspace if even else np.geomspace)(first, last, count)
+    # As people would write them: the last digits are of rounding.
+    return [float(f"{value:.12g}") for value in found.tolist()]
+
+
+def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
+    """Return a list as one value where it is one, else its items."""
+    try:
+        parameter.check(values)
+    except InputError:
+        taken = 0
+        for value in values:
+            try:
+                parameter.check(value)
+                taken += 1
+            except InputError:
+                continue
+        if not taken:
+            raise
+        return values
+    return [values]

@@ -1,0 +1,205 @@
+"""A sweep: a scene over lists of values, each combination a run that is a scene of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk import __version__
+from spacemap_vtk.errors import GeometryError, InputError, SizeError
+from spacemap_vtk.parameters import Parameterised
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
+from spacemap_vtk.scenes.scene import Scene
+
+#: More are a mistake in the lists.
+MOST_RUNS = 10_000
+#: Letters of a file's name, without those of its ending.
+_LONGEST = 120
+
+
+@dataclass(frozen=True)
+class Run:
+    """A scene with one value of each list."""
+
+    #: Of its files, without their endings.
+    name: str
+    #: Of each list with several values the one that counts here, in words and as it was given.
+    labels: tuple[str, ...]
+    chosen: tuple[Any, ...]
+    #: The scene's file, and what it says; paths in it are whole.
+    file: Path
+    values: Mapping[str, Any]
+    #: Section, key and value of all that is set.
+    assigned: tuple[tuple[str, str, Any], ...]
+    #: Of its pictures [s]; none: as the scene says.
+    times: tuple[float, ...] = ()
+
+    def scene(self) -> Scene:
+        """Return the scene, not yet run."""
+        scene = Scene(self.values, self.file)
+        for section, key, value in self.assigned:
+            scene.assign(section, key, value)
+        return scene
+
+    @property
+    def whole(self) -> dict[str, Any]:
+        """The values as a scene file of its own has them."""
+        found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self.values.items()}
+        for section, key, value in self.assigned:
+            found.setdefault(section, {})[key] = value
+        if self.labels:
+            found["title"] = f"{found.get('title', self.file.stem)}: {', '.join(self.labels)}"
+        return found
+
+    @property
+    def digest(self) -> str:
+        """Another one for other values, times, files that it reads, or another program."""
+        told = [__version__, self.whole, self.times]
+        found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
+        for path in sorted(set(_paths(self.whole))):
+            if path.is_file():
+                found.update(path.read_bytes())
+        return found.hexdigest()[:32]
+
+
+@dataclass
+class Sweep:
+    """All runs, and what they go through."""
+
+    #: The lists with several values: of a grid its directions, the last one running fastest.
+    axes: list[ValueList]
+    runs: list[Run]
+    #: Of the scene.
+    title: str = ""
+    #: Whether the lists go in step, the first value of each together, and so on.
+    paired: bool = False
+    #: Those that `check` knows to fail, and why.
+    impossible: dict[str, str] = field(default_factory=dict)
+
+    def check(self) -> None:
+        """Refuse what no run may have; what yarns and memory have no room for is a result."""
+        for run in self.runs:
+            try:
+                run.scene().check()
+            except (GeometryError, SizeError) as error:
+                self.impossible[run.name] = str(error)
+                if len(self.impossible) == len(self.runs):
+                    raise
+            except InputError as error:
+                if run.labels:
+                    error.message = f"with {', '.join(run.labels)}: {error.message}"
+                raise
+
+
+def sweep_of(
+    scene: str | Path,
+    assignments: Sequence[str],
+    *,
+    paired: bool = False,
+    times: Sequence[float] = (),
+    fixed: Sequence[tuple[str, str, Any]] = (),
+) -> Sweep:
+    """Return the runs of a scene over what ``--set`` says, each with a list of values."""
+    file = library.find(scene).resolve()
+    read = Scene.read(file)
+    lists = [swept(assignment, read.parts) for assignment in assignments]
+    names = [each.name for each in lists]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                "set twice", key=name, cure=f"Write all its values together: {name}=1,2,3."
+            )
+    axes = [each for each in lists if len(each.values) > 1]
+    if paired and len({len(each.values) for each in axes}) > 1:
+        told = ", ".join(f"{each.name} has {len(each.values)}" for each in axes)
+        raise InputError(
+            f"lists that are paired have as many values each: {told}",
+            cure="Leave out --zip for all combinations.",
+        )
+    many = len(axes[0].values) if paired and axes else prod(len(each.values) for each in axes)
+    if many > MOST_RUNS:
+        raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
+    ranges = [range(len(each.values)) for each in axes]
+    places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
+    base = _placed(library.values_of(file, file.name), read.parts, file.parent)
+    always = [
+        *((each.section, each.key, each.values[0]) for each in lists if len(each.values) == 1),
+        *fixed,
+    ]
+    keys = [each.key if sum(e.key == each.key for e in axes) == 1 else each.name for each in axes]
+    runs: list[Run] = []
+    for place in places:
+        chosen = [each.values[k] for each, k in zip(axes, place, strict=True)]
+        said = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
+        assigned = _assigned([*always, *said], read.parts)
+        labels = [each.label(value) for each, value in zip(axes, chosen, strict=True)]
+        name = _name(keys, labels)
+        words = [f"{key} = {label}" for key, label in zip(keys, labels, strict=True)]
+        runs.append(Run(name, tuple(words), tuple(chosen), file, base, assigned, tuple(times)))
+    return Sweep(axes, _apart(runs), read.title, paired)
+
+
+def _placed(
+    values: Mapping[str, Any], parts: Mapping[str, Parameterised], folder: Path
+) -> dict[str, Any]:
+    """Return a scene's values with whole paths."""
+    found: dict[str, Any] = {}
+    for section, said in values.items():
+        found[section] = said
+        if isinstance(said, Mapping) and section in parts:
+            part = parts[section]
+            found[section] = {k: part.parameter(k).within(v, folder) for k, v in said.items()}
+    return found
+
+
+def _assigned(
+    said: Sequence[tuple[str, str, Any]], parts: Mapping[str, Parameterised]
+) -> tuple[tuple[str, str, Any], ...]:
+    here = Path.cwd()
+    return tuple(
+        (section, key, part_of(parts, section).parameter(key).within(value, here))
+        for section, key, value in said
+    )
+
+
+def _name(keys: Sequence[str], labels: Sequence[str]) -> str:
+    """Return a file's name that tells the values, of letters that every disk takes."""
+    pairs = [
+        f"{key}={label}".replace("/", "-").replace("µ", "u").replace(" ", "")
+        for key, label in zip(keys, labels, strict=True)
+    ]
+    return re.sub(r"[^A-Za-z0-9_.+=-]+", "", "_".join(pairs)) or "run"
+
+
+def _apart(runs: list[Run]) -> list[Run]:
+    """Return runs none of which has the name of another; the same one twice is refused."""
+    names = [run.name.casefold() for run in runs]
+    found, seen = [], {}
+    for run, name in zip(runs, names, strict=True):
+        if len(name) > _LONGEST or names.count(name) > 1:
+            digest = run.digest
+            if digest in seen:
+                raise InputError(
+                    f"twice the same run: {', '.join(run.labels)}", cure="Name each value once."
+                )
+            seen[digest] = run
+            run = replace(run, name=f"{run.name[:_LONGEST]}-{digest[:8]}")
+        found.append(run)
+    return found
+
+
+def _paths(value: Any) -> Iterator[Path]:
+    """Yield all paths in values."""
+    if isinstance(value, Path):
+        yield value
+    elif isinstance(value, (Mapping, list, tuple)):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from _paths(item)

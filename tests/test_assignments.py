@@ -1,0 +1,107 @@
+"""What --set says in a sweep: values, lists of them, and what is refused before anything runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.assignments import swept
+from spacemap_vtk.scenes.runs import sweep_of
+from spacemap_vtk.scenes.scene import Scene
+
+PARTS = Scene({}).parts
+SCENE = "plain_weave"
+
+
+@pytest.mark.parametrize(
+    ("said", "values"),
+    [
+        ("weave.ends=5,7", [5, 7]),
+        ("weave.ends=[5,7]", [5, 7]),
+        ("weave.warp_spacing=0.4 mm,500um", ["0.4 mm", "500um"]),
+        ("weave.pattern=plain, satin 8/3", ["plain", "satin 8/3"]),
+        ("modal.gravity=[0,0,-1]", [[0, 0, -1]]),
+        ("modal.gravity=[0,0,-1],[0,0,-2]", [[0, 0, -1], [0, 0, -2]]),
+        ("modal.gravity=[[0,0,-1],[0,0,-2]]", [[0, 0, -1], [0, 0, -2]]),
+        ("weave.warp_color=['#ffffff','#000000'],#ff0000", [["#ffffff", "#000000"], "#ff0000"]),
+        ("modal.fixed=\"-x, +x\",'+y',sphere(0, 1, 2, 3)", ["-x, +x", "+y", "sphere(0, 1, 2, 3)"]),
+        ('weave.draft="a\\",b.wif",c.wif', ['a",b.wif', "c.wif"]),
+        ("view.shadows=true,false", [True, False]),
+        ("weave.warp_crimp_height=auto,0.1mm", ["auto", "0.1mm"]),
+        ("weave.ends=3,linspace(5,9,3)", [3, 5, 7, 9]),
+        ("weave.warp_spacing=linspace(0.4 mm, 0.6mm, 3)", [4e-4, 5e-4, 6e-4]),
+        ("modal.youngs_modulus=geomspace(1 kPa, 1 MPa, 4)", [1e3, 1e4, 1e5, 1e6]),
+    ],
+)
+def test_values_stand_between_commas(said: str, values: list[Any]) -> None:
+    assert list(swept(said, PARTS).values) == values
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("weave.ends=5,-3", "weave.ends = -3: out of range"),
+        ("weave.ends=[5,-3]", "weave.ends = -3: out of range"),
+        ("weave.ends=5,,7", "a value is missing"),
+        ("modal.gravity=[0,0]", "2 components in place of 3"),
+        ("weave.endz=3,4", 'Did you mean "ends"'),
+        ("weev.ends=3,4", "no section of that name"),
+        ("weave.ends=linspace(3,6,3)", "weave.ends = 4.5: not a whole number"),
+        ("weave.warp_spacing=linspace(0.4 kg,1,3)", 'unit "kg" is not known'),
+        ("modal.youngs_modulus=geomspace(0,1,3)", "no values between two ends"),
+        ("weave.pattern=linspace(1,2,3)", "no values between two ends"),
+    ],
+)
+def test_each_value_is_checked(said: str, told: str) -> None:
+    with pytest.raises(InputError, match=told.replace("(", r"\(")):
+        swept(said, PARTS)
+
+
+def test_lists_are_multiplied_or_paired() -> None:
+    said = ["weave.ends=2,3", "weave.picks=4,5", "weave.pattern=plain"]
+    every = [
+        (run.scene().weave.ends, run.scene().weave.picks) for run in sweep_of(SCENE, said).runs
+    ]
+    assert every == [(2, 4), (2, 5), (3, 4), (3, 5)]
+    paired = sweep_of(SCENE, said, paired=True).runs
+    assert [run.chosen for run in paired] == [(2, 4), (3, 5)]
+    assert [run.name for run in paired] == ["ends=2_picks=4", "ends=3_picks=5"]
+    for wrong, told in (
+        (["weave.ends=2,3", "weave.picks=4,5,6"], "weave.ends has 2, weave.picks has 3"),
+        (["weave.ends=2", "weave.ends=3"], "set twice"),
+        (["weave.ends=2,2"], "twice the same run"),
+    ):
+        with pytest.raises(InputError, match=told):
+            sweep_of(SCENE, wrong, paired=True)
+    with pytest.raises(InputError, match="20000 runs"):
+        sweep_of(SCENE, ["weave.ends=linspace(1,200,200)", "weave.picks=linspace(1,100,100)"])
+
+
+def test_what_no_run_may_have_is_refused_and_what_has_no_room_is_a_result(tmp_path: Path) -> None:
+    room = sweep_of(SCENE, ["weave.warp_diameter=0.25mm,0.6mm"])
+    room.check()
+    assert list(room.impossible) == ["warp_diameter=0.6mm"]
+    with pytest.raises(InputError, match="warp_diameter"):  # nothing would come of it at all
+        sweep_of(SCENE, ["weave.warp_diameter=0.6mm,0.7mm"]).check()
+    missing = sweep_of(SCENE, [f"weave.draft={tmp_path / 'a.wif'},{tmp_path / 'b.wif'}"])
+    with pytest.raises(InputError, match=r"a\.wif.*no such file"):
+        missing.check()
+
+
+def test_a_run_is_known_by_all_that_it_depends_on(tmp_path: Path) -> None:
+    draft, scene = tmp_path / "a.txt", tmp_path / "a.toml"
+    draft.write_text("10\n01\n")
+    scene.write_text('[weave]\ndraft = "a.txt"\n')
+
+    def digest(*said: str, **more: Any) -> str:
+        (run,) = sweep_of(scene, said, **more).runs
+        return run.digest
+
+    known = digest()
+    assert digest() == known
+    assert len({known, digest("weave.trim=true"), digest(times=[0.1])}) == 3
+    draft.write_text("11\n01\n")
+    assert digest() != known
