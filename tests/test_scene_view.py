@@ -35,7 +35,7 @@ class Shown:
 
     def __init__(self, scene: Scene) -> None:
         self.window = Offscreen(SIZE, samples=4)
-        self.view = SceneView(self.window.renderer, far_sides=True)
+        self.view = SceneView(self.window.renderer, shades=True)
         self.scene = scene
         aim(self.window.camera, moved_points(scene.deformed_cage), 4 / 3, "three-quarter", 1.0)
 
@@ -102,7 +102,7 @@ def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
     with opened() as shown:
         frame = frame_of(shown.scene, 0.02)
         assert frame.closed
-        view = SceneView(shown.window.renderer, far_sides=False)
+        view = SceneView(shown.window.renderer, shades=False)
         for closed in (True, False):
             view.show(replace(frame, closed=closed), shown.scene.view, Look())
             assert view.surface.GetProperty().GetBackfaceCulling() == closed

@@ -59,7 +59,7 @@ class View3D(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.plotter)
         #: What is drawn, but for what the mouse takes hold of and where it has picked.
-        self.scene_view = SceneView(self.plotter.renderer, far_sides=False)
+        self.scene_view = SceneView(self.plotter.renderer, shades=False)
         self.plotter.front.AddActor(self.scene_view.loads.through)
         #: Where the user has picked.
         self.marks = DotsActor()

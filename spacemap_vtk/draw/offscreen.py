@@ -19,20 +19,11 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 class Offscreen:
     """Draws one renderer, lit."""
 
-    def __init__(
-        self,
-        size: tuple[int, int],
-        samples: int = 0,
-        pixels: int = 1,
-        beside: Offscreen | None = None,
-    ) -> None:
+    def __init__(self, size: tuple[int, int], samples: int = 0, pixels: int = 1) -> None:
         prepare_offscreen()
         self.renderer = lit_renderer()
         self.size = size
-        if beside is not None and beside.size == size:
-            self.render_window: vtkRenderWindow = beside.render_window
-        else:
-            self.render_window = _window(size, samples, pixels)
+        self.render_window = _window(size, samples, pixels)
         self.render_window.AddRenderer(self.renderer)
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None
@@ -42,6 +33,12 @@ class Offscreen:
         if self.front is None:
             self.front = front_of(self.render_window, self.renderer)
         self.front.AddViewProp(prop)
+
+    def leave_background(self) -> None:
+        """Draw no background: where nothing is, a pixel is covered by nothing."""
+        self.renderer.GradientBackgroundOff()
+        self.renderer.SetBackground(0.0, 0.0, 0.0)
+        self.renderer.SetBackgroundAlpha(0.0)
 
     @property
     def camera(self) -> vtkCamera:
@@ -56,20 +53,20 @@ class Offscreen:
 
     def render(self, front: bool = True, over: bool = False) -> None:
         """Draw within the camera's present range, over what was drawn before or in place of it."""
-        for renderer in self.render_window.GetRenderers():
-            renderer.SetDraw(renderer is self.renderer or (front and renderer is self.front))
+        if self.front is not None:
+            self.front.SetDraw(front)
         self.renderer.SetPreserveColorBuffer(over)
         self.renderer.SetPreserveDepthBuffer(over)
         self.render_window.Render()
 
     def pixels(self) -> NDArray[np.uint8]:
-        """Return what was drawn last."""
+        """Return what was drawn last: red, green, blue, and how much of it is drawn."""
         width, height = self.size
         pixels = vtkUnsignedCharArray()
         # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
         # plain mean of them.
-        self.render_window.GetPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
-        return vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
+        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
+        return vtk_to_numpy(pixels).reshape(height, width, 4)[::-1]
 
     def depth(self) -> NDArray[np.float32]:
         """Return how far from the camera is what was drawn last."""
@@ -97,6 +94,7 @@ def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow
         # macOS: otherwise a window is made, though nothing shows it.
         window.SetConnectContextToNSView(False)
     window.SetMultiSamples(samples)
+    window.SetAlphaBitPlanes(True)
     window.SetSize(*size)
     window.SetDPI(72 * pixels)
     return window

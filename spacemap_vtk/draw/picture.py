@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
-from vtkmodules.vtkRenderingCore import vtkActor
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
 from spacemap_vtk.draw.coloring import add_measure, measure
+from spacemap_vtk.draw.compose import Background, composed, gradient
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
 from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
@@ -22,7 +22,7 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
-from spacemap_vtk.draw.shading import averaged, contact_shade, strips
+from spacemap_vtk.draw.shading import contact_shade
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.footprint import fits_picture, require_picture
 from spacemap_vtk.scenes.scene import Scene
@@ -33,8 +33,14 @@ Extent = tuple[NDArray[np.float64], Span | None]
 
 #: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
 _OBJECT_RELIEF = 0.03
-#: A pixel of the picture is the mean of a block of drawn ones, this many wide and high.
-_SAMPLES = 2
+#: A pixel of the picture is the mean of a block of drawn ones, this many wide and high. Two show
+#: yarns as well as with four of OpenGL's samples in each, which take three times as long; thin
+#: lines need more, and where a cage is alone to draw it larger still costs less than samples.
+_BLOCK, _BLOCK_OF_LINES, _LINE_SAMPLES = 2, 4, 4
+#: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
+_FINE = 4.0
+#: Longest side of what is drawn so large, in pixels of the picture: graphics cards know a largest.
+_LARGE = 2048
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
 _USUAL, _LEAST = 960, 0.6
 
@@ -46,6 +52,8 @@ class _Panel(NamedTuple):
     shown: SceneView
     look: Look
     shaded: bool
+    #: What is seen where nothing is.
+    behind: Background
 
 
 class Picture:
@@ -120,6 +128,8 @@ class Picture:
         scale = pixels_per_metre(camera, room, height)
         scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
         pixels = scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+        if pixels < _FINE:
+            self.panels[-1].window.render_window.SetMultiSamples(_LINE_SAMPLES)
         if self.sheet is None:
             return
         if automatic and pixels < SMALLEST_YARN:
@@ -149,65 +159,53 @@ class Picture:
         return np.concatenate([self._drawn(panel, frame) for panel in self.panels], axis=1)
 
     def _drawn(self, panel: _Panel, frame: Frame) -> Image:
-        window, shown, look, shaded = panel
-        view = self.scene.view
+        window, shown, look, shaded, behind = panel
+        view, pieces = self.scene.view, self.pieces if look.fabric else None
         shown.show(frame, view, look, self._span, self._cut)
+        self._choose_range(window, pieces)
         # A sheet has the shadows of its yarns in its colours.
-        shaded = shaded and (self.sheet is None or self.pieces is not None)
-        shade, depths = None, []
-        if self.pieces is not None and look.fabric:
-            depths = self._draw_pieces(panel, frame)
-            pixels = window.pixels()
-        else:
-            if shaded and any(sign.GetVisibility() for sign in shown.signs):
-                # One without the other, and the other without the one.
-                depths = [_depth_without(window, part) for part in (shown.signs, shown.solids)]
-            pixels = window.draw()
-        if shaded:
-            shade = self._shade(window, *(depths or [window.depth()]))
-        height, width = pixels.shape[:2]
-        image = np.empty((height // _SAMPLES, width // _SAMPLES, 3), np.uint8)
-        for rows in strips(height):
-            light = pixels[rows].astype(np.float32)
-            if shade is not None:
-                light *= shade[rows, :, None]
-            mean = np.clip(averaged(light, _SAMPLES) + 0.5, 0, 255)
-            image[rows.start // _SAMPLES : rows.stop // _SAMPLES] = mean
-        return image
-
-    def _draw_pieces(self, panel: _Panel, frame: Frame) -> list[NDArray[np.float32]]:
-        """Draw the yarns over one another, then all else; return the depths of both, if needed."""
-        window, shown, look, _ = panel
-        assert self.pieces is not None
-        assert self.sheet is not None
-        view, renderer = self.scene.view, window.renderer
-        # One range for all: what is drawn first must not be farther for what comes later.
-        low, high = np.array(renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
-        bounds = np.stack([low - self._relief, high + self._relief], axis=1)
-        renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
-        later = (*shown.signs, shown.ghost, shown.sheet.bar)
-        others = [prop for prop in later if prop.GetVisibility()]
-        shown.sheet.VisibilityOff()
-        signs = []
-        if panel.shaded and others:
-            window.render(front=False)
-            signs = [window.depth()]
-        for prop in others:
+        shaded = shaded and (self.sheet is None or pieces is not None)
+        signs = any(sign.GetVisibility() for sign in shown.signs)
+        # What is drawn once solids have their shadows, or their pieces are all there.
+        over = pieces is not None or (shaded and signs)
+        others = (*shown.signs, shown.ghost, shown.surface.bar, shown.sheet.bar)
+        later = [prop for prop in others if over and prop.GetVisibility()]
+        for prop in later:
             prop.VisibilityOff()
-        window.render(front=False)
+        if pieces is not None:
+            shown.sheet.VisibilityOff()
+        window.render(front=not over)
+        if pieces is not None:
+            self._draw_pieces(panel, frame, pieces)
+        depths = [window.depth()] if shaded else []
+        if over:
+            for solid in shown.solids:
+                solid.VisibilityOff()
+            for prop in later:
+                prop.VisibilityOn()
+            window.render(over=True)
+            depths += [window.depth()] if shaded and signs else []
+        return composed(window.pixels(), self._shade(window, *depths) if depths else None, behind)
+
+    def _choose_range(self, window: Offscreen, pieces: DrawnPieces | None) -> None:
+        window.renderer.ResetCameraClippingRange()
+        if pieces is not None:
+            # One range for all: what is drawn first must not be farther for what comes later.
+            low, high = np.array(window.renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
+            bounds = np.stack([low - self._relief, high + self._relief], axis=1)
+            window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
+
+    def _draw_pieces(self, panel: _Panel, frame: Frame, pieces: DrawnPieces) -> None:
+        """Draw the yarns over one another."""
+        window, shown, look = panel.window, panel.shown, panel.look
+        assert self.sheet is not None
         width, height = window.size
-        for piece in self.pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
+        for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
             some = copied(piece)
             add_measure(some, frame.color)
-            shown.show_more(replace(frame, surface=some, cloth=None, closed=True), view, look)
+            more = replace(frame, surface=some, cloth=None, closed=True)
+            shown.show_more(more, self.scene.view, look)
             window.render(front=False, over=True)
-        depths = [window.depth(), *signs] if panel.shaded else []
-        for prop in others:
-            prop.VisibilityOn()
-        for prop in (shown.surface, shown.face):
-            prop.VisibilityOff()
-        window.render(over=True)
-        return depths
 
     def _shade(
         self,
@@ -229,17 +227,15 @@ class Picture:
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
     ) -> _Panel:
-        view = scene.view
-        window = Offscreen(
-            (size[0] * _SAMPLES, size[1] * _SAMPLES),
-            samples=4,
-            pixels=_SAMPLES,
-            beside=self.panels[-1].window if self.panels else None,
-        )
-        shown = SceneView(window.renderer, far_sides=True)
+        view, alone = scene.view, panel == "cage" and max(size) <= _LARGE
+        block = _BLOCK_OF_LINES if alone else _BLOCK
+        samples = 0 if alone or panel == "fabric" else _LINE_SAMPLES
+        window = Offscreen((size[0] * block, size[1] * block), samples, block)
+        shown = SceneView(window.renderer, shades=True)
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
-        point = _SAMPLES * max(_LEAST, size[1] / _USUAL) * view.line_scale
-        shown.fit(view, size, _SAMPLES, point)
+        point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
+        shown.fit(view, size, block, point)
+        window.leave_background()
         if view.loads:
             window.add_in_front(shown.loads.through)
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
@@ -252,7 +248,8 @@ class Picture:
         # A colour that stands for a number must be found again in the scale.
         shaded = view.shadows and panel != "cage" and self._span is None
         look = Look(fabric=panel != "cage", cage=panel != "fabric")
-        return _Panel(window, shown, look, shaded)
+        behind = gradient(size, view.background, view.background_top)
+        return _Panel(window, shown, look, shaded, behind)
 
     def close(self) -> None:
         """Free the windows."""
@@ -294,18 +291,6 @@ def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
-
-
-def _depth_without(window: Offscreen, actors: list[vtkActor]) -> NDArray[np.float32]:
-    """Return how far from the camera all but some things are; NaN where none is."""
-    hidden = [actor for actor in actors if actor.GetVisibility()]
-    for actor in hidden:
-        actor.VisibilityOff()
-    window.draw(front=False)
-    depth = window.depth()
-    for actor in hidden:
-        actor.VisibilityOn()
-    return depth
 
 
 def _relief(scene: Scene) -> float:

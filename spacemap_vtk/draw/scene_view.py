@@ -39,11 +39,10 @@ class SceneView:
 
     # What shines through, `loads.through`, is for a renderer in front, if the caller has one.
 
-    def __init__(self, renderer: vtkRenderer, far_sides: bool) -> None:
+    def __init__(self, renderer: vtkRenderer, shades: bool) -> None:
         self.renderer = renderer
-        # Nobody sees the far sides of closed yarns, and they cost as much as the near ones. Of the
-        # samples of a pixel at an edge some see them: pictures have them, moving ones go without.
-        self._far_sides = far_sides
+        # Whether the caller shades what is drawn, as pictures are.
+        self._shades = shades
         self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
         self.sheet, self.light = SheetActor(), SurfaceActor()
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
@@ -174,7 +173,7 @@ class SceneView:
             return
         around = frame.surface if frame.around is None else frame.around
         # As its yarns would be: only pictures shade them.
-        shaded = view.shadows and span is None and self._far_sides
+        shaded = view.shadows and span is None and self._shades
         self.sheet.show_sheet(around, frame.cloth, frame.color, span, shaded)
         self._dress(self.sheet, look)
         self.surface.VisibilityOff()
@@ -187,7 +186,8 @@ class SceneView:
         self, actor: SurfaceActor, frame: Frame, view: View, look: Look, span: Span | None
     ) -> None:
         actor.show(frame.surface, frame.color, view.object_color, span, frame.painting)
-        actor.GetProperty().SetBackfaceCulling(frame.closed and not self._far_sides)
+        # Nobody sees the far sides of closed yarns, and they cost as much as the near ones.
+        actor.GetProperty().SetBackfaceCulling(frame.closed)
         self._dress(actor, look)
 
     def _dress(self, actor: SurfaceActor, look: Look) -> None:

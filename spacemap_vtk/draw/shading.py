@@ -8,16 +8,15 @@ Graph. 25, 2006). The result depends on no driver.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 #: Radii of the surroundings in yarn diameters, and how dark each can make a pixel.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
-#: The depth is blurred at a lower resolution: a blurred image has no detail to lose.
-_COARSER = 4
-#: Rows, or columns, that are worked on at a time. A multiple of what a pixel is the mean of.
+#: The depth is blurred at a lower resolution: a blurred image has no detail to lose. So many times
+#: lower at least, and as long as a radius has so many pixels left.
+_COARSER, _LEAST = 4, 3.0
+#: Rows, or columns, that are worked on at a time.
 STRIP = 64
 
 
@@ -25,21 +24,28 @@ def contact_shade(
     depth: NDArray[np.float32], diameter: float, diameter_pixels: float
 ) -> NDArray[np.float32]:
     """Return the factor by which each pixel keeps its light."""
+    height, width = depth.shape
     there = np.isfinite(depth)
     filled = np.where(there, depth, np.float32(0.0))
-    coarse, weight = _reduced(filled), _reduced(there.astype(np.float32))
-    means = []
-    for radius, _ in SCALES:
-        sigma = max(0.7, radius * diameter_pixels / _COARSER)
-        means.append(blurred(coarse, sigma) / np.maximum(blurred(weight, sigma), 1e-6))
+    coarse = [_reduced(part, _COARSER) for part in (filled, there.astype(np.float32))]
+    coarser, shades = _COARSER, []
+    for radius, darkness in SCALES:
+        spread = radius * diameter_pixels
+        while spread >= 2 * _LEAST * coarser:
+            coarse, coarser = [_reduced(part, 2) for part in coarse], 2 * coarser
+        near, weight = (blurred(part, max(0.7, spread / coarser)) for part in coarse)
+        slope = np.float32(darkness / (radius * diameter))
+        # A pixel keeps 1 - slope (its depth - the mean depth), and never less than 1 - darkness.
+        mean = 1 + slope * near / np.maximum(weight, np.float32(1e-6))
+        tall = np.ascontiguousarray(_enlarged(np.ascontiguousarray(mean.T), coarser, height).T)
+        shades.append((tall, coarser, slope, np.float32(1.0 - darkness)))
     light = np.ones(depth.shape, dtype=np.float32)
-    for rows in strips(len(light)):
+    for rows in strips(height):
         part = light[rows]
-        for (radius, darkness), mean in zip(SCALES, means, strict=True):
-            behind = (filled[rows] - _enlarged(mean, rows, depth.shape)) / np.float32(
-                radius * diameter
-            )
-            part *= 1.0 - np.float32(darkness) * np.clip(behind, 0.0, 1.0)
+        for tall, coarser, slope, least in shades:
+            kept = _enlarged(tall[rows], coarser, width)
+            kept -= slope * filled[rows]
+            part *= np.clip(kept, least, np.float32(1.0), out=kept)
         part[~there[rows]] = 1.0
     return light
 
@@ -77,32 +83,28 @@ def _blurred_down(image: NDArray[np.float32], weights: NDArray[np.float64]) -> N
     return result
 
 
-def averaged(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     """Return an image reduced by averaging blocks of pixels."""
+    rows, columns = (-size % factor for size in image.shape)
+    if rows or columns:
+        image = np.pad(image, ((0, rows), (0, columns)), mode="edge")
     # Sums of strided views: five times as fast as a mean over two axes of a reshaped array.
-    views = [
-        image[row::factor, column::factor] for row in range(factor) for column in range(factor)
-    ]
-    total = views[0] + views[1]
-    for view in views[2:]:
-        total += view
-    return total / np.float32(factor**2)
+    total = image[::factor].copy()
+    for row in range(1, factor):
+        total += image[row::factor]
+    mean = total[:, ::factor] / np.float32(factor**2)
+    for column in range(1, factor):
+        mean += total[:, column::factor] / np.float32(factor**2)
+    return mean
 
 
-def _reduced(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    rows, columns = (-size % _COARSER for size in image.shape)
-    padded = np.pad(image, ((0, rows), (0, columns)), mode="edge")
-    return averaged(padded[:, :, None], _COARSER)[:, :, 0]
-
-
-def _enlarged(image: NDArray[Any], rows: slice, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return rows of a coarse image on the fine grid, linear between the coarse pixels' centres."""
-    result = image
-    for axis, places in enumerate((np.arange(shape[0])[rows], np.arange(shape[1]))):
-        at = np.clip((places + 0.5) / _COARSER - 0.5, 0, image.shape[axis] - 1)
-        low = np.minimum(at.astype(int), max(image.shape[axis] - 2, 0))
-        high = np.minimum(low + 1, image.shape[axis] - 1)
-        part = (at - low).astype(np.float32)
-        part = part[:, None] if axis == 0 else part[None, :]
-        result = np.take(result, low, axis) * (1 - part) + np.take(result, high, axis) * part
-    return result
+def _enlarged(image: NDArray[np.float32], factor: int, length: int) -> NDArray[np.float32]:
+    """Return rows made longer, linear between the coarse pixels' centres."""
+    most = image.shape[1] - 1
+    places = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, most)
+    low = np.minimum(places.astype(int), max(most - 1, 0))
+    left, fine = (np.take(image, at, axis=1) for at in (low, np.minimum(low + 1, most)))
+    fine -= left
+    fine *= (places - low).astype(np.float32)
+    fine += left
+    return fine

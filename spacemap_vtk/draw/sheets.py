@@ -18,12 +18,12 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import model_of
-from spacemap_vtk.draw.camera import aim, set_background
+from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.coloring import add_measure
+from spacemap_vtk.draw.compose import composed, gradient
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion
-from spacemap_vtk.draw.shading import averaged
 from spacemap_vtk.draw.surface_actor import SurfaceActor, natural_span, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
@@ -189,7 +189,8 @@ class _Drawing:
         # Two samples a pixel each way, averaged: what a screen's driver smooths varies.
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = Offscreen(size, samples=4)
-        set_background(self._window.renderer, (255, 255, 255), (238, 242, 246))
+        self._window.leave_background()
+        self._behind = gradient(_CELL, (255, 255, 255), (238, 242, 246))
         self._solid = SurfaceActor()
         self._cage = vtkTrivialProducer()
         self._cage.SetOutput(self._moved)
@@ -232,8 +233,7 @@ class _Drawing:
         mesh.ShallowCopy(self._surface.GetOutputDataObject(0))
         add_measure(mesh, "displacement")
         self._solid.show(mesh, "displacement", span=(0.0, self._swing))
-        light = self._window.draw().astype(np.float32)
-        return np.clip(averaged(light, 2) + 0.5, 0, 255).astype(np.uint8)
+        return composed(self._window.draw(), None, self._behind)
 
     def close(self) -> None:
         """Free the window."""

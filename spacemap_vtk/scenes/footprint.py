@@ -18,12 +18,12 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
 #: What the mapper and OpenGL hold of a quadrilateral and of a point of the surface, and what a
-#: pixel takes: it is drawn as four of four samples each, and shaded.
-_QUAD, _POINT, _PIXEL = 80, 25, 345
+#: pixel takes: it is drawn as four, or lines as sixteen, and shaded.
+_QUAD, _POINT, _PIXEL = 80, 25, 260
 #: Software OpenGL sorts triangles into tiles ahead of the threads that fill these: it takes up to
 #: so much for those that wait, and nearly all of it from some times this many quadrilaterals on. In
 #: a film it comes to more than in its first picture.
-_QUEUE, _QUEUE_QUADS, _QUEUE_FILM = 1.9e9, 4e6, 1.25
+_QUEUE, _QUEUE_QUADS, _QUEUE_FILM = 1.9e9, 8e6, 1.25
 #: Compiled loops, and what solves.
 _LOOPS, _SOLVER = 125_000_000, 25_000_000
 #: Of a point that is drawn at rest, too; whose colour is a number; whose clearance is measured;

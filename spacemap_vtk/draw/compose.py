@@ -1,0 +1,42 @@
+"""Pictures from what OpenGL has drawn larger: shaded, reduced, and laid over a background.
+
+The background is no part of what is drawn: software OpenGL takes as long for one as for yarns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageChops
+
+Background = Image.Image
+#: Shares of a step between two colours, in an order that no eye finds again (Bayer 1973).
+_DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
+
+
+def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) -> Background:
+    """Return a background that goes from one colour to another."""
+    width, height = size
+    share = (np.arange(height)[::-1, None, None] + 0.5) / height
+    colors = np.array(below) + share * (np.array(above) - np.array(below))
+    pattern = np.tile(_DITHER, (-(-height // 4), -(-width // 4)))[:height, :width, None]
+    return Image.fromarray((colors + pattern).astype(np.uint8))
+
+
+def composed(
+    pixels: NDArray[np.uint8], shade: NDArray[np.float32] | None, behind: Background
+) -> NDArray[np.uint8]:
+    """Return a picture of a background's size."""
+    # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
+    size = pixels.shape[1], pixels.shape[0]
+    drawn = Image.frombuffer("RGBX", size, np.ascontiguousarray(pixels), "raw", "RGBX", 0, 1)
+    if shade is not None:
+        light = Image.fromarray((shade * 255 + 0.5).astype(np.uint8))
+        drawn = ImageChops.multiply(
+            drawn, Image.merge("RGBX", (light, light, light, Image.new("L", size, 255)))
+        )
+    red, green, blue, cover = drawn.reduce(size[0] // behind.width).split()
+    left = Image.composite(Image.new("RGB", behind.size), behind, cover)
+    return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), left))
