@@ -86,7 +86,8 @@ def test_a_process_of_its_own_does_what_is_ordered_and_tells_why_not(
     order = Order("picture", tmp_path / "a.png", [0.0], (32, 24))
     monkeypatch.setattr("sys.stdin", io.StringIO(as_text(order, VALUES, tmp_path)))
     module.main()
-    assert [json.loads(line)["done"] for line in capsys.readouterr().out.splitlines()] == [0, 1]
+    said = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert said == [{"done": 0, "of": 1}, {"done": 1, "of": 1}, {"told": ""}]
     with Image.open(order.output) as picture:
         assert picture.size == (32, 24)
     values = {"weave": {"ends": -1}}
