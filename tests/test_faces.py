@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
 from spacemap_vtk.fabric.partition import whole_bounds
 from spacemap_vtk.fabric.threads import Threads
@@ -22,6 +23,21 @@ def test_each_crossing_has_its_two_yarns_once() -> None:
     assert np.array_equal(both, np.broadcast_to(weft[:, None], (5, 7, 3)))
     assert np.array_equal(ends_over[..., 3] == 255, drawdown)
     assert np.array_equal(picks_over[..., 3] == 255, ~drawdown)
+
+
+def test_the_cloth_behind_lies_in_the_shade_on_either_face() -> None:
+    plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
+    drawdown = np.zeros((8, 8), dtype=bool)
+    drawdown[::2, ::2], drawdown[1::2, 1::2], drawdown[1::2, ::2] = plain[:4, :4], plain[:4, :4], 1
+    second = np.arange(8) % 2 == 1
+    white = np.full((1, 3), 200, np.uint8)
+    made = layers(drawdown, white, white, Layers(drawdown, second, second))
+    front, back = (one[..., 0] + two[..., 0] for one, two in (made[:2], made[2:]))
+    assert (front[::2] == 200).all()
+    assert (front[1::2, ::2] == 200).all()
+    assert (front[1::2, 1::2] == 120).all()
+    assert (back[::2, ::2] == 120).all()
+    assert (back[1::2] == 200).all()
 
 
 def test_lines_end_where_the_cloth_does() -> None:

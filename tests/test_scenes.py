@@ -18,6 +18,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import SpacemapWarning
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.fabric.double_weave import find_layers
+from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.scenes import library, report
 from spacemap_vtk.scenes.scene import Scene
@@ -206,8 +208,24 @@ def a_real_draft(scene: Scene) -> None:
     assert abs(figures["least_clearance"]["distance"]) < 1e-15
 
 
+def a_double_cloth(scene: Scene) -> None:
+    cloth = scene.weave.cloth
+    found = find_layers(cloth.drawdown)
+    assert found is not None
+    assert cloth.layers is not None
+    np.testing.assert_array_equal(found.ends, cloth.layers.ends)
+    np.testing.assert_array_equal(found.picks, cloth.layers.picks)
+    thickness = fabric_figures(cloth)["thickness"]
+    assert thickness == pytest.approx(2 * (2e-3 + 2e-3) + 0.4e-3)
+    # dark squares in front are light ones behind
+    dark = cloth.warp.colors[0]
+    assert (cloth.warp.colors[~cloth.layers.ends] == dark).all()
+    assert not (cloth.warp.colors[cloth.layers.ends] == dark).any()
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "basket_2": a_basket,
+    "double_weave": a_double_cloth,
     "gust": the_gust,
     "handweaving": a_real_draft,
     "plain_weave": the_papers_experiment,

@@ -191,7 +191,7 @@ class SheetActor(SurfaceActor):
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
         fragment.SetUniformf("shaded", float(shaded))
         for name, pixels in zip(
-            _LAYERS, layers(cloth.drawdown, *_colors(cloth, color)), strict=True
+            _LAYERS, layers(cloth.drawdown, *_colors(cloth, color), cloth.layers), strict=True
         ):
             self.GetProperty().RemoveTexture(name)  # or VTK warns that there is one
             self.GetProperty().SetTexture(name, _texture(pixels))

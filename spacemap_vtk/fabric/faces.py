@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.double_weave import Layers
+
+#: Light that falls through the cloth in front on the one behind.
+_SHADE = 0.6
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,10 @@ def tubes(cloth: Cloth) -> tuple[Tube, Tube]:
 
 
 def layers(
-    drawdown: NDArray[np.bool_], warp: NDArray[np.uint8], weft: NDArray[np.uint8]
+    drawdown: NDArray[np.bool_],
+    warp: NDArray[np.uint8],
+    weft: NDArray[np.uint8],
+    double: Layers | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
     """Return the colours of a cloth's crossings, by who lies on top.
 
@@ -68,6 +75,8 @@ def layers(
         True: the end lies over the pick.
     warp, weft : (n, 3) ndarray of uint8
         Colours of the ends and of the picks; or one for all.
+    double : Layers, optional
+        Of a double weave: on each face the crossings of the cloth behind lie in the shade.
 
     Returns
     -------
@@ -88,7 +97,14 @@ def layers(
         for colors, count in ((warp, ends), (weft, picks))
     )
     over = drawdown[..., None]
-    return columns * over, rows[:, None] * ~over, columns * ~over, rows[:, None] * over
+    made = columns * over, rows[:, None] * ~over, columns * ~over, rows[:, None] * over
+    if double is not None:
+        # what lies on top on a face is seen on that one; a pixel's alpha is no light
+        for behind, two in ((~double.above, made[:2]), (double.above, made[2:])):
+            for seen in two:
+                light = np.where(double.own & behind, _SHADE, 1.0)[..., None]
+                seen[..., :3] = np.rint(seen[..., :3] * light)
+    return made
 
 
 def grid_lines(cloth: Cloth, number: int, cells: int) -> NDArray[np.float64]:
