@@ -16,6 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+# Workers have a core each. OpenBLAS' threads keep one while they wait for the next call: of tests
+# that solve small problems they take two thirds of the time. It reads this as NumPy is imported.
+os.environ["OPENBLAS_NUM_THREADS"] = os.environ.get("OPENBLAS_NUM_THREADS", "1")
+
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 from spacemap_vtk.app.requirements import require_window
@@ -98,6 +103,20 @@ def heard_signals() -> None:
 def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep solved modes out of the user's cache; tests of the cache choose a folder."""
     monkeypatch.setenv("SPACEMAP_CACHE", "off")
+
+
+@pytest.fixture
+def kept_modes(no_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the scenes that come with the program be solved once in both runs of .ci/run."""
+    monkeypatch.setenv("SPACEMAP_CACHE", os.environ.get("SPACEMAP_TESTS_CACHE", "off"))
+
+
+#: What takes longest comes first: so no worker is left with it when the others are done.
+_SLOW = ("test_paraview", "test_scenes", "test_mpi", "test_window_files", "test_window_lives")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.stem not in _SLOW)
 
 
 #: Every stage made. To look for them among all objects would take 25 ms, twice a test; and a set of

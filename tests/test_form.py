@@ -42,8 +42,10 @@ def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
     return image.reshape(side, block, side, block, 3).mean(axis=(1, 3))
 
 
-@pytest.mark.parametrize("camera", ["front", "three-quarter"])
-@pytest.mark.parametrize("weave", list(WEAVES))
+@pytest.mark.parametrize(
+    ("weave", "camera"),
+    [("satin", "front"), ("twill", "three-quarter"), ("plain", "three-quarter")],
+)
 def test_a_sheet_has_the_mean_colours_of_its_yarns(
     weave: str, camera: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -79,7 +79,6 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         "series": ([tmp_path], "every step is offered, and any time between\n"),
         "cuts": ([], "cut yarns keep their numbers and colours\n"),
         "mistakes": ([], "mistakes are told and do no harm\n"),
-        "state": ([tmp_path], "both state files load\n"),
         "state_of_all": (
             [ROOT / "scenes", tmp_path],
             f"{proxies} proxies come back from both state files\n",

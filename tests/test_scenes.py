@@ -241,6 +241,7 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
 }
 
 
+@pytest.mark.usefixtures("kept_modes")
 @pytest.mark.parametrize("name", library.names())
 def test_scene(name: str) -> None:
     scene = Scene.read(name)

@@ -44,6 +44,7 @@ def opened(open_scene: Any, name: str) -> Any:
     return window
 
 
+@pytest.mark.usefixtures("kept_modes")
 @pytest.mark.parametrize("name", library.names())
 def test_every_scene_opens(open_scene: Any, name: str) -> None:
     opened(open_scene, name)

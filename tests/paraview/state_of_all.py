@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from paraview import simple, smstate
+from pipeline import connected, executions
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.errors import InputError
@@ -100,18 +101,31 @@ simple.BarycentricWarp(registrationName="cloth on motion", Input=draft, Cage=mot
 moved = simple.FindSource("cloth on motion")
 surface = simple.PatchTessellator(registrationName="surface", Input=moved, Subdivisions=2)
 simple.BarycentricWarp(registrationName="object on scene", Input=tubes, Cage=scene)
+# And the main pipeline, shown at a time.
+chain = connected(WarpDiameter="0.2 mm", WarpColor="#ff0000")
+chain[4].Outside, chain[5].Subdivisions = "clamp", 3
+chain[3].Gravity = [0.0, 0.0, -1.0]  # too weak to turn it so far that it warns
+CHAIN = ("WeaveSource1", "TetraCage1", "ModalSolver1", "ModalResponse1", "BarycentricWarp1")
+CHAIN = (*CHAIN, "PatchTessellator1")
 made = {}
 for name in (
     *("draft", "moving cage", "motion", "object"),
     *("cloth on motion", "surface", "object on scene"),
+    *CHAIN,
 ):
     proxy = simple.FindSource(name)
     written[name], made[name] = settings(proxy), data(proxy)
     assert len(made[name]["points"]) > 0, name
-for name in ("moving cage", "motion", "surface", "object on scene"):
+for name in ("moving cage", "motion", "surface", "object on scene", CHAIN[-1]):
     assert np.abs(made[name]["Point displacement"]).max() > 1e-5, name
 
-simple.Show(surface, simple.CreateRenderView(ViewSize=[60, 40]))
+view = simple.CreateRenderView(ViewSize=[60, 40])
+simple.Show(surface, view)
+simple.Show(chain[-1], view)
+animation = simple.GetAnimationScene()
+animation.UpdateAnimationUsingDataTimeSteps()
+animation.AnimationTime = TIME
+simple.Render(view)
 simple.SaveState(str(folder / "all.pvsm"))
 (folder / "all.py").write_text(smstate.get_state())  # as the window's File > Save State does
 
@@ -129,6 +143,7 @@ def check() -> None:
         assert list(new) == list(old), (name, list(old), list(new))
         for array, values in old.items():
             np.testing.assert_array_equal(new[array], values, err_msg=f"{name}: {array}")
+    assert executions([simple.FindSource(name) for name in CHAIN])[:3] == [1, 1, 1]
 
 
 simple.ResetSession()
