@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 #: Figures that are printed first where they differ from run to run, by how their headings begin;
 #: all of them are in the table's file.
 _FIRST = (
-    *("sag", "drape coefficient", "mode 0 [", "largest displacement", "largest rotation"),
-    *("warp crimp [", "weft crimp [", "cover [", "areal mass", "thickness"),
-    *("least clearance", "deformed clearance", "sheet bending length", "sheet bending rigidity"),
+    *("sag", "drape coefficient", "warp crimp [", "weft crimp [", "areal mass", "cover ["),
+    *("mode 0 [", "largest displacement", "largest rotation", "thickness"),
+    *("least clearance", "deformed clearance", "sheet bending length"),
 )
 #: Sentences that are told of all runs.
 _MOST_WARNINGS = 5
@@ -168,6 +168,7 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
     from spacemap_vtk.draw.study import table
 
     headings, rows = table(sweep, found)
+    rows = [[_short(cell) for cell in row] for row in rows]
     last = len(headings) - 2  # seconds, and the message
     columns = list(range(1, 1 + len(sweep.axes)))
     differ = [
@@ -193,6 +194,14 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
         cells = [escape(row[k]) or "–" for k in shown]
         told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
     console.print(told)
+
+
+def _short(entry: str) -> str:
+    """Return four digits of a number, and words as they are."""
+    try:
+        return f"{float(entry):.4g}" if "." in entry else entry
+    except ValueError:
+        return entry
 
 
 def _wrapped(heading: str) -> list[str]:

@@ -104,7 +104,7 @@ def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
         for warp, weft in yarn_figures(found):
             yield warp
             yield weft
-        yield from cloth_figures(found)
+        yield from cloth_figures(found, both=True)
         yield from motion_figures(found.get("motion"))
     else:
         yield from body_figures(anatomy.body(scene))

@@ -101,7 +101,7 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
     return found
 
 
-def cloth_figures(figures: dict[str, Any]) -> list[Figure]:
+def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     """Return those of the cloth as a whole, of its cage and of its motion."""
 
     def figure(key: str, label: str, unit: str, text: str, factor: float = 1) -> Figure:
@@ -126,16 +126,16 @@ def cloth_figures(figures: dict[str, Any]) -> list[Figure]:
         figure("radial_error", "surface off true tubes", "", "{:.2g} of the radius"),
         figure("patches", "patches", "", "{}"),
         figure("control_points", "control points", "", "{}"),
-        figure("memory_bytes", "memory", "", "{:.3g} MiB", 2**-20),
-        *sheet_figures(figures),
+        figure("memory_bytes", "memory", "", "{:.3g} MiB", 2**-20)._replace(value=None),
+        *sheet_figures(figures, both),
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", motion_told(swing)))
     return found
 
 
-def sheet_figures(figures: dict[str, Any]) -> list[Figure]:
-    """Return what a cage is to mechanics, and a sheet's measures."""
+def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
+    """Return what a cage is to mechanics, and a sheet's measures: equal ones once, or `both`."""
     found = []
     if "elements" in figures:
         found.append(Figure("elements", "elements of the cage", figures["elements"]))
@@ -145,7 +145,7 @@ def sheet_figures(figures: dict[str, Any]) -> list[Figure]:
         parameter = ModalSolver.parameter(name)
         label = "  " + name.replace("_", " ").replace("poissons", "Poisson's")
         values = value if isinstance(value, tuple) else (value,)
-        several = len({parameter.tell(each) for each in values}) > 1
+        several = len(values) > 1 and (both or len({*map(parameter.tell, values)}) > 1)
         for side, each in zip(("warp", "weft"), values if several else values[:1], strict=False):
             key, text = f"sheet_{name}", label
             if several:
