@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -212,10 +212,15 @@ def _wrapped(heading: str) -> list[str]:
 
 
 def _tell_warnings(found: Mapping[str, Result]) -> None:
-    """Print what the stages doubt, each sentence once."""
-    told = Counter(text for result in found.values() for text in dict.fromkeys(result.warnings))
-    for text, count in told.most_common(_MOST_WARNINGS):
-        print(f"spacemap: warning: {text} ({count} of {len(found)} runs)", file=sys.stderr)
-    if len(told) > _MOST_WARNINGS:
-        more = len(told) - _MOST_WARNINGS
+    """Print what the stages doubt: of sentences that differ in their numbers alone the first."""
+    alike: dict[str, list[str]] = {}
+    for result in found.values():
+        for text in dict.fromkeys(result.warnings):
+            alike.setdefault(re.sub(r"[0-9.]+", "#", text), []).append(text)
+    for texts in list(alike.values())[:_MOST_WARNINGS]:
+        like = "" if len(set(texts)) == 1 else ", with other numbers"
+        count = f"{len(texts)} of {len(found)} runs{like}"
+        print(f"spacemap: warning: {texts[0]} ({count})", file=sys.stderr)
+    if len(alike) > _MOST_WARNINGS:
+        more = len(alike) - _MOST_WARNINGS
         print(f"spacemap: warning: {more} more, in the .json of each run", file=sys.stderr)

@@ -124,7 +124,7 @@ def _sheet(
             told = zip(across.names, across.values[number], strict=True)
             for k, (name, value) in enumerate(told):
                 place = x + width / 2, y + height + gap // 3 + k * line
-                _two(pen, place, f"{name} ", value, font, small)
+                _two(pen, place, name, value, font, small)
     if down and across:
         for column, values in enumerate(across.values):
             middle = left + column * (width + gap) + width / 2
@@ -149,8 +149,9 @@ def _two(
     small: ImageFont.FreeTypeFont | ImageFont.ImageFont,
 ) -> None:
     """Write a name, and in ink its value, centred together."""
-    before, after = small.getlength(name), font.getlength(value)
-    x, base = place[0] - (before + after) / 2, place[1] + getattr(font, "size", 12)
+    size = getattr(font, "size", 12)
+    before, after = small.getlength(name) + size / 2, font.getlength(value)
+    x, base = place[0] - (before + after) / 2, place[1] + size
     pen.text((x, base), name, _FAINT, small, anchor="ls")
     pen.text((x + before, base), value, _INK, font, anchor="ls")
 
