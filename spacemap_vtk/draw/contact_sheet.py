@@ -81,8 +81,7 @@ def _sheet(
     across: _Axis | None,
     cells: list[tuple[Path | None, str]],
 ) -> NDArray[np.uint8]:
-    pictures = [None if path is None else Image.open(path) for path, _ in cells]
-    sizes = [picture.size for picture in pictures if picture is not None] or [(4, 3)]
+    sizes = [_size(path) for path, _ in cells if path is not None] or [(4, 3)]
     shape = max(height / width for width, height in sizes)
     count = len(cells)
     if down and across:
@@ -108,17 +107,16 @@ def _sheet(
     sheet = Image.new("RGB", (left + columns * (width + gap), top + rows * step + gap // 2), _PAPER)
     pen = ImageDraw.Draw(sheet)
     pen.text((gap, gap), title, _INK, ImageFont.load_default(round(1.2 * size)), anchor="la")
-    for number, (picture, (_, error)) in enumerate(zip(pictures, cells, strict=True)):
+    for number, (path, error) in enumerate(cells):
         row, column = divmod(number, columns)
         x, y = left + column * (width + gap), top + row * step
-        if picture is None:
+        if path is None:
             _empty(pen, (x, y, x + width, y + height), error, small)
         else:
-            share = min(width / picture.width, height / picture.height)
-            fit = max(1, round(share * picture.width)), max(1, round(share * picture.height))
-            shrunk = picture.convert("RGB").resize(fit, Image.Resampling.LANCZOS, reducing_gap=3.0)
-            sheet.paste(shrunk, (x + (width - fit[0]) // 2, y + (height - fit[1]) // 2))
-            picture.close()
+            shrunk = _shrunk(path, (width, height))
+            sheet.paste(
+                shrunk, (x + (width - shrunk.width) // 2, y + (height - shrunk.height) // 2)
+            )
         pen.rectangle((x, y, x + width - 1, y + height - 1), outline=_LINE)
         if across and not down:
             told = zip(across.names, across.values[number], strict=True)
@@ -138,6 +136,19 @@ def _sheet(
                 pen.text((left - gap, high), name, _FAINT, small, anchor="ra")
                 pen.text((left - gap, high + 0.8 * line), value, _INK, font, anchor="ra")
     return np.asarray(sheet)
+
+
+def _size(path: Path) -> tuple[int, int]:
+    with Image.open(path) as picture:
+        return picture.size
+
+
+def _shrunk(path: Path, room: tuple[int, int]) -> Image.Image:
+    """Return a picture no larger than a cell."""
+    with Image.open(path) as picture:
+        share = min(room[0] / picture.width, room[1] / picture.height)
+        size = max(1, round(share * picture.width)), max(1, round(share * picture.height))
+        return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS, reducing_gap=3.0)
 
 
 def _two(

@@ -25,7 +25,7 @@ import numpy as np
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.draw.contact_sheet import contact_sheet
 from spacemap_vtk.draw.order import Order, carry_out
-from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
+from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder
 from spacemap_vtk.io.registry import writer
@@ -45,7 +45,6 @@ from spacemap_vtk.scenes.figure_list import (
     with_unit,
     yarn_figures,
 )
-from spacemap_vtk.scenes.footprint import picture_bytes
 from spacemap_vtk.scenes.runs import Run, Sweep
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
@@ -55,6 +54,8 @@ from spacemap_vtk.workers import in_processes, on_cluster
 TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
 #: By which a record is known.
 _MARK = "files of a spacemap sweep"
+#: Seconds between two tables, of a sweep that goes on.
+_OFTEN = 2.0
 #: What a process takes before it does anything [bytes].
 _PROCESS = 300_000_000
 #: Of several threads of a process one draws and solves at a time: VTK collects its garbage for all.
@@ -145,7 +146,7 @@ def carry_out_sweep(
     own = _claim(folder, sweep)
     found = {} if again else {run.name: kept for run in sweep.runs if (kept := _kept(folder, run))}
     waiting = [run for run in sweep.runs if run.name not in found]
-    count = _count(waiting, workers) if waiting and not cluster else 1
+    count = 1 if cluster else _count(len(waiting), sweep.memory, workers)
     with telling_refusals(folder):
         folder.mkdir(parents=True, exist_ok=True)
     _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
@@ -156,13 +157,16 @@ def carry_out_sweep(
         if cluster
         else in_processes(function, waiting, count)
     )
+    written = perf_counter()
     try:
         with closing(answers):
             for number, answer in answers:
                 run = waiting[number]
                 found[run.name] = answer if isinstance(answer, Result) else Result({}, str(answer))
                 _write_run(folder, run, found[run.name])
-                _write(folder / TABLE, table_text(sweep, found))
+                if perf_counter() - written > _OFTEN:
+                    _write(folder / TABLE, table_text(sweep, found))
+                    written = perf_counter()
                 tell(len(found), len(sweep.runs))
     finally:
         # Also of those that are there when it is ended in between.
@@ -269,14 +273,13 @@ def _write(path: Path, text: str) -> None:
         file.write_text(text, encoding="utf-8", newline="")
 
 
-def _count(runs: Sequence[Run], asked: int | None) -> int:
+def _count(runs: int, memory: int, asked: int | None) -> int:
     """Return how many processes there is memory for; refuse more that are asked for."""
-    need = _PROCESS + max(_bytes(run) for run in runs)
-    free = available()
-    fits = max(1, free // need) if free is not None else len(runs)
+    need, free = _PROCESS + memory, available()
+    fits = runs if free is None else max(1, free // need)
     if asked is None:
         return min(core_count(), fits)
-    count = min(asked, len(runs))
+    count = min(asked, runs)
     require(
         count * need if count > 1 else 0,
         f"{count} processes",
@@ -285,12 +288,3 @@ def _count(runs: Sequence[Run], asked: int | None) -> int:
         cure=f"Take {fits} or fewer.",
     )
     return count
-
-
-def _bytes(run: Run) -> int:
-    try:
-        scene = run.scene()
-        width, height = scene.view.size
-        return picture_bytes(scene, width * height) if scene.woven else 0
-    except SpacemapError:  # told when it is carried out
-        return 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -17,6 +18,7 @@ from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
+from spacemap_vtk.scenes.footprint import picture_bytes
 from spacemap_vtk.scenes.scene import Scene
 
 #: More are a mistake in the lists.
@@ -83,12 +85,16 @@ class Sweep:
     paired: bool = False
     #: Those that `check` knows to fail, and why.
     impossible: dict[str, str] = field(default_factory=dict)
+    #: What the largest run takes to be drawn, as `check` has found [bytes].
+    memory: int = 0
 
     def check(self) -> None:
         """Refuse what no run may have; what yarns and memory have no room for is a result."""
         for run in self.runs:
             try:
-                run.scene().check()
+                scene = run.scene()
+                scene.check()
+                self.memory = max(self.memory, _bytes(scene))
             except (GeometryError, SizeError) as error:
                 self.impossible[run.name] = str(error)
                 if len(self.impossible) == len(self.runs):
@@ -97,6 +103,15 @@ class Sweep:
                 if run.labels:
                     error.message = f"with {', '.join(run.labels)}: {error.message}"
                 raise
+
+
+def _bytes(scene: Scene) -> int:
+    """Return what it takes to draw a fabric; of one drawn in parts all that there is."""
+    width, height = scene.view.size
+    try:
+        return picture_bytes(scene, width * height) if scene.woven else 0
+    except SizeError:
+        return sys.maxsize
 
 
 def sweep_of(
