@@ -52,7 +52,8 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         rows = np.flatnonzero(parts == number)
         base = [1.0] * 3 if painted else _linear(np.array(color, np.uint8)).tolist()
         look = {"baseColorFactor": [*base, 1.0], "metallicFactor": 0.0}
-        name = "colours of points" if painted else f"{names[part]} #{bytes(color).hex()}"
+        digits = bytes(color).hex()
+        name = "colours of points" if painted else f"{names[part]} #{digits}"
         look["roughnessFactor"] = _ROUGHNESS
         materials.append({"name": name, "pbrMetallicRoughness": look, "doubleSided": True})
         attributes = {"POSITION": buffer.add(moving.points[rows], bounds=True)}
