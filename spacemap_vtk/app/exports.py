@@ -23,6 +23,7 @@ from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.registry import DATA, name_filter, writable, writer, written, written_filters
+from spacemap_vtk.scenes.face import picture_size
 
 
 class Exports(QObject):
@@ -132,7 +133,7 @@ class Exports(QObject):
 
     def _drawn(self, kind: str, filters: str, proposal: str) -> None:
         scene, view = self._document.scene, self._view
-        size = tuple(scene.view.size)
+        size = picture_size(scene)
         dialog = ExportDialog(self._window, kind, proposal, filters, size)
         if dialog.exec():
             panels, place = [], None

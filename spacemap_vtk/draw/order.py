@@ -18,7 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning, naming_section
+from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
 from spacemap_vtk.io.output import check_output, telling_refusals, whole_file, whole_folder
 from spacemap_vtk.io.registry import DATA, writer, written
 
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
-#: A cloth is cropped where it is this many times as long as the picture, and its yarns would be
-#: less than so many pixels wide.
-_LONGEST, _WIDE = 2.0, 8
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
 
@@ -118,44 +115,18 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     from spacemap_vtk.draw.picture import Picture
+    from spacemap_vtk.scenes.face import fill, picture_size
 
+    size = order.size or picture_size(scene)
     if order.place is None:
-        _crop(scene, order.size or (scene.view.size[0], scene.view.size[1]))
+        fill(scene, size)
     time = order.times[0] if order.times else scene.view.time
     tell(0, 1)
-    picture = Picture(scene, [time], order.size, order.panels, order.place)
+    picture = Picture(scene, [time], size, order.panels, order.place)
     image = picture.draw(time)
     picture.close()
     tell(1, 1)
     return image
-
-
-def _crop(scene: Scene, size: tuple[int, int]) -> None:
-    """Leave the beginning of a still cloth, seen flat, that is far longer than its picture."""
-    # All of it would be a narrow strip, whose yarns nobody sees.
-    from spacemap_vtk.draw.camera import FLAT
-
-    if scene.view.camera != FLAT or scene.moves or scene.source is not scene.weave:
-        return
-    with scene.naming_file(), naming_section("weave"):
-        cloth = scene.weave.cloth
-    lengths = []
-    for threads, count in zip(cloth.threads, cloth.size, strict=True):
-        places = threads.yarns(count).position
-        lengths.append(float(places[-1] - places[0]) + threads.mean_spacing(cloth.diameter_sum))
-    shares = [length / pixels for length, pixels in zip(lengths, size, strict=True)]
-    long, short = (0, 1) if shares[0] > shares[1] else (1, 0)
-    count = cloth.size[long]
-    if shares[long] <= _LONGEST * shares[short] or _WIDE * count <= size[long]:
-        return
-    places = cloth.threads[long].yarns(count).position
-    seen = max(int((places - places[0] < (1 - 1e-9) * shares[short] * size[long]).sum()), 1)
-    name = ("ends", "picks")[long]
-    scene.weave.configure(**{name: seen})
-    scene.warn(
-        f"{name} 1 to {seen} of {count} are in the picture, which the cloth is far longer than: "
-        'view.camera = "front" shows all'
-    )
 
 
 def _storyboard(order: Order, scene: Scene, tell: Tell) -> Image:
@@ -183,11 +154,12 @@ _STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
 
 def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
     from spacemap_vtk.draw.picture import Picture
+    from spacemap_vtk.scenes.face import picture_size
 
     scene.check()
     size, times = order.size, scene.animation.frame_times()
     if size is None and order.output.suffix.lower() == ".gif":
-        width, height = (max(16, side // 2) for side in scene.view.size)
+        width, height = (max(16, side // 2) for side in picture_size(scene))
         size = width, height
     tell(0, len(times))
     picture = Picture(scene, times, size, order.panels, order.place)

@@ -24,6 +24,7 @@ from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import fits_picture, require_picture
 from spacemap_vtk.scenes.scene import Scene
 
@@ -95,7 +96,7 @@ class Picture:
         prepare_offscreen()  # a machine that cannot draw need not solve
         self._place = place
         self.scene = scene
-        width, height = size or scene.view.size
+        width, height = size or picture_size(scene)
         demand = width * height, len(times)
         sheet = Sheet.of(scene, fits_picture(scene, *demand))
         if sheet is None:

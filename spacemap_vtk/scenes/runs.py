@@ -18,6 +18,7 @@ from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
+from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import picture_bytes
 from spacemap_vtk.scenes.scene import Scene
 
@@ -107,7 +108,7 @@ class Sweep:
 
 def _bytes(scene: Scene) -> int:
     """Return what it takes to draw a fabric; of one drawn in parts all that there is."""
-    width, height = scene.view.size
+    width, height = picture_size(scene)
     try:
         return picture_bytes(scene, width * height) if scene.woven else 0
     except SizeError:

@@ -10,6 +10,8 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
 from spacemap_vtk.scenes.colorings import COLORINGS
 
+#: Of a picture, where nobody says.
+USUAL_SIZE = 1280, 960
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
@@ -53,15 +55,17 @@ class View(Parameterised):
     camera = Choice(
         "three-quarter",
         "Where it is seen from. lying: z is up, as of cloth on a table. face: from the front "
-        "without perspective, filling the picture; of fine cloth that is far longer, "
-        "pictures show the beginning.",
+        "without perspective, filling the picture: drafts are repeated to its edges, and of fine "
+        "cloth that is far longer the beginning is shown.",
         ["three-quarter", "front", "side", "top", "lying", "face"],
     )
     size = Vector(
-        (1280, 960),
+        None,
         "Width and height of the picture in pixels.",
         component=Integer(1, "", minimum=16, maximum=8192),
         labels="wh",
+        automatic="{} x {}; of still cloth that is seen flat (face), its own proportions, up to "
+        "1 : 2".format(*USUAL_SIZE),
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
     zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
