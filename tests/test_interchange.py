@@ -165,18 +165,51 @@ def test_forces_are_derivatives(yarns: YarnMechanics, weave: str) -> None:
     assert found.tangent[0, 1] == pytest.approx(found.tangent[1, 0], rel=1e-9)
 
 
-def energy(yarns: YarnMechanics, stretch: NDArray, height: float) -> float:
-    """Return the energy of a crossing at full distance by Peirce's formulas, inf if jammed."""
+def test_forces_where_a_yarn_jams_that_is_pulled() -> None:
+    """Its straight part is gone before the cloth holds: what it pushes is in the force."""
+    crossings = Interchange(cloth(0.6, 0.5), YarnMechanics((50.0, 50.0), np.inf))
+    at, step = np.ones((2, *crossings.shape)) * np.reshape([1.227, 0.8106], (2, 1, 1)), 2e-6
+    state, found = crossings.solve(at), crossings.forces(at)
+    assert not state.jammed.any()
+    room, height = 0.6e-3 * at[1], 2.0 * state.height[1]
+    assert np.abs(room**2 - height * (2.0 * D - height)).max() < 1e-8 * D**2
+    for family in (0, 1):
+        shift = step * np.eye(2)[family][:, None, None]
+        slope = crossings.forces(at + shift).energy - crossings.forces(at - shift).energy
+        assert slope / (2.0 * step) == pytest.approx(found.force[family], abs=2e-9)
+
+
+def energy(yarns: YarnMechanics, stretch: NDArray, height: float, distance: float = D) -> float:
+    """Return the energy of a crossing by Peirce's formulas, inf if jammed."""
     try:
-        now = peirce.solve(stretch * 0.5e-3, [height, D - height], D)
+        now = peirce.solve(stretch * 0.5e-3, [height, distance - height], distance)
     except Exception:
         return np.inf
     rest = peirce.solve(0.5e-3, 0.5 * D, D)
     strain = np.maximum(now.length / rest.length - 1.0, 0.0)
-    # a sawtooth's moment over angle, 12 B s²/l³
+    # a sawtooth's moment over angle, 12 B s²/l³, for twice the share of arcs in less D
     bent = 6.0 * (rest.straight / rest.length) ** 2 / rest.length * (now.theta - rest.theta) ** 2
     total = 0.5 * np.multiply(yarns.tension, rest.length * strain**2).sum()
-    return float(total + np.multiply(yarns.bending, bent).sum())
+    total += np.multiply(yarns.bending, bent).sum() * D / distance
+    if distance < D:
+        total += 0.5 * yarns.contact * (distance - D) ** 2 / D
+    return float(total)
+
+
+@pytest.mark.parametrize("bending", [(1e-9, 4e-9), (2e-8, 0.0)])
+@pytest.mark.parametrize("contact", [0.5, 1e4])
+def test_there_is_no_lower_energy_near_jams(bending: tuple[float, float], contact: float) -> None:
+    yarns = YarnMechanics((20.0, 30.0), contact, bending)
+    crossings, random = Interchange(cloth(), yarns), np.random.default_rng(3)
+    for stretch in ((0.93, 0.94), (0.91, 0.99), (0.911, 1.02), (1.04, 0.912), (0.95, 0.92)):
+        state = stretched(crossings, *stretch)
+        h, d = 2.0 * float(state.height[0, 0, 0]), float(state.distance[0, 0])
+        found = energy(yarns, state.stretch[:, 0, 0], h, d)
+        assert np.isfinite(found)
+        for scale in (1e-1, 1e-2, 1e-3, 1e-4):
+            for dh, dd in scale * D * random.uniform(-1.0, 1.0, (20, 2)):
+                other = energy(yarns, state.stretch[:, 0, 0], h + dh, min(d + dd, D))
+                assert found <= other * (1.0 + 1e-12) + 1e-22
 
 
 @pytest.mark.parametrize("bending", [0.0, 1e-9, 1e-7])

@@ -1,130 +1,53 @@
 """Energy of a crossing whose yarns exchange crimp, and its least value, for many crossings at once.
 
-Unknown are h1, the warp's crimp height, and D, twice the distance of the axes; the weft has
-h2 = D - h1. Peirce's length l(p, h, D) is convex, and its derivatives need no more than theta:
+Unknown are Peirce's two angles: in them the energy is smooth, at jams too, where what a height
+lacks goes like the square of what its angle lacks. Heights and D, twice the distance of the axes,
+follow in closed form, linear in the rooms p. With S and C for sine and cosine, r = 1 - C and m =
+1 - r1 r2
 
-    dl = cos(theta) dp + sin(theta) dh + (theta - sin(theta)) dD
-    s dtheta = -sin(theta) dp + cos(theta) dh + (1 - cos(theta)) dD =: q
-    d2l = q q / s
+    h1 = (p1 S1 - r1 p2 S2) / m,  D = h1 + h2,  s1 = p1 C1 - h2 S1,  l1 = D theta1 + s1
 
-so that the energy of yarns that pull only is convex, and Newton's method safe. Arrays have the
-families first, (2, n): the gap of the warp over picks, that of the weft over ends.
+and the same with 1 and 2 exchanged; so that, with w = s / m,
+
+    dD = w1 C2 dtheta1 + w2 C1 dtheta2
+    dl1 = w1 (theta1 C2 + S1 r2) dtheta1 + w2 (theta1 C1 - S1) dtheta2
+    m dw1 = (2 S1 r2 w1 - D) dtheta1 + (r1 S2 w1 - S1 w2) dtheta2
+
+Arrays have the families first, (2, n): the gap of the warp over picks, that of the weft over ends.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from spacemap_vtk.fabric.gap import Array, bend, jam_height
 
-#: Over D: a height below which a yarn is straight, and a straight part that is no part any more.
-_LEAST, _SLIVER = 1e-9, 1e-7
-#: Over the room: a straight part below which a yarn is near its jam.
-_NEAR = 0.5
-#: Steps below this share of D end Newton's method, for the next one would be its square; where
-#: yarns that bend come near a jam, steps are small before that.
-_ENOUGH, _ENOUGH_BENT = 1e-7, 1e-8
-#: Likewise of squares of heights, in which lengths are all but linear, over D**2.
-_ALIKE = 1e-7
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
-
-class Gap(NamedTuple):
-    """A yarn between two crossings: Peirce's figures, without refusals."""
-
-    theta: Array
-    straight: Array
-    length: Array
-    sin: Array
-    cos: Array
-
-
-def bend(room: Array, height: Array, distance: Array) -> Gap:
-    """Return Peirce's figures; past the jam those of no straight part."""
-    s = np.sqrt(np.maximum(room * room - height * (2.0 * distance - height), 0.0))
-    t = height / (room + s)
-    theta, share = 2.0 * np.arctan(t), 2.0 / (1.0 + t * t)
-    return Gap(theta, s, distance * theta + s, t * share, share - 1.0)
+#: Over D: what may be left to go at the end of Newton's method, and what a start counts as moved.
+_ENOUGH, _FIRST = 1e-10, 1e-3
+#: The last step is less than this, in radians: near a jam heights say little.
+_TURNED = 1e-5
+#: The most that angles turn in a step.
+_TURN = 0.5
+#: Share of its way to a jam that a height is kept from there: at the jam itself all is level.
+_INSIDE = 0.01
+#: An angle below which a yarn that would be pressed through to its other side is straight.
+_STRAIGHT = 1e-4
+#: Over D: a straight part that is no part any more.
+_SLIVER = 1e-7
+#: Share of D within which it is at its bound.
+_EQUAL = 1e-12
+#: What only keeps from dividing by 0.
+_TINY = 1e-150
 
 
-def jam_height(room: Array, distance: Array) -> Array:
-    """Return the height at which no straight part is left, or the most there is, D."""
-    room = np.minimum(room, distance)
-    # D - sqrt(D**2 - p**2), and nothing large is subtracted
-    height: Array = room**2 / (distance + np.sqrt((distance - room) * (distance + room)))
-    return height
-
-
-def taut_height(room: Array, length: Array, distance: Array) -> Array:
-    """Return the heights at which yarns are as long as asked; 0 where they are too short."""
-    shape = room.shape
-    most = jam_height(room, distance).ravel() ** 2
-    live: NDArray[np.int64] = np.arange(room.size)
-    p, goal, d = room.ravel(), length.ravel(), distance.ravel()
-    # Peirce's own approximation, c = (9/16) (h/p)**2, is off by some per cent
-    square = np.minimum(16.0 / 9.0 * p * np.maximum(goal - p, 0.0), most)
-    result = np.empty_like(square)
-    for _ in range(40):
-        h = np.sqrt(square)
-        s = np.sqrt(np.maximum(p * p - h * (2.0 * d - h), 0.0))
-        reach = p + s
-        t = h / reach
-        # in h**2 the length is all but linear: d l / d(h**2) = sin(theta) / (2 h)
-        step = (goal - 2.0 * d * np.arctan(t) - s) * reach * (1.0 + t * t)
-        before, square = square, np.clip(square + step, 0.0, most)
-        done = np.abs(square - before) <= _ALIKE * d * d
-        if done.any():
-            result[live[done]] = square[done]
-            on = np.flatnonzero(~done)
-            live = live[on]
-            square, p, goal, d, most = (one[on] for one in (square, p, goal, d, most))
-        if not len(live):
-            break
-    result[live] = square
-    return np.sqrt(result).reshape(shape)
-
-
-def both_taut(room: Array, length: Array, height: Array, floor: Array) -> Array:
-    """Return heights (2, n) at which both yarns are as long as asked, by crossings that flatten."""
-    # Heights whose sum is below the floor say no more than that; the start is that of a larger D.
-    result, live = np.empty_like(height), np.arange(height.shape[1])
-    p, goal, least = room, length, _LEAST * floor
-    h = np.where(length > room, np.maximum(height, least), least)
-    for _ in range(30):
-        d = h[0] + h[1]
-        gap = bend(p, h, d)
-        a, b = gap.theta, gap.theta - gap.sin
-        # a yarn that is too short to bend at all is straight
-        missing = np.where(goal > p, goal - gap.length, 0.0)
-        step = a[::-1] * missing - b * missing[::-1]
-        step /= a[0] * a[1] - b[0] * b[1]
-        # Newton's step, taken in squares: lengths are all but linear in them
-        square, before = np.maximum(h * (h + 2.0 * step), 0.0), h
-        h = np.maximum(np.sqrt(square), least)
-        # pressed far past the floor it does not matter how far
-        done = (np.abs(h * h - before * before) <= _ALIKE * d * d).all(axis=0) | (d <= 0.5 * floor)
-        if done.any():
-            result[:, live[done]] = h[:, done]
-            on = np.flatnonzero(~done)
-            live, least, floor = live[on], least[on], floor[on]
-            h, p, goal = (one.take(on, axis=1) for one in (h, p, goal))
-        if not len(live):
-            return result
-    result[:, live] = _both_taut_surely(p, goal, h.sum(axis=0), floor)
-    return result
-
-
-def _both_taut_surely(room: Array, length: Array, above: Array, floor: Array) -> Array:
-    """Return what `both_taut` does, by halving: the lower D, the more height there is for it."""
-    low, high = 0.5 * floor, np.maximum(2.0 * above, 2.0 * floor)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        height = taut_height(room, length, np.broadcast_to(middle, room.shape))
-        enough = height.sum(axis=0) >= middle * (1.0 - 1e-12)
-        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return taut_height(room, length, np.broadcast_to(low, room.shape))
+def some(arrays: Arrays, which: NDArray) -> Arrays:
+    """Return what some crossings have."""
+    return type(arrays)(*(array.take(which, axis=-1) for array in arrays))
 
 
 class CrimpEnergy(NamedTuple):
@@ -144,310 +67,324 @@ class CrimpEnergy(NamedTuple):
     full: Array
     """(n,) D at rest."""
 
-    def some(self, which: NDArray) -> CrimpEnergy:
-        """Return that of some crossings."""
-        return CrimpEnergy(*(array.take(which, axis=-1) for array in self))
+    def unpulled(self, theta: Array, distance: Array) -> tuple[Array, Array, Array, Array | float]:
+        """Return what is not the yarns' pull, its derivatives by D, and its first ones by theta."""
+        squash = distance - self.full
+        push = self.contact * squash
+        value = 0.5 * push * squash
+        if not self.hinge.any():
+            return value, push, self.contact, 0.0
+        bent = theta - self.rest
+        moment = 2.0 * self.hinge / distance * bent
+        work = moment * bent
+        fade = 0.5 * (work[0] + work[1]) / distance
+        return (
+            value + fade * distance,
+            push - fade,
+            self.contact + 2.0 * fade / distance,
+            moment,
+        )
 
 
-class Derivatives(NamedTuple):
-    """Energy of crossings and its derivatives by what they are taken by."""
+class Slopes(NamedTuple):
+    """Energy of crossings, and how it changes with the angles of their yarns."""
 
     value: Array
     """(n,) J"""
+    theta: Array
+    half: Array
+    over: Array
+    """(2, n) What axes are longer than their yarns; less than 0 of slack ones."""
+    own: Array
+    """(2, n) An axis' length by its own angle."""
+    other: Array
+    """(2, n) An axis' length by the other one's angle."""
+    turn: Array
+    """(2, n) D by the angles."""
     slope: Array
-    """(k, n)"""
+    """(2, n) The energy, less press times D, by the angles."""
     curve: Array
-    """(k, k, n)"""
+    """(3, n) The same by theta1 twice, by both, by theta2 twice."""
+
+    def pulled(self, stiff: Array) -> Slopes:
+        """Return them where yarns of that stiffness pull, too, or push, slack as they are."""
+        own, other = stiff * self.own, stiff * self.other
+        slope = self.slope + own * self.over + (other * self.over)[::-1]
+        square = own * self.own + (other * self.other)[::-1]
+        mixed = own * self.other
+        curve = self.curve + np.stack([square[0], mixed[0] + mixed[1], square[1]])
+        return self._replace(slope=slope, curve=curve)
+
+    def press(self) -> Array:
+        """Return what the least energy gains with D, in N; straight yarns do not tell."""
+        turn = self.turn * (self.theta > _STRAIGHT)
+        found: Array = (self.slope * turn).sum(axis=0) / ((turn * turn).sum(axis=0) + _TINY)
+        return found
 
 
-def derivatives(
+def slopes(
     energy: CrimpEnergy,
     room: Array,
     length: Array,
-    height: Array,
+    heights: Array,
     distance: Array,
-    along: tuple[Array, Array] | None = None,
-) -> Derivatives:
-    """Return the energy and its derivatives by (h1, D), or by (warp and weft stretch, h1, D)."""
-    # `along` are d(room) and -d(length) by the stretch: spacing, and floats, of each yarn. A yarn
-    # that is neither slack nor strained counts as pulling: the stiffness at rest is that of cloth
-    # that is pulled.
-    h = np.stack([height, distance - height])
-    gap = bend(room, h, distance)
-    theta, sin, cos = gap.theta, gap.sin, gap.cos
-    s = np.maximum(gap.straight, _SLIVER * distance)
-    over = gap.length - length
-    pull = energy.tension * (over >= -1e-12 * length)
-    force = pull * np.maximum(over, 0.0)
-    squash = distance - energy.full
-    value = 0.5 * (force * over).sum(axis=0) + 0.5 * energy.contact * squash**2
-
-    by = [sin, theta - sin]  # of l, by h and D
-    turn = [cos / s, (1.0 - cos) / s]  # of theta
-    if along is not None:
-        by.insert(0, cos * along[0] + along[1])
-        turn.insert(0, -sin * along[0] / s)
-    last = len(by) - 1
-    first, across = [force * one for one in by], force * s
-    hinged = bool(energy.hinge.any())
-    if hinged:
-        hinge, bent = energy.hinge / distance, theta - energy.rest
-        moment, work = 2.0 * hinge * bent, hinge * bent * bent
-        value += work.sum(axis=0)
-        across += 2.0 * hinge
-    left, right = [pull * one for one in by], [across * one for one in turn]
-    if hinged:
-        # theta by i and j is change_i turn_j - turn_i thin_j
-        lean, square = sin / s, s * s
-        change, thin = [-lean, lean], [(h - distance) / square, -h / square]
-        if along is not None:
-            change.insert(0, -cos * along[0] / s)
-            thin.insert(0, room * along[0] / square)
-        turned = [moment * one for one in turn]
-        right = [one + moment * two for one, two in zip(right, change, strict=True)]
-    second = {
-        (i, j): left[i] * by[j] + right[i] * turn[j] for j in range(last + 1) for i in range(j + 1)
-    }
-    if hinged:
-        for (i, j), term in second.items():
-            term -= turned[i] * thin[j]
-        for i in range(last + 1):
-            first[i] += turned[i]
-            second[i, last] -= turned[i] / distance
-        second[last, last] += 2.0 * work / distance**2 - turned[last] / distance
-        first[last] -= work / distance
-    slope, curve = _of_both(first, second, last)
-    slope[-1] += energy.contact * squash
-    curve[-1, -1] += energy.contact
-    return Derivatives(value, slope, curve)
+    press: Array | float = 0.0,
+) -> Slopes:
+    """Return the energy and its derivatives by the angles."""
+    theta, s, now, sin, cos, half = bend(room, heights, distance)
+    bow, cross = 1.0 - cos, cos[::-1]
+    both = 1.0 - bow[0] * bow[1]
+    weight = s / both
+    over = now - length
+    stiff = energy.tension * (over > 0.0)
+    force = stiff * over
+    value, push, steep, moment = energy.unpulled(theta, distance)
+    value += 0.5 * (force[0] * over[0] + force[1] * over[1])
+    aside = bow[::-1] * sin
+    own, other = theta * cross + aside, theta * cos - sin
+    free = push - press
+    total = force * own + (force * other)[::-1] + free * cross
+    own, other, turn = weight * own, weight[::-1] * other, weight * cross
+    by_own, by_other = stiff * own, stiff * other
+    square = (2.0 * aside * weight - distance) / both * total + force * s + steep * turn * turn
+    square += by_own * own + (by_other * other)[::-1]
+    mixed = (bow[0] * sin[1] * weight[0] - sin[0] * weight[1]) / both * total[0]
+    mixed -= weight[0] * sin[1] * (force[0] * (theta[0] - sin[0]) + force[1] * theta[1] + free)
+    mixed += steep * turn[0] * turn[1] + by_own[0] * other[0] + by_own[1] * other[1]
+    slope = weight * total + moment
+    if not isinstance(moment, float):
+        fade = moment / distance
+        square += 2.0 * (energy.hinge / distance - fade * turn)
+        mixed -= fade[0] * turn[1] + fade[1] * turn[0]
+    curve = np.stack([square[0], mixed, square[1]])
+    return Slopes(value, theta, half, over, own, other, turn, slope, curve)
 
 
-def _of_both(
-    slope: list[Array], curve: dict[tuple[int, int], Array], last: int
-) -> tuple[Array, Array]:
-    """Put the yarns' derivatives by (stretch,) h, D together: the weft's h is D - h1."""
-    h, n = last - 1, slope[0].shape[-1]
-    hh, hd, dd = curve[h, h], curve[h, last], curve[last, last]
-    k = 2 + 2 * h
-    first, second = np.zeros((k, n)), np.zeros((k, k, n))
-    first[-2] = slope[h][0] - slope[h][1]
-    first[-1] = slope[last].sum(axis=0) + slope[h][1]
-    second[-2, -2] = hh.sum(axis=0)
-    second[-2, -1] = second[-1, -2] = hd[0] - hd[1] - hh[1]
-    second[-1, -1] = dd.sum(axis=0) + 2.0 * hd[1] + hh[1]
-    if h:
-        first[:2] = slope[0]
-        second[[0, 1], [0, 1]] = curve[0, 0]
-        second[0, 2], second[0, 3] = curve[0, 1][0], curve[0, 2][0]
-        second[1, 2], second[1, 3] = -curve[0, 1][1], curve[0, 1][1] + curve[0, 2][1]
-        second[2:, :2] = second[:2, 2:].swapaxes(0, 1)
-    return first, second
+def pulls(
+    energy: CrimpEnergy,
+    room: Array,
+    length: Array,
+    heights: Array,
+    distance: Array,
+    along: tuple[Array, Array],
+) -> Array:
+    """Return forces, (2, n), without what jams push: derivatives at given heights."""
+    gap = bend(room, heights, distance)
+    force = energy.tension * np.maximum(gap.length - length, 0.0)
+    moment = energy.unpulled(gap.theta, distance)[-1]
+    lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
+    found: Array = force * (gap.cos * along[0] + along[1]) - moment * lean * along[0]
+    return found
+
+
+def forces(
+    energy: CrimpEnergy,
+    room: Array,
+    length: Array,
+    heights: Array,
+    distance: Array,
+    along: tuple[Array, Array],
+    distances: tuple[Array, Array],
+) -> tuple[Array, Array, Array]:
+    """Return the least energy, (n,), and its derivatives by the stretches, (2, n), (2, 2, n)."""
+    # `along` are d(room) and -d(length) by the stretch: spacing, and floats, of each yarn.
+    low, high = distances
+    little = 1e-9 * energy.tension.max(axis=0) * energy.full
+    press = slopes(energy, room, length, heights, distance).press()
+    # what is held by a bound does not follow; at rest, where nothing pushes, all does
+    firm = ((distance <= low) & (press > little)) | ((distance >= high) & (press < -little))
+    firm |= low >= high
+    press = np.where(firm, press, 0.0)
+    now = slopes(energy, room, length, heights, distance, press)
+    # a yarn that is neither slack nor strained counts as pulling: the stiffness at rest is that of
+    # cloth that is pulled
+    pull = energy.tension * (now.over >= -1e-12 * length)
+    now = now.pulled(pull * (now.over <= 0.0))
+    force = pull * np.maximum(now.over, 0.0)
+    _, push, steep, moment = energy.unpulled(now.theta, distance)
+    free = push - press
+    # at given angles lengths are linear in the rooms: (2, stretches, n), at a stretch of one yarn
+    theta, sin, cos = (one[:, None] for one in (now.theta, np.sin(now.theta), np.cos(now.theta)))
+    bow, cross = 1.0 - cos, cos[::-1]
+    both = 1.0 - bow[0] * bow[1]
+    rooms, more = np.zeros((2, *room.shape)), np.zeros((2, *room.shape))
+    rooms[[0, 1], [0, 1]], more[[0, 1], [0, 1]] = along
+    rise = rooms * sin
+    height = (rise - bow * rise[::-1]) / both
+    straight = rooms * cos - height[::-1] * sin
+    wider, weight = height.sum(axis=0), straight / both
+    longer = wider * theta + straight + more
+    force = force[:, None]
+    slope = (force * longer).sum(axis=0) + free * wider
+    tangent = np.einsum("in,ikn,iln->kln", pull, longer, longer) + steep * wider * wider[:, None]
+    mixed = weight * (force * (theta * cross + bow[::-1] * sin) + free * cross)
+    mixed += weight * (force * (theta * cos - sin))[::-1]
+    mixed += (pull * now.own)[:, None] * longer + ((pull * now.other)[:, None] * longer)[::-1]
+    mixed += (steep * now.turn - moment / distance)[:, None] * wider
+    # the angles follow, with D as it is where that is held, and straight yarns that are pressed
+    loose = (now.theta > _STRAIGHT) | (now.slope < little)
+    a, b, c = now.curve * np.stack([loose[0], loose[0] & loose[1], loose[1]])
+    scale = firm * (np.abs(a) + np.abs(c)) / np.maximum(np.abs(now.turn).max(axis=0), _TINY)
+    turn = scale * loose * now.turn
+    system = np.array([[a, b, turn[0]], [b, c, turn[1]], [turn[0], turn[1], np.zeros_like(a)]])
+    sides = np.concatenate([loose[:, None] * mixed, scale * wider[None]])
+    # what nothing resists does not follow
+    inverse = np.linalg.pinv(system.transpose(2, 0, 1), 1e-13, True)
+    tangent -= np.einsum("ikn,nij,jln->kln", sides, inverse, sides)
+    return now.value, slope, tangent
+
+
+class _Place(NamedTuple):
+    """Where crossings are, and where Newton's method goes from there."""
+
+    heights: Array
+    distance: Array
+    top: Array
+    """(2, n) The heights of jams at that distance."""
+    value: Array
+    half: Array
+    turn: Array
+    step: Array
+    """(2, n) Of the angles."""
+    press: Array
+    """(n,) With what D is pressed against its bound, in N; less than 0 at the upper one."""
+    first: NDArray[np.bool_]
+    """(n,) Whether the warp's angle leads, for D feels it less, and the weft's follows."""
+    part: Array
+    """(n,) Of the step, to be tried."""
+    moves: Array
+    """(n,) How far h1 or D went to get there."""
 
 
 def least(
     energy: CrimpEnergy,
     room: Array,
     length: Array,
-    start: tuple[Array, Array],
-    most: Array,
-    distances: tuple[Array, Array],
+    height: Array,
+    distance: Array,
+    low: Array,
+    high: Array,
 ) -> tuple[Array, Array]:
-    """Return (h1, D) of the least energy, by Newton's method with a line search."""
-    # `most` bounds both heights, (2, n), beside the jam; `distances` bound D.
-    low, high = distances
-    firm = low is high
-    result, live, lost = np.empty((2, len(low))), np.arange(len(low)), np.ones(len(low), bool)
-    hinged = bool(energy.hinge.any())
-    whole, enough = (energy, room, length, most, low, high), _ENOUGH_BENT if hinged else _ENOUGH
+    """Return (h1, D) of the least energy, D in its bounds, by Newton's method from a start."""
+    result = np.empty((2, len(low)))
+    live: NDArray[np.int64] = np.arange(len(low))
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
-    d = np.clip(start[1], low, high)
-    bottom, top, _ = _bounds(room, most, d)
+    d = np.clip(distance, low, high)
+    top = jam_height(room, d)
     # where both are jammed there is no way but to lower D
-    if not firm and (tight := top - bottom < 1e-3 * d).any():
-        d = np.where(tight, np.maximum(low, d - 0.1 * (high - low)), d)
-        bottom, top, _ = _bounds(room, most, d)
-    # at the jam itself bending has no slope to start from
-    inside = 0.01 * hinged * (top - bottom)
-    h = np.clip(start[0], bottom + inside, top - inside)
-    now, part = derivatives(energy, room, length, h, d), np.ones(len(low))
-    for _ in range(30):
-        to, new = _step(now, hinged, part, room, most, h, d, low, high)
-        done = np.maximum(np.abs(to - h), np.abs(new - d)) < enough * d
-        if done.any():
-            result[:, live[done]] = to[done], new[done]
-            lost[live[done & (part > 0.1)]] = False
+    d = np.where(top[0] + top[1] < 1.001 * d, d - 0.1 * (d - low), d)
+    top = jam_height(room, d)
+    inside = _INSIDE * (top[0] + top[1] - d)
+    h = np.clip(height, d - top[1] + inside, top[0] - inside)
+    heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST * d
+    for _ in range(100):
+        now = slopes(energy, room, length, heights, d, press)
+        step, press, first = _step(energy.tension, now, d, press, low, high)
+        part = np.ones_like(d) if at is None else np.minimum(3.0 * at.part, 1.0)
+        to = _Place(heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves)
+        if at is not None:
+            worse = np.flatnonzero(~(to.value <= at.value * (1.0 + 1e-12) + noise))
+            if len(worse):
+                for new, old in zip(to, at, strict=True):
+                    new[..., worse] = old[..., worse]
+                part[worse] /= 3.0
+        at = to
+        heights, d, top = _moved(room, at, low, high)
+        moves = np.maximum(np.abs(heights[0] - at.heights[0]), np.abs(d - at.distance))
+        # what is left to go is less than steps make that shrink as this one did
+        done = (moves * moves <= _ENOUGH * d * at.moves) & (part > 0.9)
+        done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _TURNED
+        if 8 * np.count_nonzero(done) > len(done):
+            for bound in (low, high):  # but for rounding
+                d = np.where(np.abs(d - bound) < _EQUAL * bound, bound, d)
+            result[:, live[done]] = heights[0, done], d[done]
             on = np.flatnonzero(~done)
-            live, part, noise, energy = live[on], part[on], noise[on], energy.some(on)
-            h, d, low, to, new = (one[on] for one in (h, d, low, to, new))
-            high = low if firm else high[on]
-            room, length, most = (one.take(on, axis=1) for one in (room, length, most))
-            now = Derivatives(*(one.take(on, axis=-1) for one in now))
-        if not len(live):
-            break
-        then = derivatives(energy, room, length, to, new)
-        better = then.value <= now.value * (1.0 + 1e-12) + noise
-        if better.all():
-            part = np.minimum(3.0 * part, 1.0)
-        else:
-            to, new = np.where(better, to, h), np.where(better, new, d)
-            then = Derivatives(*(np.where(better, y, x) for x, y in zip(now, then, strict=True)))
-            part = np.where(better, np.minimum(3.0 * part, 1.0), part / 3.0)
-        h, d, now = to, new, then
-    result[:, live] = h, d
-    if not firm and (lost := lost & (whole[-2] < whole[-1])).any():
-        left, (energy, *rest) = np.flatnonzero(lost), whole
-        result[:, left] = _least_surely(
-            energy.some(left), *(array[..., left] for array in (*rest, result))
-        )
+            if not len(on):
+                return result[0], result[1]
+            energy, at = some(energy, on), some(at, on)
+            live = live[on]
+            room, length, heights, top, d, low, high, press, moves, noise = (
+                one.take(on, axis=-1)
+                for one in (room, length, heights, top, d, low, high, press, moves, noise)
+            )
+    result[:, live] = heights[0], d
     return result[0], result[1]
 
 
-def _least_surely(
-    energy: CrimpEnergy,
-    room: Array,
-    length: Array,
-    most: Array,
-    low: Array,
-    high: Array,
-    start: Array,
-) -> tuple[Array, Array]:
-    """Return what `least` does, by a search for D alone (Illinois, and halving): h1 follows."""
-    h = start[0]
-
-    def slope(d: Array) -> Array:
-        nonlocal h
-        h, _ = least(energy, room, length, (h, d), most, (d, d))
-        now = derivatives(energy, room, length, h, d)
-        bottom, top, _ = _bounds(room, most, d)
-        # only at h1 = 0 and h2 = 0 is it caught; else what it is off counts by its square
-        curve = np.where(now.curve[0, 0] == 0.0, 1.0, now.curve[0, 0])
-        along = np.where(h >= top, 1.0, np.where(h <= bottom, 0.0, -now.curve[0, 1] / curve))
-        by: Array = now.slope[1] + along * now.slope[0]
-        return by
-
-    # not at the highest D itself: where both jam there h1 has no room to follow
-    top, high = high, high - 1e-6 * (high - low)
-    ends, values = [low, high], [slope(low), slope(high)]
-    lowest, highest = values[0] >= 0.0, values[1] <= 0.0
-    same = np.zeros(len(low))
-    for turn in range(60):
-        a, b = ends
-        fa, fb = values
-        part = np.clip(fa / np.where(fa == fb, 1.0, fa - fb), 0.02, 0.98) if turn % 3 else 0.5
-        d = np.where(lowest, low, np.where(highest, high, a + part * (b - a)))
-        if (b - a < 1e-9 * high).all():
-            break
-        f = slope(d)
-        left = f < 0.0
-        # the end that stays twice is halved
-        fb = np.where(left, np.where(same > 0.0, 0.5 * fb, fb), f)
-        fa = np.where(left, f, np.where(same < 0.0, 0.5 * fa, fa))
-        same = np.where(left, 1.0, -1.0)
-        settled = lowest | highest | (f == 0.0)
-        ends = [np.where(left | settled, d, a), np.where(left & ~settled, b, d)]
-        values = [fa, fb]
-    d = np.where(d >= high, top, d)
-    slope(d)
-    return h, d
-
-
-def _bounds(room: Array, most: Array, d: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return between which h1 no yarn is jammed nor past its most, and (2, n) which ends jam."""
-    root = np.sqrt(np.maximum((d - room) * (d + room), 0.0))
-    jam = d - root
-    up = np.minimum(most, jam)
-    low = d - up[1]
-    return low, np.maximum(up[0], low), (room < d) & (jam <= most * (1.0 + 1e-9))
-
-
 def _step(
-    now: Derivatives,
-    hinged: bool,
-    part: Array,
-    room: Array,
-    most: Array,
-    h: Array,
-    d: Array,
-    low: Array,
-    high: Array,
-) -> tuple[Array, Array]:
-    """Return h1 and D after a part of Newton's step, inside their bounds."""
-    # Where a straight part vanishes theta goes like the root of what is left. Near such an end h1
-    # is what a variable u from 0 to 1 makes of its bounds, whose square is the distance from there.
-    bottom, top, jams = _bounds(room, most, d)
-    width = np.maximum(top - bottom, _LEAST * d)
-    u = share = np.clip((h - bottom) / width, 0.0, 1.0)
-    # near an end, or on it, h1 moves with it as D changes
-    moves, some = np.stack([share >= 1.0, share <= 0.0]), False
-    firm, (gh, gd), ((hh, hd), (_, dd)) = low is high, now.slope, now.curve
-    gu, uu, ud = gh * width, hh * width**2, hd * width
-    if hinged:
-        heights = np.stack([h, d - h])
-        near = jams & (room**2 - heights * (2.0 * d - heights) < (_NEAR * room) ** 2)
-        ends, some = near[::-1], bool(near.any())
-        moves |= near
-    first: Array | float = 1.0
-    if some:
-        u = _inverse(share, ends)
-        _, first, second = _shape(u, ends)
-        uu, ud = uu * first**2 + gu * second, ud * first
-        gu = gu * first
-    if moving := not firm and bool(moves.any()):
-        root = np.maximum(np.sqrt(np.maximum((d - room) * (d + room), 0.0)), 1e-3 * d)
-        slope = jams * (1.0 - d / root) + (~jams & (room >= d) & (most >= d))
-        bend = (moves & jams) * (room**2 / root**3)
-        up, down = moves[0] * slope[0], moves[1] * (1.0 - slope[1])
-        by_d = down + (up - down) * share
-        gd = gd + gh * by_d
-        ud += (hh * by_d * width + gh * (up - down)) * first
-        dd = dd + 2.0 * hd * by_d + hh * by_d**2
-        dd += gh * (bend[0] * share - bend[1] * (1.0 - share))
-    # against a saddle: downhill along either variable
-    tiny = np.finfo(float).tiny ** 0.5
-    uu = np.maximum(np.abs(uu), tiny)
-    held = ((u <= 0.0) & (gu >= 0.0)) | ((u >= 1.0) & (gu <= 0.0))
-    move: Array | float = 0.0
-    if not firm:
-        slide = np.where(held, 0.0, -ud / uu)
-        dd = np.abs(dd)
-        along = np.maximum(np.abs(dd + slide * (2.0 * ud + slide * uu)), 1e-9 * dd + tiny)
-        move = np.clip(d - (gd + slide * gu) / along, low, high) - d
-    v = np.clip(u - np.where(held, 0.0, part * (gu + ud * move) / uu), 0.0, 1.0)
-
-    new, lowest, highest = d, bottom, top
-    if not firm:
-        new = d + part * move
-        lowest, highest, jams = _bounds(room, most, new)
-    if moving:
-        bottom, top = np.where(moves[1], lowest, bottom), np.where(moves[0], highest, top)
-    to = bottom + (top - bottom) * (_shape(v, ends)[0] if some else v)
-    if hinged:
-        # where there is bending not all the way to a jam, where it would be caught
-        gap = 0.05 * (highest - lowest)
-        lowest = lowest + jams[1] * gap * share
-        highest = highest - jams[0] * gap * (1.0 - share)
-    return np.clip(to, lowest, highest), new
+    tension: Array, now: Slopes, d: Array, press: Array, low: Array, high: Array
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return Newton's step, what presses D against its bound, and whether the warp leads."""
+    taut = now.over > 0.0
+    step, press, first, over = _towards(now, d, press, low, high)
+    # a yarn that the step makes taut is so from the first
+    new = (over > 0.0) > taut
+    for _ in range(2):
+        which = np.flatnonzero(new[0] | new[1])
+        if not len(which):
+            break
+        taut[:, which] |= new[:, which]
+        mine = (one.take(which, axis=-1) for one in (d, press, low, high))
+        pushed = some(now, which).pulled(tension[:, which] * (taut & (now.over <= 0.0))[:, which])
+        found = _towards(pushed, *mine)
+        step[:, which], press[which], first[which], over[:, which] = found
+        new = (over > 0.0) > taut
+    size = np.maximum(np.abs(step[0]), np.abs(step[1]))
+    return step * (_TURN / np.maximum(size, _TURN)), press, first
 
 
-def _shape(u: Array, ends: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-    """Return how far h1 is from its low to its high bound, and the derivatives by u."""
-    low, high = ends
-    cubic = -2.0 * (low & high)
-    square = 1.0 * low - 1.0 * high - 1.5 * cubic
-    line = 1.0 - square - cubic
-    return (
-        u * (line + u * (square + u * cubic)),
-        line + u * (2.0 * square + 3.0 * u * cubic),
-        2.0 * square + 6.0 * u * cubic,
-    )
+def _towards(
+    now: Slopes, d: Array, press: Array, low: Array, high: Array
+) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    """Return what `_step` does of crossings as they are, and `over` after the step."""
+    (a, b, c), slope, turn = now.curve, now.slope, now.turn
+    first = np.abs(turn[0]) <= np.abs(turn[1])
+    to = d
+    if (near := now.theta < _STRAIGHT).any():
+        # what would go on through the mid-surface becomes straight, and leads
+        held = near & (slope > np.stack([a, c]) * now.theta)
+        first = (first & ~held[1]) | held[0]
+        back = np.where(held, now.theta, 0.0)
+        to = d - (turn * back).sum(axis=0)
+        slope = np.where(held, back, slope - b * back[::-1])
+        turn = np.where(held, 0.0, turn)
+        a, b, c = np.where(held[0], 1.0, a), b * ~held.any(axis=0), np.where(held[1], 1.0, c)
+    # against a saddle: by what the curve does in size
+    saddle = np.flatnonzero(~((a > 0.0) & (a * c * (1.0 - 1e-10) > b * b)))
+    if len(saddle):
+        a, b, c = np.stack([a, b, c])
+        a[saddle], b[saddle], c[saddle] = _size(a[saddle], b[saddle], c[saddle])
+    across = np.stack([c, a])
+    by = 1.0 / (a * c - b * b)
+    yielding = (across * turn - b * turn[::-1]) * by
+    # without the press that `slope` has, to see if there still is one
+    step = (b * slope[::-1] - across * slope) * by - press * yielding
+    to = to + turn[0] * step[0] + turn[1] * step[1]
+    off = np.minimum(np.maximum(to, low), high) - to
+    press = off / np.maximum(turn[0] * yielding[0] + turn[1] * yielding[1], _TINY)
+    step += press * yielding
+    return step, press, first, now.over + now.own * step + now.other * step[::-1]
 
 
-def _inverse(share: Array, ends: NDArray[np.bool_]) -> Array:
-    """Return the u of that share."""
-    low, high = ends
-    result = share.copy()
-    one, other, both = (np.flatnonzero(x) for x in (low & ~high, high & ~low, low & high))
-    result[one] = np.sqrt(share[one])
-    result[other] = 1.0 - np.sqrt(1.0 - share[other])
-    result[both] = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * share[both]) / 3.0)
-    return result
+def _size(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return the matrices [[a, b], [b, c]] with the sizes of their eigenvalues, none of them 0."""
+    root = np.maximum(np.abs(a * c - b * b), 1e-12 * (a + c) ** 2 + _TINY**2)
+    trace = np.sqrt(a * a + 2.0 * b * b + c * c + 2.0 * root)
+    return (a * a + b * b + root) / trace, b * (a + c) / trace, (c * c + b * b + root) / trace
+
+
+def _moved(room: Array, at: _Place, low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Return heights, D and jams after a step: D as that has it, and the angle that leads."""
+    step = at.part * at.step
+    d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]
+    d = np.minimum(np.maximum(d, low), high)
+    top = jam_height(room, d)
+    most = top - _INSIDE * np.maximum(at.top - at.heights, 0.0)
+    p, t, half = (np.where(at.first, one[0], one[1]) for one in (room, at.half, 0.5 * step))
+    few, many = np.minimum(p, d), np.maximum(p, d)
+    last = few / (many + np.sqrt((many - few) * (many + few)))
+    t = np.minimum(np.maximum((t + half) / (1.0 - t * half), 0.0), np.minimum(last, 1.0 - 1e-9))
+    h = 2.0 * t * (p - d * t) / (1.0 - t * t)
+    h = np.where(at.first, h, d - h)
+    h = np.minimum(np.maximum(np.minimum(h, most[0]), np.maximum(d - most[1], 0.0)), d)
+    return np.stack([h, d - h]), d, top

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crimp_energy import Array, CrimpEnergy, bend, taut_height
+from spacemap_vtk.fabric.crimp_energy import CrimpEnergy
 from spacemap_vtk.fabric.drawdown import repeat
+from spacemap_vtk.fabric.gap import Array, bend, taut_height
 
 #: Least share of a yarn's length that is straight at rest, to bending: in a jam it bends, too.
 _STRAIGHT = 0.05
 #: Least room in a gap, over D: angles need some.
 _LEAST_ROOM = 1e-9
+#: Over what yarns resist with: contact that keeps D where nothing else says how much it is.
+_LEAST_CONTACT = 1e-12
 
 
 class Crossings(NamedTuple):
@@ -53,9 +56,6 @@ class Crossings(NamedTuple):
     contact: Array
     """(n,) k_D over D at rest; 0 where contact is hard."""
 
-    def some(self, which: NDArray) -> Crossings:
-        return Crossings(*(array.take(which, axis=-1) for array in self))
-
     def asked(self, stretch: Array) -> tuple[Array, Array]:
         """Return the room for the gap's arcs, and the length that its yarn has for it."""
         return (
@@ -80,7 +80,8 @@ class Crossings(NamedTuple):
         """Return the crossings' energy, with or without bending."""
         hinge = self.hinge if hinged else np.zeros_like(self.hinge)
         tension = np.where(self.loose, 0.0, self.tension)
-        return CrimpEnergy(tension, self.contact, hinge, self.theta, self.full)
+        contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
+        return CrimpEnergy(tension, contact, hinge, self.theta, self.full)
 
     def bending(self) -> CrimpEnergy:
         """Return the energy of bending alone, which decides where yarns are slack."""

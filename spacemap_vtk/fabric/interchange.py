@@ -37,16 +37,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crimp_energy import (
-    Array,
-    CrimpEnergy,
-    bend,
-    both_taut,
-    derivatives,
-    jam_height,
-    least,
-)
+from spacemap_vtk.fabric.crimp_energy import CrimpEnergy, forces, least, pulls, slopes, some
 from spacemap_vtk.fabric.crossings import Crossings, crossings
+from spacemap_vtk.fabric.gap import Array, bend, both_taut
 from spacemap_vtk.fabric.joined import Joined, Said
 
 #: Share of a section that fibres fill where they lie as close as they can, in hexagons.
@@ -107,8 +100,8 @@ class Resultants(NamedTuple):
     """What a cloth does that is stretched alike everywhere, n times."""
 
     force: Array
-    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m; 0 of yarns that do not
-    stretch, for they take any."""
+    """(2, n) Force per width of cloth at rest, along warp and weft, in N/m, without what jams push;
+    0 of yarns that do not stretch, for they take any."""
     strain: Array
     """(2, n) Largest of the yarns' strains."""
     slack: Array
@@ -184,8 +177,8 @@ class Interchange:
         CrimpState
             Continuous in the stretch, finite for every finite stretch.
         """
-        cells, some, back = self._alike(stretch)
-        held, h, d = self._find(cells, some)
+        cells, asked, back = self._alike(stretch)
+        held, h, d = self._find(cells, asked)
         heights = np.stack([h, d - h])
         room, length = cells.asked(held)
         gap = bend(room, heights, d)
@@ -193,14 +186,12 @@ class Interchange:
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
         contact = 2.0 * cells.contact * (cells.full - d)
-        if self._stretches and self._hinged:
-            free = cells.energy(True)._replace(contact=np.zeros_like(d))
-            contact = 2.0 * np.maximum(derivatives(free, room, length, h, d).slope[-1], 0.0)
-        elif self._stretches:
-            # what the yarns' pull changes with D, as much as their lengths do
-            pull = cells.energy(False).tension * np.maximum(gap.length - length, 0.0)
-            press = pull * (gap.theta - gap.sin)
-            contact = 2.0 * (press[0] + press[1] + pull[1] * gap.sin[1])
+        # at the least D what presses is more than what resists
+        at = np.flatnonzero(d <= cells.floor)
+        if self._stretches and len(at):
+            free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
+            taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
+            contact[at] = 2.0 * np.maximum(slopes(free, *taken).press(), 0.0)
         state = CrimpState(
             *(
                 self._laid(array, back)
@@ -212,14 +203,14 @@ class Interchange:
                     np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
                     contact,
                     over < -_SLACK * cells.whole,
-                    held > some,
+                    held > asked,
                     held,
                 )
             )
         )
         if self._joined is None:
             return state
-        slack = np.maximum(-over / cells.whole, 0.0) + (held - some).max(axis=0)
+        slack = np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0)
         grown, spare, floor = (
             self._laid(array, back) for array in (gap.length - cells.length, slack, cells.floor)
         )
@@ -246,8 +237,8 @@ class Interchange:
         InputError
             The yarns do not stretch, so that there is no energy.
         """
-        cells, some, back = self._alike(stretch)
-        found = self._pulls(cells, some)
+        cells, asked, back = self._alike(stretch)
+        found = self._pulls(cells, asked)
         return Forces(*(self._laid(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
@@ -266,7 +257,7 @@ class Interchange:
         asked = np.asarray(stretch, np.float64)
         first, back = self._kinds
         shape = 2, len(first), asked.shape[1]
-        cells = self._cells.some(np.repeat(first, asked.shape[1]))
+        cells = some(self._cells, np.repeat(first, asked.shape[1]))
         held, h, d = self._find(cells, np.tile(asked, len(first)))
         room, length = cells.asked(held)
         over = (bend(room, np.stack([h, d - h]), d).length - length) / cells.whole
@@ -275,8 +266,8 @@ class Interchange:
         force = np.zeros_like(held)
         if self._stretches:
             along = cells.own, cells.floats
-            energy = cells.energy(self._hinged)
-            force = derivatives(energy, room, length, h, d, along).slope[:2]
+            energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
+            force = pulls(energy, room, length, heights, d, along)
             force += np.where(cells.loose, cells.tension * strain * cells.spacing**2, 0.0)
         weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
         return Resultants(
@@ -304,7 +295,7 @@ class Interchange:
         asked = asked.reshape(2, -1)
         if np.ptp(asked, axis=1).max() <= 1e-14:
             first, back = self._kinds
-            return self._cells.some(first), asked[:, first], back
+            return some(self._cells, first), asked[:, first], back
         return self._cells, asked, slice(None)
 
     def _laid(self, array: NDArray[Any], back: NDArray[np.int64] | slice) -> NDArray[Any]:
@@ -332,32 +323,14 @@ class Interchange:
             )
         held, h, d = self._find(cells, stretch)
         energy, (room, length) = cells.energy(self._hinged), cells.asked(held)
-        found = derivatives(energy, room, length, h, d, (cells.own, cells.floats))
-        tangent, (gh, gd) = found.curve[:2, :2].copy(), found.slope[2:]
-        mixed, inner = found.curve[:2, 2:], found.curve[2:, 2:]
-        # what is held by a bound does not follow; at rest, where nothing pushes, all does
-        little = 1e-9 * energy.tension.max(axis=0) * cells.full
-        fixed = ((d <= cells.floor) & (gd > little)) | ((d >= cells.full) & (gd < -little))
-        fixed |= cells.floor >= cells.full
-        up = np.minimum(jam_height(room, np.broadcast_to(d, room.shape)), d)
-        bound = ((h >= up[0]) & (gh < -little)) | ((d - h >= up[1]) & (gh > little))
-        free = np.stack([~bound, ~fixed])
-        inner = np.where(free[:, None] & free, inner, 0.0)
-        inner[[0, 1], [0, 1]] += ~free
-        mixed = np.where(free, mixed, 0.0)
-        determinant = inner[0, 0] * inner[1, 1] - inner[0, 1] ** 2
-        safe = np.abs(determinant) > 1e-14 * np.abs(inner[0, 0] * inner[1, 1])
-        by = np.where(safe, 1.0 / np.where(safe, determinant, 1.0), 0.0)
-        inverse = by * np.stack(
-            [np.stack([inner[1, 1], -inner[0, 1]]), np.stack([-inner[0, 1], inner[0, 0]])]
-        )
-        tangent -= np.einsum("ian,abn,jbn->ijn", mixed, inverse, mixed)
+        along, bounds = (cells.own, cells.floats), (cells.floor, cells.full)
+        value, force, tangent = forces(energy, room, length, np.stack([h, d - h]), d, along, bounds)
         # yarns that never change side are straight
         pull = np.where(cells.loose, cells.tension, 0.0)
         over = np.maximum(held - 1.0, 0.0) * cells.spacing
-        force = found.slope[:2] + pull * over * cells.spacing
+        force += pull * over * cells.spacing
         tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
-        value = found.value + (0.5 * pull * over**2).sum(axis=0)
+        value += (0.5 * pull * over**2).sum(axis=0)
         return value, force, tangent
 
     def _find(self, cells: Crossings, stretch: Array) -> tuple[Array, Array, Array]:
@@ -377,37 +350,27 @@ class Interchange:
             d = np.clip(full - give, floor, full)
             h = np.where(slack, h, most[0] + share[0] * give)
         if self._stretches and self._hinged:
-            free = np.broadcast_to(full, room.shape)
-            return held, *least(cells.energy(True), room, length, (h, d), free, (floor, full))
+            return held, *least(cells.energy(True), room, length, h, d, floor, full)
 
-        def settle(
-            which: Array, energy: CrimpEnergy, bounds: Array, low: Array, high: Array
-        ) -> None:
-            some = np.flatnonzero(which)
-            if len(some):
-                lowest = low[some]
-                h[some], d[some] = least(
-                    energy.some(some),
-                    room.take(some, axis=1),
-                    length.take(some, axis=1),
-                    (h[some], d[some]),
-                    bounds.take(some, axis=1),
-                    (lowest, lowest if low is high else high[some]),
-                )
+        def settle(which: Array, energy: CrimpEnergy, low: Array, high: Array) -> None:
+            chosen = np.flatnonzero(which)
+            if len(chosen):
+                mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
+                h[chosen], d[chosen] = least(some(energy, chosen), *mine)
 
-        settle(slack, cells.bending(), most, full, full)
-        free, pulled = np.broadcast_to(full, room.shape), ~slack
-        if self._stretches and self._contact > 0.0:
-            settle(pulled, cells.energy(False), free, floor, full)
-            return held, h, d
-        flat = np.flatnonzero(pulled & (floor < full))
-        if len(flat):
-            taken = (one.take(flat, axis=-1) for one in (room, length, most, floor))
-            heights = both_taut(*taken)
+        settle(slack, cells.bending(), full, full)
+        # where bending alone would strain a yarn it is as long as it is
+        h = np.where(slack, np.clip(h, full - most[1], np.maximum(most[0], full - most[1])), h)
+        pulled = ~slack
+        if not self._stretches or self._contact == 0.0:
+            flat = np.flatnonzero(pulled & (floor < full))
+            heights = both_taut(*(one.take(flat, axis=-1) for one in (room, length, most, floor)))
             both = heights[0] + heights[1]
             d[flat] = np.clip(both, floor[flat], full[flat])
             h[flat] = heights[0] * d[flat] / both
-        settle(pulled & (d <= floor), cells.energy(False), free, floor, floor)
+            settle(pulled & (d <= floor), cells.energy(False), floor, floor)
+        else:
+            settle(pulled, cells.energy(False), floor, full)
         return held, h, d
 
 

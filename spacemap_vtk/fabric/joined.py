@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.crimp_energy import Array, Gap, bend
+from spacemap_vtk.fabric.gap import Array, Gap, bend
 
 #: Slack, or stretch past a jam, from which on a yarn is left as it is; between, in part.
 _RAMP = 1e-3
