@@ -107,6 +107,36 @@ def test_threads_may_be_arranged_otherwise(of_ends: list[int], of_picks: list[in
     np.testing.assert_array_equal(found.picks, np.resize(of_picks, 48) == 1)
 
 
+def changing(picks: int = 48, ends: int = 40) -> tuple[Bools, Bools]:
+    """Every other pick above; in blocks, every other end with it: these alone change places."""
+    row, column = np.indices((picks, ends))
+    with_upper = (column % 2 == 0) ^ (row // 12 % 2 == 1) ^ (column // 10 % 2 == 1)
+    plain = (row // 2 + np.cumsum(with_upper, axis=1)) % 2 == 0
+    return np.where(with_upper == (row % 2 == 0), plain, with_upper), with_upper
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_threads_of_one_direction_may_change_alone(number: int) -> None:
+    drawdown, with_upper = changing()
+    if number:
+        drawdown, with_upper = ~drawdown.T, with_upper.T
+    found = find_layers(np.ascontiguousarray(drawdown))
+    assert found is not None
+    changes, stays = (found.ends, found.picks)[:: -1 if number else 1]
+    assert changes is None
+    np.testing.assert_array_equal(stays, np.arange(48) % 2 == 1)
+    assert found.joined == (number == 0, number == 1)
+    level = found.own == found.above
+    edge = np.abs(np.diff(with_upper.astype(int), axis=number)).sum()
+    # where a yarn changes is known to a thread or two
+    assert np.count_nonzero(level != with_upper) <= 2 * edge
+    picks, ends = drawdown.shape
+    given = {("weft_layer", "warp_layer")[number]: [1, 2]}
+    layers = WeaveSource(pattern=rows(drawdown), ends=ends, picks=picks, **given).cloth.layers
+    assert layers is not None
+    np.testing.assert_array_equal(layers.own, found.own)
+
+
 def test_stitches_are_no_change_of_place() -> None:
     found = find_layers(stitched())
     assert found is not None
@@ -154,7 +184,7 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
     points, yarn = axis_points(cloth, 24)
     layers, least = cloth.layers, np.inf
     assert layers is not None
-    second = np.concatenate([layers.ends, layers.picks])
+    ends = cloth.size[0]
     radii = np.concatenate([0.5 * yarns.diameter for yarns in cloth.yarns])
     # circles whose centres lie on the flat, where there is one
     lines = [points]
@@ -164,10 +194,11 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
         for share in (-1.0, -0.5, 0.5, 1.0) if threads.aspect > 1.0 else ():
             lines.append(points + share * flat[:, None] * np.eye(3)[number])
     points, yarn = np.concatenate(lines), np.tile(yarn, len(lines))
-    trees = [cKDTree(points[yarn == k]) for k in range(len(second))]
+    trees = [cKDTree(points[yarn == k]) for k in range(len(radii))]
     for k, tree in enumerate(trees):
         for other in range(k):
-            if second[k] != second[other]:
+            # ends among themselves, picks among themselves, and those of different cloths
+            if other >= ends or k < ends or not layers.own[k - ends, other]:
                 found, _ = tree.query(points[yarn == other], distance_upper_bound=2e-3)
                 least = min(least, float(found.min()) - radii[k] - radii[other])
     return least
@@ -189,6 +220,15 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
             layer_gap=0.02e-3,
         ),
         layered(two_cloths(blocks(99, 12, 12), patterns.plain(2, 2)), warp_diameter=1.1e-3),
+        changed(
+            Cloth(
+                drawdown=changing(16, 14)[0],
+                warp=ROUND,
+                weft=ROUND,
+                layers=find_layers(changing()[0]).cropped(slice(14), slice(16)),
+            ),
+            weft_diameter=0.55e-3,
+        ),
     ],
 )
 def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:

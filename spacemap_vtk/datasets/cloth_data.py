@@ -5,8 +5,9 @@ value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, wi
 likewise of the weft; and ``cloth_measures``: ends and picks, crimp height and overhang (m), density
 of the yarns (kg/m3), 0 or 1 for closed ends, rational patches and axes by splines, and where the
 middles of ends and picks are (m; at 0 where it is not said). Of a double weave ``cloth_layers``
-(uint8: 1 for each end and pick of its second cloth) and ``cloth_layer_gap`` (m). NaN stands for
-what is not known. Colours are those of the cells; warnings were told where it was made.
+(uint8: 1 for each end and pick of its second cloth, 2 for those that change from one to the other)
+and ``cloth_layer_gap`` (m). NaN stands for what is not known. Colours are those of the cells;
+warnings were told where it was made.
 """
 
 from __future__ import annotations
@@ -58,8 +59,11 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
     )
     add_array(field, _MEASURES, np.array(measures, np.float64))
     if cloth.layers is not None:
-        second = np.concatenate([cloth.layers.ends, cloth.layers.picks])
-        add_array(field, _LAYERS, second.view(np.uint8))
+        second = [
+            np.full(count, 2 if one is None else one, np.uint8)
+            for one, count in zip((cloth.layers.ends, cloth.layers.picks), cloth.size, strict=True)
+        ]
+        add_array(field, _LAYERS, np.concatenate(second))
         add_array(field, _GAP, np.array([nan if cloth.layer_gap is None else cloth.layer_gap]))
 
 
@@ -98,8 +102,9 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
     drawdown = values(_DRAWDOWN, int(ends) * int(picks)).reshape(int(picks), int(ends)) != 0
     layers, gap = None, nan
     if field.HasArray(_LAYERS):
-        second = values(_LAYERS, int(ends) + int(picks)) != 0
-        layers, gap = Layers(drawdown, *np.split(second, [int(ends)])), float(values(_GAP, 1)[0])
+        second = np.split(values(_LAYERS, int(ends) + int(picks)), [int(ends)])
+        layers = Layers(drawdown, *(None if (one == 2).any() else one == 1 for one in second))
+        gap = float(values(_GAP, 1)[0])
     return Cloth(
         drawdown=drawdown,
         warp=threads[0],

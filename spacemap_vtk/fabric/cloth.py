@@ -241,7 +241,11 @@ class Cloth:
         """Warp and weft of each cloth: of both, where it is a double weave."""
         if self.layers is None:
             return (self.threads,)
-        ends, picks = self.layers.ends, self.layers.picks
+        # threads that change from one to the other are every other one in either
+        ends, picks = (
+            np.arange(count) % 2 == 1 if second is None else second
+            for second, count in zip((self.layers.ends, self.layers.picks), self.size, strict=True)
+        )
         return tuple(
             (self.warp.chosen(ends == second), self.weft.chosen(picks == second))
             for second in (False, True)
@@ -371,9 +375,11 @@ class Cloth:
         result = []
         for number in (0, 1):
             ratio = inf
-            for sheet in self.sheets:
-                room, diameters = sheet[number].gaps()
-                sums = diameters + np.max(sheet[1 - number].diameter)
+            # of threads that change from one cloth to the other, any neighbours may be in one
+            fixed = self.layers is None or self.layers.fixed
+            for threads in [s[number] for s in self.sheets] if fixed else [self.threads[number]]:
+                room, diameters = threads.gaps()
+                sums = diameters + np.max(self.threads[1 - number].diameter)
                 ratio = min(ratio, float(np.min(room / sums, initial=inf)))
             # without a second yarn there is nothing to bend between
             result.append(ratio * self.diameter_sum if ratio < inf else self.diameter_sum)
@@ -450,9 +456,7 @@ class Cloth:
         for number, family in enumerate(FAMILIES):
             # yarns of two cloths lie one above the other where they never change places
             apart = self.layers is not None and not self.layers.joined[number]
-            for threads in (
-                [sheet[number] for sheet in self.sheets] if apart else [self.threads[number]]
-            ):
+            for threads in [s[number] for s in self.sheets] if apart else [self.threads[number]]:
                 threads.check_neighbours(family, JAM, self.diameter_sum)
         if self.layers is not None:
             self.layers.check_room(self.threads, self.layer_gap, self.axis)

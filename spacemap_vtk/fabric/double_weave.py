@@ -2,19 +2,20 @@
 
 Each end and each pick belongs to one of two cloths. Threads of one cloth interlace where they
 cross. Where threads of both cross, that of the cloth above passes over; where it does not, the
-cloths are stitched, or change places (interchange). A yarn of a cloth that stays where it is takes
-no notice of the other: it bends between the crossings of its own cloth alone.
+cloths are stitched, or change places (interchange). Or the threads of one direction alone go from
+one cloth to the other, and those of the other direction stay above, or below. A yarn of a cloth
+that stays where it is takes no notice of the other: it bends between the crossings of its own cloth
+alone.
 
 Heights, above the middle of both cloths, of axes that are D/2 = R apart where they touch:
 
-- in the cloth above all axes are at least H - h/2 high, below at most -(H - h/2), with 2 H - R at
+- In the cloth above all axes are at least H - h/2 high, below at most -(H - h/2), with 2 H - R at
   least a gap more than R: so no yarn of one can touch one of the other.
-- between two crossings of its own cloth where a yarn changes from one to the other, or is stitched,
-  it passes every yarn of the other cloth at H - h/2 or at -(H - h/2), level there, on arcs of a
-  radius of (1 + `APART`) R. As long as arcs turn by at most a right angle, which is where gaps are
-  as wide as the sum of their radii, the axis is that far from all that lies on the other side: for
-  a circle of radius r about a centre at least as high as the highest axis below touches its top,
-  and what is lower than its centre is at least r aside.
+- Between two crossings of its own cloth where a yarn goes from one to the other, or is stitched, it
+  passes every yarn of the other cloth at H - h/2 or at -(H - h/2), level there, on arcs of radius
+  (1 + `APART`) R. Their centres lie beyond the highest place of what is passed;
+  and arcs that turn by at most a right angle, as all do in gaps as wide as the sum of their radii,
+  are a radius aside before they are as low as their centres. So the axis keeps that distance.
 
 Sources: the terms of Z. Grosicki, "Watson's Advanced Textile Design" (double cloth, self-stitched;
 interchanging double plain).
@@ -32,7 +33,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.peirce import JAM
-from spacemap_vtk.fabric.threads import Threads
+from spacemap_vtk.fabric.threads import Some, Threads
 from spacemap_vtk.units import format_quantity
 
 Bools = NDArray[np.bool_]
@@ -54,6 +55,8 @@ _STAYS = 2.0
 #: Most changes between neighbouring crossings with the other cloth, of all; and who they are.
 _LOOSE = 0.6
 _NEIGHBOURS = (1, 1, 1), (1, 1, -1), (0, 1, 1), (1, 0, 1), (0, 2, 1), (2, 0, 1)
+#: Least crossings for each change of a yarn from one cloth to the other.
+_CHANGES = 3.5
 #: The arrangements, the first thread in the first cloth.
 _ARRANGED = [
     np.array((False, *rest))
@@ -71,8 +74,9 @@ class Layers:
     ----------
     drawdown : (picks, ends) ndarray of bool
         True: the end lies over the pick.
-    ends, picks : ndarray of bool
-        Whether each belongs to the second cloth.
+    ends, picks : ndarray of bool, optional
+        Whether each belongs to the second cloth. One of both may be left out: then the second cloth
+        is below everywhere, and the threads that are not named go from one to the other.
 
     Examples
     --------
@@ -87,33 +91,57 @@ class Layers:
     """
 
     drawdown: Bools
-    ends: Bools
-    picks: Bools
+    ends: Bools | None
+    picks: Bools | None
 
-    @cached_property
+    @property
+    def fixed(self) -> bool:
+        """Whether all threads stay in their cloth."""
+        return self.ends is not None and self.picks is not None
+
+    @property
     def own(self) -> Bools:
-        """(picks, ends) Whether the threads that cross are of one cloth."""
-        return self.picks[:, None] == self.ends
+        """(picks, ends) Whether the threads that cross are of one cloth there."""
+        return self._crossings[0]
 
-    @cached_property
+    @property
     def above(self) -> Bools:
         """(picks, ends) Whether the cloth of both threads is the one above; see `own`."""
-        # The nearest threads of the other cloth tell, before and after, of both: at a corner of a
-        # block two against two. There those decide with which the draft's threads make pairs.
-        over = np.where(self.drawdown, 1, -1).astype(np.int8)
-        votes = np.zeros(over.shape, np.int8)
-        for table, tally, crossed, weight in (
-            (over, votes, self.picks, 2),
-            (-over.T, votes.T, self.ends, 1),
-        ):
-            for after in (False, True):
-                line = crossed[::-1] if after else crossed
-                beside = _nearest(line)
-                there = (beside >= 0)[:, None]
-                vote = table[:: -1 if after else 1][beside] * there
-                partner = ((line == crossed[0]) == after)[:, None]
-                tally[:: -1 if after else 1] += (4 + weight * partner) * vote
-        return votes > 0
+        return self._crossings[1]
+
+    def cropped(self, ends: Some, picks: Some) -> Layers:
+        """Return the same of some neighbouring threads, as all tell it.
+
+        Parameters
+        ----------
+        ends, picks : slice or ndarray of int
+            Which.
+
+        Returns
+        -------
+        Layers
+            Of these.
+        """
+        part = Layers(
+            self.drawdown[picks][:, ends],
+            None if self.ends is None else self.ends[ends],
+            None if self.picks is None else self.picks[picks],
+        )
+        # neighbours that are not there any more have told it
+        part.__dict__["_crossings"] = self.own[picks][:, ends], self.above[picks][:, ends]
+        return part
+
+    @cached_property
+    def _crossings(self) -> tuple[Bools, Bools]:
+        if self.ends is not None and self.picks is not None:
+            own = self.picks[:, None] == self.ends
+            return own, _voted(self.drawdown, self.ends, self.picks)
+        if self.picks is not None:
+            own = _nearest_told(self.drawdown, self.picks) != self.picks[:, None]
+            return own, np.broadcast_to(~self.picks[:, None], own.shape)
+        assert self.ends is not None
+        own = self.ends != _nearest_told(~self.drawdown.T, self.ends).T
+        return own, np.broadcast_to(~self.ends, own.shape)
 
     def kept(self, number: int) -> Bools:
         """Return which crossings yarns take notice of.
@@ -191,7 +219,37 @@ class Layers:
         astray |= ~own.any(axis=1, keepdims=True)
         marked = np.zeros(own.shape[0] * (own.shape[1] + 1), bool)
         marked[gap[astray]] = True
-        return own | marked[gap], bool(astray.any())
+        leaps = own[:, 1:] & own[:, :-1] & (above[:, 1:] != above[:, :-1])
+        return own | marked[gap], bool(astray.any() or leaps.any())
+
+
+def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
+    """Return whether the cloth to which both threads belong is above, by its neighbours."""
+    # The nearest threads of the other cloth tell, before and after, of both: at a corner of a
+    # block two against two. There those decide with which the draft's threads make pairs.
+    over = np.where(drawdown, 1, -1).astype(np.int8)
+    votes = np.zeros(over.shape, np.int8)
+    for table, tally, crossed, weight in ((over, votes, picks, 2), (-over.T, votes.T, ends, 1)):
+        for after in (False, True):
+            line = crossed[::-1] if after else crossed
+            beside = _nearest(line)
+            there = (beside >= 0)[:, None]
+            vote = table[:: -1 if after else 1][beside] * there
+            partner = ((line == crossed[0]) == after)[:, None]
+            tally[:: -1 if after else 1] += (4 + weight * partner) * vote
+    return votes > 0
+
+
+def _nearest_told(over: Bools, second: Bools) -> Bools:
+    """Return where columns' yarns are above, by the nearest thread that tells."""
+    # over a thread of the cloth below, or under one of that above, either may be
+    told = over != second[:, None]
+    place = np.arange(len(over))[:, None]
+    last = np.maximum.accumulate(np.where(told, place, -len(over)), axis=0)
+    following = np.where(told, place, 2 * len(over))[::-1]
+    following = np.minimum.accumulate(following, axis=0)[::-1]
+    nearest = np.where(place - last <= following - place, last, following)
+    return np.take_along_axis(over, nearest.clip(0, len(over) - 1), axis=0)
 
 
 def _nearest(second: Bools) -> NDArray[np.int64]:
@@ -234,8 +292,10 @@ def find_layers(
         return None
     whole = Layers(
         drawdown,
-        np.resize(found[0], drawdown.shape[1]) if ends is None else ends,
-        np.resize(found[1], drawdown.shape[0]) if picks is None else picks,
+        *(
+            given if given is not None or one is None else np.resize(one, size)
+            for given, one, size in zip((ends, picks), found, drawdown.T.shape, strict=True)
+        ),
     )
     return whole if _apart(whole) > 0.0 else None
 
@@ -243,36 +303,52 @@ def find_layers(
 @lru_cache(maxsize=16)  # a window asks again whatever is changed of the yarns
 def _arranged(
     crossings: bytes, shape: tuple[int, int], ends: bytes | None, picks: bytes | None
-) -> tuple[Bools, Bools] | None:
-    """Return the arrangement of ends and picks in which two cloths lie the clearest apart."""
+) -> tuple[Bools | None, Bools | None] | None:
+    """Return the simplest arrangement of threads, of those the one that lies the clearest apart."""
     drawdown = np.frombuffer(crossings, bool).reshape(shape)
     if min(shape) < 2 * _REPEAT:
         return None
-    asked = [
-        turned if known is None else [np.frombuffer(known, bool)]
-        for known, turned in ((ends, _ARRANGED), (picks, [*_ARRANGED, *(~a for a in _ARRANGED)]))
-    ]
+    turned = [*_ARRANGED, *(~one for one in _ARRANGED)]
+    of_ends, of_picks = (
+        turned if known is None else [np.frombuffer(known, bool)] for known in (ends, picks)
+    )
+    tried: list[tuple[Bools | None, Bools | None]] = []
+    # which cloth is the first means nothing where both can be above
+    tried += product(of_ends if picks is not None else of_ends[: len(_ARRANGED)], of_picks)
+    tried += [(one, None) for one in of_ends if picks is None]
+    tried += [(None, one) for one in of_picks if ends is None]
     most, best = 0.0, None
-    for one, other in sorted(product(*asked), key=_repeat):
-        if best is not None and _repeat((one, other)) > _repeat(best):
+    for arranged in sorted(tried, key=_rank):
+        if best is not None and _rank(arranged) > _rank(best):
             break
-        tried = Layers(drawdown, np.resize(one, shape[1]), np.resize(other, shape[0]))
-        if _told_apart(tried) and (share := _apart(tried)) > most:
-            most, best = share, (one, other)
+        one, other = (
+            None if given is None else np.resize(given, size)
+            for given, size in zip(arranged, shape[::-1], strict=True)
+        )
+        layers = Layers(drawdown, one, other)
+        if _told_apart(layers) and (share := _apart(layers)) > most:
+            most, best = share, arranged
     return best
 
 
-def _repeat(arranged: tuple[Bools, ...]) -> int:
-    return max(map(len, arranged))
+def _rank(arranged: tuple[Bools | None, ...]) -> tuple[bool, int]:
+    simple = all(one is not None for one in arranged)
+    return not simple, max(len(one) for one in arranged if one is not None)
 
 
 def _told_apart(layers: Layers) -> bool:
-    """Return whether neighbours among the other cloth's crossings mostly agree, at little cost."""
-    other, first_above = ~layers.own, layers.drawdown ^ layers.ends
-    picks, ends = other.shape
+    """Return whether the cloths hang together at all, at little cost."""
+    ends, picks = layers.ends, layers.picks
+    if ends is None or picks is None:
+        above = layers.own == layers.above  # of the yarns that change
+        changes = np.count_nonzero(np.diff(above, axis=0 if ends is None else 1))
+        return changes * _CHANGES < above.size
+    # neighbours among the crossings with the other cloth mostly agree on who is above
+    other, first_above = picks[:, None] != ends, layers.drawdown ^ ends
+    rows, columns = other.shape
     for up, aside, turn in _NEIGHBOURS:
         (one, two), (high, low) = (
-            (table[up:, aside:], table[: picks - up, : ends - aside])
+            (table[up:, aside:], table[: rows - up, : columns - aside])
             for table in (other[:, ::turn], first_above[:, ::turn])
         )
         both = one & two
@@ -303,8 +379,9 @@ def _apart(layers: Layers) -> float:
         run = np.concatenate([[0], np.cumsum(~stays)])
         turns = np.bincount(run[1:][stays & (over[1:] != over[:-1])], minlength=len(place))
         woven = turns[run] > 0
-        second = (layers.picks if number else layers.ends)[row]
-        if min(woven[second].mean(), woven[~second].mean()) < _WOVEN:
+        if high.all() or not high.any():
+            return 0.0
+        if min(woven[high].mean(), woven[~high].mean()) < _WOVEN:
             return 0.0
         share = min(share, 1.0 - float(astray[of_other].mean()) / 2.0)
     return share

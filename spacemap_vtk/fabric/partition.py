@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
-from spacemap_vtk.fabric.double_weave import Layers
 from spacemap_vtk.fabric.section import section
 from spacemap_vtk.fabric.weave import build
 
@@ -108,9 +107,7 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
     warp, weft = threads
     drawdown, layers = cloth.drawdown[part.picks, part.ends], None
     if cloth.layers is not None:
-        layers = Layers(drawdown, cloth.layers.ends[part.ends], cloth.layers.picks[part.picks])
-        # what is told by neighbours that are not there any more
-        layers.__dict__["above"] = cloth.layers.above[part.picks, part.ends]
+        layers = cloth.layers.cropped(part.ends, part.picks)
     made = replace(
         cloth,
         drawdown=drawdown,
