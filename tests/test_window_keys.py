@@ -196,7 +196,7 @@ def test_p_picks_and_shift_f_flies_to_what_is_under_the_mouse(view_of: Any, hand
     hand("p")
     wait_until(lambda: window.view.picks)
     (picked,) = window.view.picks
-    assert window.told.text() == picked.text
+    assert window.told.whole == picked.text
     before, far, way = np.array(window.view.place.focus), distance(window), direction(window)
     assert np.linalg.norm(before - picked.position) > 1e-4
     hand("Shift+f")

@@ -221,10 +221,16 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
     # At t = 0 nothing is deformed: it is the whole motion that is told of.
     assert window.times.time == 0.0
     angle = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    for told in (window.told.whole, window.told.toolTip()):
+        assert angle in told
+        assert "times as long" in told
+        assert "[transient]" in told
+    # What there is no room for ends in dots, and the link is there as long as its words are.
+    window.told.resize(window.told.fontMetrics().horizontalAdvance(window.told.whole) // 2, 20)
+    assert window.told.text().endswith("…")
     assert angle in window.told.text()
-    assert angle in window.told.toolTip()
-    assert "times as long" in window.told.text()
-    assert "[transient]" in window.told.text()
+    window.told.resize(window.told.fontMetrics().horizontalAdvance(window.told.whole) + 20, 20)
+    assert '<a href="rotation">a section [rotation]</a>' in window.told.text()
     # A click on its words does what they say.
     for x in range(0, window.told.width(), 8):
         QTest.mouseClick(
@@ -232,11 +238,11 @@ def test_a_motion_out_of_its_realm_is_told_with_its_cure(open_scene: Any, tmp_pa
         )
     assert "rotation" in window.document.values
     wait_until(lambda: settled(window) and window.stages.states["rotation"] == "fresh")
-    assert "lengths change" not in window.told.text()
-    assert "times as long" in window.told.text()
+    assert "lengths change" not in window.told.whole
+    assert "times as long" in window.told.whole
     window.menus.actions["Undo"].trigger()
-    wait_until(lambda: settled(window) and "lengths change" in window.told.text())
+    wait_until(lambda: settled(window) and "lengths change" in window.told.whole)
     # A motion that stays small is not.
     window.document.set("response", "gravity", [0.0, 0.0, "-0.01 g"])
-    wait_until(lambda: settled(window) and "turns" not in window.told.text())
+    wait_until(lambda: settled(window) and "turns" not in window.told.whole)
     assert window.told.toolTip() == ""

@@ -234,7 +234,7 @@ def test_an_object_is_picked_too(open_scene: Any) -> None:
     )
     assert window.view.picks
     assert window.view.picks[0].yarn is None
-    assert "moved by" in window.told.text()
+    assert "moved by" in window.told.whole
 
 
 def test_the_scale_never_shrinks_while_time_passes(open_scene: Any) -> None:

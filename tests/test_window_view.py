@@ -260,7 +260,7 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
     np.testing.assert_allclose(moved, pick.position, atol=1e-9)
     # As weavers count, and as "spacemap info" and the draft do.
     said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
-    assert window.told.text().startswith(said + " ")
+    assert window.told.whole.startswith(said + " ")
     # Nothing moves at t = 0.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -39,7 +38,7 @@ from spacemap_vtk.app.stage_list import StageList, words_of
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
-from spacemap_vtk.app.widgets import column
+from spacemap_vtk.app.widgets import OneLine, column
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
@@ -184,7 +183,7 @@ class MainWindow(QMainWindow):
         # it has its place: another window means another context of OpenGL.
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
-        self.told = QLabel()
+        self.told = OneLine()
         self.told.linkActivated.connect(self.document.add)
         self.bar = QProgressBar()
         self.bar.setFixedWidth(160)
@@ -357,10 +356,8 @@ class MainWindow(QMainWindow):
         note = f"  ⚠ {warnings.splitlines()[0]}" if warnings else ""
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.around]
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
-        text = f"{count:,} facets{note}"
-        if (cure := "a section [rotation]") in text:  # its words are the click that does it
-            text = html.escape(text).replace(cure, f'<a href="rotation">{cure}</a>')
-        self.told.setText(text)
+        # The words of a cure are the click that does it.
+        self.told.tell(f"{count:,} facets{note}", "a section [rotation]", "rotation")
         self.told.setToolTip(warnings)
 
     def _pull(self, pull: Pull | None) -> None:
@@ -375,7 +372,7 @@ class MainWindow(QMainWindow):
         self.times.go(at, going_on)
 
     def _picked(self, pick: Pick) -> None:
-        self.told.setText(pick.text)
+        self.told.tell(pick.text)
 
     def _show_progress(self, section: str, share: float, step: str) -> None:
         for widget in (self.bar, self.cancel, self.running):

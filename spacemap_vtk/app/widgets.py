@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from PySide6.QtCore import QObject, QTimer
-from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtCore import QObject, QSize, Qt, QTimer
+from PySide6.QtGui import QAction, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QHBoxLayout,
@@ -98,6 +99,40 @@ def later(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> 
     timer.setInterval(milliseconds)
     timer.timeout.connect(slot)
     return timer
+
+
+class OneLine(QLabel):
+    """A line that ends in dots where there is no room for it; some words of it are a link."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        #: What it tells in full.
+        self.whole = ""
+        self._link = "", ""
+
+    def tell(self, text: str, words: str = "", link: str = "") -> None:
+        """Tell something; a click on its words, if there are such, follows the link."""
+        self.whole, self._link = text, (words, link)
+        self._fit()
+
+    def minimumSizeHint(self) -> QSize:
+        """Ask for no room: the window can be as narrow as its other parts let it."""
+        return QSize(0, super().minimumSizeHint().height())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Show as much as there is room for now."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        width = self.contentsRect().width()
+        shown = self.fontMetrics().elidedText(self.whole, Qt.TextElideMode.ElideRight, width)
+        words, link = self._link
+        linked = bool(words) and words in shown
+        self.setTextFormat(Qt.TextFormat.RichText if linked else Qt.TextFormat.PlainText)
+        if linked:
+            shown = html.escape(shown).replace(words, f'<a href="{link}">{words}</a>')
+        self.setText(shown)
 
 
 def mark(widget: QWidget, bad: bool) -> bool:

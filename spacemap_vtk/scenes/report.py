@@ -161,13 +161,13 @@ def motion_told(figures: dict[str, Any]) -> str:
     """Return the figures of `motion` in a line, with the cures where it is out of its realm."""
     told, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
     if not figures["rebuilt"]:
-        told += f", lengths change by {figures['largest_stretch']:.2%}"
-        told += f", volumes by {figures['largest_volume_change']:.2%}"
+        told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
+        told += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
         told += ": a section [rotation] takes the stretch out" if large else ""
     if large and math.isfinite(figures["period_factor"]):
         told += (
-            f"; a pendulum's swing of that size takes {figures['period_factor']:.3g} times as long"
-            " as a small one: [transient] in place of [response] has that"
+            f"; so wide a swing takes {figures['period_factor']:.3g} times as long: [transient] in "
+            "place of [response] has that"
         )
     return told
 
