@@ -124,13 +124,14 @@ class Scratch:
         net[-1] = gathered[0]
         return net
 
-    def values(self, chunk: Chunk, table: NDArray[Any], origins: Floats, kind: DTypeLike) -> Floats:
+    def values(self, chunk: Chunk, table: NDArray[Any], origin: Floats, kind: DTypeLike) -> Floats:
         """Gather control values of a chunk, relative to one origin for all of them."""
         columns, last = table.shape[1], chunk.row_count
         used = _part(self._used, (last + 1, columns), kind)
         used[:-1] = table[chunk.rows]
-        used[:-1] -= origins[:last]
-        used[-1] = origins[-1]
+        for column, first in zip(used[:-1].T, origin, strict=True):  # a row at a time takes long
+            column -= first
+        used[-1] = origin
         size = len(chunk.gather)
         places = _part(self._places, (size + 1, chunk.patch_count), np.intp)
         places[:-1] = chunk.gather

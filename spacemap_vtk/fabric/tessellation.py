@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from math import log2
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -109,6 +109,12 @@ class Tessellation:
         self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         self._chunks = cut_into_chunks(patches[:, order], 3 * (subdivisions + 1) ** 2)
+        some = self._chunks[:: max(1, len(self._chunks) // 16)]
+        nets = [chunk.net(np.array([0, -1])) for chunk in some]
+        #: Control points of a few patches, which tell how large they are.
+        self._some = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
+        #: Of each chunk the normals that were evaluated again last, with what goes with them.
+        self._repaired: dict[int, _Repair] = {}
 
     def evaluate(
         self,
@@ -153,7 +159,7 @@ class Tessellation:
             raise InputError("no such surface", key="dtype", value=kind, allowed="float32, float64")
         rational = None if weights is None else self._checked_weights(weights)
         # Squares of cross products are fourth powers of lengths: micrometres underflow float32.
-        scale = _magnitude(points, self._chunks)
+        scale = _magnitude(points.take(self._some, axis=0))
         basis = self._basis.copy()
         basis[1:] /= scale
         stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
@@ -245,9 +251,6 @@ class Tessellation:
         # What is the same at all control points comes out the same at all others, to the last bit.
         origin = columns[0].astype(kind) if len(columns) else np.zeros(columns.shape[1], kind)
         origin[~np.isfinite(origin)] = 0
-        most = max((chunk.row_count for chunk in self._chunks), default=0)
-        origins = np.empty((most + 1, len(origin)), kind)
-        origins[:] = origin
 
         bicubic = self.bicubic if rational is None else None
         if bicubic is not None and columns.dtype.kind != "f":
@@ -261,7 +264,7 @@ class Tessellation:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 for start in range(0, columns.shape[1], 3):
                     few = slice(start, start + 3)
-                    net = scratch.values(chunk, columns[:, few], origins[:, few], kind)
+                    net = scratch.values(chunk, columns[:, few], origin[few], kind)
                     if rational is None:
                         out = part if columns.shape[1] <= 3 else np.empty_like(part[..., few])
                         multiply(with_origin, _flat(net), _flat(out))
@@ -353,22 +356,41 @@ class Tessellation:
         suspects: list[tuple[Chunk, NDArray[np.intp]]],
     ) -> None:
         """Evaluate some normals again, with care: many at once, for each call costs 0.3 ms."""
-        nets, places, samples = [], [], []
-        for chunk, found in suspects:
-            sample, patch = np.divmod(found, chunk.patch_count)
-            nets.append(chunk.net(patch))
-            places.append(chunk.first * (self.subdivisions + 1) ** 2 + found)
-            samples.append(sample)
-        v, u = np.divmod(np.concatenate(samples), self.subdivisions + 1)
-        n, net = self.subdivisions, np.concatenate(nets)
+        these = [self._to_repair(chunk, found) for chunk, found in suspects]
+        _, places, net, u, v = (
+            these[0] if len(these) == 1 else map(np.concatenate, zip(*these, strict=True))
+        )
         with np.errstate(all="ignore"):  # infinite control points
-            normals[np.concatenate(places)] = robust_normals(
-                points[net],
+            normals[places] = robust_normals(
+                points.take(net, axis=0),
                 self.degree,
-                u / n,
-                v / n,
+                u,
+                v,
                 None if weights is None else weights[net].astype(np.float64),
             )
+
+    def _to_repair(self, chunk: Chunk, found: NDArray[np.intp]) -> _Repair:
+        """Return what is evaluated again: poles of caps are so at each step of a motion."""
+        kept = self._repaired.get(chunk.first)
+        if kept is None or not np.array_equal(kept.found, found):
+            sample, patch = np.divmod(found, chunk.patch_count)
+            v, u = np.array(np.divmod(sample, self.subdivisions + 1)) / self.subdivisions
+            places = chunk.first * (self.subdivisions + 1) ** 2 + found
+            kept = self._repaired[chunk.first] = _Repair(found, places, chunk.net(patch), u, v)
+        return kept
+
+
+class _Repair(NamedTuple):
+    """Normals of a chunk that are evaluated again."""
+
+    found: NDArray[np.intp]
+    """Their places in the chunk."""
+    places: NDArray[np.intp]
+    """Their numbers among all."""
+    net: NDArray[np.int64]
+    """The control points of each one's patch, (n, size)."""
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
 
 
 def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:
@@ -396,14 +418,11 @@ def _add_origin(values: Floats, net: Floats, out: Floats) -> None:
         np.add(component, net[-1, :, column], out=out[..., column])
 
 
-def _magnitude(points: NDArray[Any], chunks: list[Chunk]) -> float:
-    """Return about the size of the patches, from a few of them; 1 if they have none."""
+def _magnitude(nets: NDArray[Any]) -> float:
+    """Return about the size of the patches, from the nets of a few; 1 if they have none."""
     # A power of two, so that to divide by it costs no digit.
-    sizes = []
-    for chunk in chunks[:: max(1, len(chunks) // 16)]:
-        nets = points[chunk.net(np.array([0, -1]))].astype(np.float64)
-        sizes += np.ptp(nets, axis=1).max(axis=1).tolist()
-    finite = [size for size in sizes if 0 < size < np.inf]
+    sizes = (nets.max(axis=1) - nets.min(axis=1)).max(axis=1).astype(np.float64)
+    finite = [size for size in sizes.tolist() if 0 < size < np.inf]
     return 2.0 ** round(log2(max(finite, default=1.0)))
 
 

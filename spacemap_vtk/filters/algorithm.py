@@ -34,6 +34,10 @@ from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, 
 from spacemap_vtk.errors import SpacemapError, warn_user
 from spacemap_vtk.parameters import Parameterised
 
+_DATA_OBJECT = vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()
+_INFORMATION = vtkDemandDrivenPipeline.REQUEST_INFORMATION()
+_UPDATE_EXTENT = vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()
+_DATA = vtkDemandDrivenPipeline.REQUEST_DATA()
 _TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
 _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
@@ -216,22 +220,22 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     ) -> int:
         """Answer a request of the executive; an exception is kept for `update`."""
         try:
-            if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_OBJECT()):
-                self._request_data_object(in_info, out_info)
-            elif request.Has(vtkDemandDrivenPipeline.REQUEST_INFORMATION()):
+            if request.Has(_DATA):
+                self._request_data(in_info, out_info)
+            elif request.Has(_UPDATE_EXTENT):
+                self._request_update_extent(in_info, out_info)
+            elif request.Has(_INFORMATION):
                 self._untold = None
                 self._request_information(in_info, out_info)
-            elif request.Has(vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()):
-                self._request_update_extent(in_info, out_info)
-            elif request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
-                self._request_data(in_info, out_info)
+            elif request.Has(_DATA_OBJECT):
+                self._request_data_object(in_info, out_info)
         except BaseException as error:  # KeyboardInterrupt too: VTK would swallow it
             if isinstance(error, SpacemapError):
                 error.section = self.section
                 parameter = self.parameters.get(error.key or "")
                 if isinstance(error.value, float) and parameter is not None and parameter.unit:
                     error.value = parameter.show(error.value)  # with its unit
-            if world() > 1 and not request.Has(vtkDemandDrivenPipeline.REQUEST_DATA()):
+            if world() > 1 and not request.Has(_DATA):
                 # The others would wait for this process in vain: it is told when all run.
                 self._untold = error
                 return 1

@@ -59,6 +59,8 @@ class Stage(Algorithm):
 
     #: Set by a stage below that takes the stretch of turning out of a motion, for the next run.
     turned: bool = False
+    #: When this stage and those above it changed last, as they were found to be connected.
+    _connected: Sequence[int] = ()
 
     @property
     def arrays(self) -> dict[str, Provided]:
@@ -119,8 +121,12 @@ class Stage(Algorithm):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
-        for stage in self.upstream():
-            _check_connected(stage)
+        stages = list(self.upstream())
+        changed = [stage.GetMTime() for stage in stages]
+        if changed != self._connected:
+            for stage in stages:
+                _check_connected(stage)
+            self._connected = changed
         self._vtk_messages.clear()
         # VTK's collector runs over the whole graph whenever Python lets go of a wrapper. It can be
         # deferred in the main thread only: elsewhere "pop" would never come to an end.
@@ -144,7 +150,7 @@ class Stage(Algorithm):
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
-        for stage in reversed(list(self.upstream())):
+        for stage in reversed(stages):
             if isinstance(stage, Stage) and stage._error is not None:
                 error, stage._error = stage._error, None
                 raise error
