@@ -22,6 +22,7 @@ def test_the_stages_that_a_new_time_runs_stand_beside_their_own_bytes():
         "all in one update",
     ]
     assert names[4] == "vtkProbeFilter"
+    assert names[-1] == "crossings, stretch and bend"
     cage, warp, surface, all_of_them, probe = figures["stages"][:5]
     assert cage["bytes"] == 72 * 3 * 8
     assert figures["points"] == scene.warp.output.GetNumberOfPoints()

@@ -272,8 +272,9 @@ def least(
     d = np.clip(distance, low, high)
     top = jam_height(room, d)
     # where both are jammed there is no way but to lower D
-    d = np.where(top[0] + top[1] < 1.001 * d, d - 0.1 * (d - low), d)
-    top = jam_height(room, d)
+    if (tight := top[0] + top[1] < 1.001 * d).any():
+        d = np.where(tight, d - 0.1 * (d - low), d)
+        top = jam_height(room, d)
     inside = _INSIDE * (top[0] + top[1] - d)
     h = np.clip(height, d - top[1] + inside, top[0] - inside)
     heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST * d

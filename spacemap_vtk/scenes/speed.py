@@ -8,6 +8,7 @@ differ, and so does one machine from minute to minute.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -22,6 +23,8 @@ from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData, vtkUnstructur
 from vtkmodules.vtkFiltersCore import vtkProbeFilter
 
 from spacemap_vtk.datasets.arrays import points_of, to_points
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parallel import WORTHWHILE, loops, thread_count
 from spacemap_vtk.scenes.scene import Scene
@@ -32,6 +35,12 @@ _STEP = 1e-4
 _WARM = 3
 #: Points that VTK's probe is measured with, at most: it takes 40 us for each.
 _PROBED = 50_000
+#: What crossings are solved with: EA and k_D in N, B in N m2, of a cotton yarn.
+_YARNS = {
+    "keep their length": YarnMechanics(),
+    "stretch": YarnMechanics((50.0, 50.0), 20.0),
+    "stretch and bend": YarnMechanics((50.0, 50.0), 20.0, (2e-9, 2e-9)),
+}
 #: Points of Blender's lattice along x, y and z, as of a cage of 5 x 5 x 1 hexahedra.
 _LATTICE = (6, 6, 2)
 
@@ -83,7 +92,7 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
     ]
     if scene.moves:
         warp = rows[names.index(type(scene.warp).__name__)]
-        rows += [Timing(name, warp.bytes, warp.copy_ms, ms) for name, ms in _others(scene)]
+        rows += [Timing(name, warp.bytes, warp.copy_ms, ms) for name, ms in _others(scene, steps)]
     count = last.output.GetNumberOfPoints()
     compiled = count > WORTHWHILE and loops("spacemap_vtk.fabric.patch_loops") is not None
     return {
@@ -107,14 +116,25 @@ def _written(data: vtkDataSet) -> int:
     return points_of(data).nbytes + (vtk_to_numpy(normals).nbytes if normals is not None else 0)
 
 
-def _others(scene: Scene) -> list[tuple[str, float]]:
-    """Return what others take to move a scene's points."""
+def _others(scene: Scene, steps: int) -> list[tuple[str, float]]:
+    """Return what others take to move a scene's points, and crossings to be solved."""
     rest = points_of(scene.warp.GetInputDataObject(0, 0))
     cage = scene.warp.GetInputDataObject(1, 0)
     found = [("vtkProbeFilter", _probe_ms(rest, cage))]
     if find_spec("bpy") is not None:
         found.append(("Blender's lattice", _lattice_ms(rest)))
+    with suppress(InputError):  # what is not woven, or in two layers, has no such crossings
+        for name, yarns in _YARNS.items() if scene.woven else ():
+            solve = partial(Interchange(scene.weave.cloth, yarns).solve, _waves(scene))
+            found.append((f"crossings, {name}", median(_ms(solve) for _ in range(_WARM + steps))))
     return found
+
+
+def _waves(scene: Scene) -> NDArray[np.float64]:
+    """Return stretches of up to 5 % along warp and weft, (2, picks, ends)."""
+    pick, end = (np.linspace(0.0, 6.0, size) for size in scene.weave.cloth.drawdown.shape)
+    phases = np.add.outer(pick, 0.7 * end), np.subtract.outer(0.8 * pick, end)
+    return 1.0 + 0.05 * np.stack([np.sin(phases[0]), np.cos(phases[1])])
 
 
 def _probe_ms(rest: NDArray[Any], cage: vtkUnstructuredGrid) -> float:
