@@ -35,6 +35,10 @@ _SCHEMES = ("inproc", "ucx", "ws", "wss")
 _ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
 
 
+class EndedError(SpacemapError, RuntimeError):
+    """A process has ended before its work, as one does that is killed."""
+
+
 def in_processes(
     function: str, tasks: Sequence[Any], count: int
 ) -> Generator[tuple[int, Any | Exception]]:
@@ -158,7 +162,7 @@ def _ask(
         _end(child)
         code = child.returncode
         why = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
-        return SpacemapError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
+        return EndedError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:

@@ -89,26 +89,36 @@ def fill(disk: Path, room: int) -> None:
         stream.truncate(stream.tell() - room)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("name", ["x.mp4", "x.gif", "x%02d.png"])
-def test_a_film_that_is_stopped_leaves_nothing(
-    name: str, number: signal.Signals, tmp_path: Path
+@pytest.mark.parametrize(
+    ("name", "number", "more"),
+    [
+        ("x.mp4", signal.SIGTERM, ""),
+        ("x.mp4", signal.SIGINT, "--workers 2"),
+        ("x%02d.png", signal.SIGINT, ""),
+    ],
+)
+def test_a_film_that_is_stopped_leaves_its_frames(
+    name: str, number: signal.Signals, more: str, tmp_path: Path
 ) -> None:
-    words = WRITERS[name].replace("speed=1", "speed=0.001")  # far too long a film
+    words = WRITERS[name].replace("speed=1", f"speed=0.001 {more}")  # far too long a film
     command = [sys.executable, "-m", "spacemap_vtk", *words.split(), str(tmp_path / name)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        begun = "*" if name == "x.gif" else "*/*"  # of a .gif nothing is written before its end
-        wait_until(lambda: list(tmp_path.glob(f".spacemap-{begun}")) or process.poll())
+        wait_until(lambda: list(tmp_path.glob("*.frames/*.png")) or process.poll())
         wait_until(lambda: name != "x.mp4" or ffmpegs(tmp_path))
         process.send_signal(number)
         try:
             assert process.wait(20) == (143 if number == signal.SIGTERM else 1)
         finally:
             process.kill()
-        said = "" if number == signal.SIGTERM else "spacemap: stopped\n"
         assert process.stderr is not None
-        assert process.stderr.read() == said
-    assert list(tmp_path.iterdir()) == []
+        said = process.stderr.read()
+    folder = tmp_path / f"{name}.frames"
+    count = len(list(folder.glob("*.png")))
+    assert said == (
+        f"spacemap: {count} frames are kept in {folder}: the same command goes on from there\n"
+        + "spacemap: stopped\n" * (number == signal.SIGINT)
+    )
+    assert list(tmp_path.iterdir()) == [folder]
     assert ffmpegs(tmp_path) == []
 
 

@@ -75,6 +75,21 @@ def animate(
     ],
     size: Size = None,
     color: ColorBy = None,
+    workers: Annotated[
+        int | None,
+        Parameter(
+            help="Processes that draw side by side; by default one for each core, as far as memory "
+            "and the work go."
+        ),
+    ] = None,
+    again: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Draw again what is there of a film that was stopped.",
+            show_default=False,
+        ),
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -84,15 +99,36 @@ def animate(
     --size, a GIF is drawn at half the scene's size. An .mp4 needs the extra [movie]. Numbered
     frames appear all together, when the last is drawn.
 
+    A film that is stopped, by Ctrl-C or because the machine goes down, leaves its frames in a
+    folder beside it, as film.mp4.frames: the same command goes on from there. Frames of another
+    scene, or of other settings, are never used. The folder goes when the film is whole.
+
     Parameters
     ----------
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     order = Order("film", output)
+    if workers is not None and workers < 1:
+        raise InputError(
+            "no number of processes", key="--workers", value=workers, allowed="at least 1"
+        )
     chosen = opened(scene, set_, size=size, color=color)
     order.size = chosen.view.size if size else None
-    _carry_out(order, chosen, "Drawing frames", quiet)
+    order.workers, order.again = workers, again
+    try:
+        _carry_out(order, chosen, "Drawing frames", quiet)
+    except BaseException:
+        from spacemap_vtk.draw.filming import KeptFrames
+
+        kept = KeptFrames(output)
+        if kept.count:
+            print(
+                f"spacemap: {kept.count} frames are kept in {kept.folder}: the same command goes "
+                "on from there",
+                file=sys.stderr,
+            )
+        raise
 
 
 def storyboard(

@@ -31,12 +31,15 @@ def composed(
     """Return a picture of a background's size."""
     # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
     size = pixels.shape[1], pixels.shape[0]
-    drawn = Image.frombuffer("RGBX", size, np.ascontiguousarray(pixels), "raw", "RGBX", 0, 1)
+    # Upside down, as OpenGL has it, until it is smaller.
+    turned = np.ascontiguousarray(pixels[::-1])
+    drawn = Image.frombuffer("RGBX", size, turned, "raw", "RGBX", 0, 1)
     if shade is not None:
-        light = Image.fromarray((shade * 255 + 0.5).astype(np.uint8))
+        light = Image.fromarray((shade[::-1] * 255 + 0.5).astype(np.uint8))
         drawn = ImageChops.multiply(
             drawn, Image.merge("RGBX", (light, light, light, Image.new("L", size, 255)))
         )
-    red, green, blue, cover = drawn.reduce(size[0] // behind.width).split()
+    small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+    red, green, blue, cover = small.split()
     left = Image.composite(Image.new("RGB", behind.size), behind, cover)
     return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), left))

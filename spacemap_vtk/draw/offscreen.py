@@ -25,6 +25,8 @@ class Offscreen:
         self.size = size
         self.render_window = _window(size, samples, pixels)
         self.render_window.AddRenderer(self.renderer)
+        # New memory for each frame would have to be cleared first.
+        self._pixels, self._depth = vtkUnsignedCharArray(), vtkFloatArray()
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None
 
@@ -60,20 +62,18 @@ class Offscreen:
         self.render_window.Render()
 
     def pixels(self) -> NDArray[np.uint8]:
-        """Return what was drawn last: red, green, blue, and how much of it is drawn."""
+        """Return red, green, blue, and how much is covered; until it is asked for again."""
         width, height = self.size
-        pixels = vtkUnsignedCharArray()
         # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
         # plain mean of them.
-        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, pixels, 0)
-        return vtk_to_numpy(pixels).reshape(height, width, 4)[::-1]
+        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, self._pixels, 0)
+        return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
     def depth(self) -> NDArray[np.float32]:
         """Return how far from the camera is what was drawn last."""
         width, height = self.size
-        buffer = vtkFloatArray()
-        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, buffer)
-        z = vtk_to_numpy(buffer).reshape(height, width)[::-1]
+        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
+        z = vtk_to_numpy(self._depth).reshape(height, width)[::-1]
         near, far = self.camera.GetClippingRange()
         if self.camera.GetParallelProjection():
             distance = near + z * (far - near)

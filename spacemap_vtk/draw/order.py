@@ -53,6 +53,10 @@ class Order:
     #: What moves a storyboard's scene, row by row: keys of `spacemap_vtk.scenes.motions.MOTIONS`;
     #: none: as the scene says, its cage above its fabric.
     motions: Sequence[str] = ()
+    #: Processes that draw a film; by default as many as there is work and memory for.
+    workers: int | None = None
+    #: Whether frames are drawn again that a film which was stopped has left.
+    again: bool = False
     #: How far a surface that moves may be from its motion [m]; by default so that nobody sees it.
     tolerance: float | None = None
 
@@ -100,7 +104,7 @@ class Order:
 def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str:
     """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
     if order.what == "film":
-        _write_film(order, scene, tell, whole)
+        return _write_film(order, scene, tell, whole)
     elif order.what in _STILLS:
         # Before there is anything to be removed if the program is ended.
         image = _STILLS[order.what](order, scene, tell)
@@ -152,27 +156,20 @@ _STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
 }
 
 
-def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
-    from spacemap_vtk.draw.picture import Picture
+def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
+    from spacemap_vtk.draw.filming import FilmJob, KeptFrames, write_film
     from spacemap_vtk.scenes.face import picture_size
 
     scene.check()
-    size, times = order.size, scene.animation.frame_times()
-    if size is None and order.output.suffix.lower() == ".gif":
-        width, height = (max(16, side // 2) for side in picture_size(scene))
-        size = width, height
-    tell(0, len(times))
-    picture = Picture(scene, times, size, order.panels, order.place)
-
-    def images() -> Iterator[Image]:
-        for done, time in enumerate(times, 1):
-            yield picture.draw(time)
-            tell(done, len(times))
-
+    width, height = order.size or picture_size(scene)
+    if order.size is None and order.output.suffix.lower() == ".gif":
+        width, height = max(16, width // 2), max(16, height // 2)
+    job = FilmJob.of(scene, (width, height), order.panels, order.place)
+    kept = KeptFrames(order.output, job.digest, order.again)
     with _file(order, whole) as file:
-        format_ = writer(file, "frames" if order.numbered else "film")
-        format_.write(file, images(), scene.animation.frames_per_second)
-    picture.close()
+        plain = order.numbered and order.output.suffix.lower() == ".png"
+        format_ = None if plain else writer(file, "frames" if order.numbered else "film")
+        return write_film(file, format_, scene, job, kept, tell, order.workers)
 
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:

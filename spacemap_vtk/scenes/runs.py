@@ -67,7 +67,7 @@ class Run:
         """Another one for other values, times, files that it reads, or another program."""
         told = [__version__, self.whole, self.times]
         found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
-        for path in sorted(set(_paths(self.whole))):
+        for path in sorted(set(paths_in(self.whole))):
             if path.is_file():
                 found.update(path.read_bytes())
         return found.hexdigest()[:32]
@@ -212,10 +212,12 @@ def _apart(runs: list[Run]) -> list[Run]:
     return found
 
 
-def _paths(value: Any) -> Iterator[Path]:
+def paths_in(value: Any) -> Iterator[Path]:
     """Yield all paths in values."""
     if isinstance(value, Path):
         yield value
+    elif isinstance(value, Parameterised):
+        yield from paths_in(value.settings)
     elif isinstance(value, (Mapping, list, tuple)):
         for item in value.values() if isinstance(value, Mapping) else value:
-            yield from _paths(item)
+            yield from paths_in(item)

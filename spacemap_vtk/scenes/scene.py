@@ -159,6 +159,11 @@ class Scene:
         return next((stage for stage in self.stages if stage.role == role), None)
 
     @property
+    def given(self) -> tuple[str, ...]:
+        """The sections that it has."""
+        return tuple(sorted(self._sections))
+
+    @property
     def source(self) -> Stage:
         """What is deformed."""
         return self.stages[0]

@@ -1,0 +1,343 @@
+"""Films: frames drawn in one process or several, encoded beside, kept until all are there.
+
+Frames wait in a folder beside the film, whole pictures each. A film that is stopped from outside
+leaves them there, and one of the same scene goes on from them; the folder goes when the film is
+whole, or cannot be made.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import shutil
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from queue import Empty, Full, Queue
+from typing import Any
+
+import numpy as np
+import PIL.Image
+from numpy.typing import NDArray
+
+from spacemap_vtk import __version__, cache
+from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.form import Sheet
+from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.picture import Picture, over_motion
+from spacemap_vtk.errors import InputError, SizeError, SpacemapWarning
+from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.io.formats.pictures import write_png
+from spacemap_vtk.io.registry import Writer, endings
+from spacemap_vtk.memory import available, require
+from spacemap_vtk.parallel import core_count
+from spacemap_vtk.scenes.footprint import fits_picture, picture_bytes
+from spacemap_vtk.scenes.runs import paths_in
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.vanishing import undisturbed
+from spacemap_vtk.workers import EndedError, in_processes
+
+Image = NDArray[np.uint8]
+#: What is added to a film's name for the folder of its frames, and the file that says whose.
+_FOLDER, _MARK = ".frames", "of.txt"
+#: Frames that wait for whoever encodes them, and seconds between two looks at how that fares.
+_AHEAD, _PATIENCE = 4, 0.2
+#: What a process takes before it draws [bytes], and the pixels for which it is worth its start.
+_PROCESS, _WORTHWHILE = 300_000_000, 20_000_000
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """What all frames of a film have in common, for processes that know nothing else."""
+
+    file: Path | None
+    settings: dict[str, dict[str, Any]]
+    #: The sections that the scene has.
+    given: tuple[str, ...]
+    times: tuple[float, ...]
+    size: tuple[int, int]
+    panels: tuple[str, ...]
+    place: Viewpoint | None
+
+    @classmethod
+    def of(
+        cls, scene: Scene, size: tuple[int, int], panels: Iterable[str], place: Viewpoint | None
+    ) -> FilmJob:
+        """Return the job of filming a scene."""
+        settings = {name: part.settings for name, part in scene.parts.items()}
+        times = tuple(scene.animation.frame_times())
+        return cls(scene.file, settings, scene.given, times, size, tuple(panels), place)
+
+    def scene(self) -> Scene:
+        """Return the scene, not yet run."""
+        scene = Scene({}, self.file)
+        scene.take(self.settings, self.given)
+        return scene
+
+    @property
+    def digest(self) -> str:
+        """Another one for another film, files that it is made from, or another program."""
+        paths = set(paths_in(self.settings))
+        motion = self.settings["motion"]["file"]
+        if "motion" in self.given and motion is not None:
+            meshes = {*endings("mesh"), *endings("motion")}
+            paths |= {path for path in motion.parent.glob("*.*") if path.suffix in meshes}
+        files = [(str(path), path.stat()) for path in sorted(paths) if path.is_file()]
+        told = [(name, found.st_size, found.st_mtime_ns) for name, found in files]
+        return hashlib.sha256(repr((__version__, self, told)).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class KeptFrames:
+    """The frames of a film that are there, in a folder of their own beside it."""
+
+    output: Path
+    #: Of the job.
+    digest: str = ""
+    #: Whether frames from before are drawn again.
+    again: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """Where they lie."""
+        return self.output.with_name(self.output.name + _FOLDER)
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(list(self.folder.glob("*.png")))
+
+    def path(self, number: int) -> Path:
+        """Return where a frame lies."""
+        return self.folder / f"{number:06d}.png"
+
+    def open(self, count: int) -> list[int]:
+        """Return the numbers of those that are there; those of another film go."""
+        mark = self.folder / _MARK
+        if self.folder.exists():
+            if not mark.is_file():
+                raise InputError(
+                    f"{self.output}: its frames would wait in {self.folder}, which is another's",
+                    cure="Move that away, or choose another name.",
+                )
+            if self.again or mark.read_text() != self.digest:
+                shutil.rmtree(self.folder)
+        if not self.folder.exists():
+            self.folder.mkdir()
+            try:
+                mark.write_text(self.digest)
+            except OSError:
+                self.remove()
+                raise
+        return [number for number in range(count) if self._whole(number)]
+
+    def write(self, number: int, image: Image) -> Image:
+        """Keep a frame."""
+        part = self.path(number).with_suffix(f".{os.getpid()}")
+        write_png(part, image)
+        os.replace(part, self.path(number))
+        return image
+
+    def read(self, number: int) -> Image:
+        """Return a frame."""
+        with PIL.Image.open(self.path(number)) as image:
+            return np.asarray(image)
+
+    def remove(self) -> None:
+        """Let them go."""
+        if (self.folder / _MARK).is_file():
+            with undisturbed():
+                shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _whole(self, number: int) -> bool:
+        try:
+            with PIL.Image.open(self.path(number)) as image:
+                image.verify()  # its checksums: the machine may have lost its power
+        except (OSError, SyntaxError):
+            return False
+        return True
+
+
+def write_film(
+    file: Path,
+    format_: Writer | None,
+    scene: Scene,
+    job: FilmJob,
+    kept: KeptFrames,
+    tell: Callable[[int, int], object],
+    workers: int | None = None,
+) -> str:
+    """Write a film, or numbered frames where there is no format; say what was there before."""
+    there = set(kept.open(len(job.times)))
+    try:
+        _write(file, format_, scene, job, kept, there, tell, workers)
+    except BaseException as error:
+        stopped = isinstance(error, (KeyboardInterrupt, SystemExit, EndedError))
+        if not kept.count or not (stopped or there):
+            kept.remove()
+        raise
+    kept.remove()
+    return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
+
+
+def _write(
+    file: Path,
+    format_: Writer | None,
+    scene: Scene,
+    job: FilmJob,
+    kept: KeptFrames,
+    there: set[int],
+    tell: Callable[[int, int], object],
+    workers: int | None,
+) -> None:
+    steps = range(len(job.times))
+    missing = [number for number in steps if number not in there]
+    count = _count(scene, job, len(missing), workers)
+    done = len(there)
+    tell(done, len(steps))
+    frames: Queue[Future[Image] | None] = Queue(_AHEAD)
+    # One thread makes files of frames or frames of files, one the film, and this one draws.
+    with ThreadPoolExecutor(2) as pool, _one_cache(kept.folder, count):
+        drawn = (_drawn if count == 1 else partial(_drawn_by, count))(scene, job, kept, missing)
+        rate = scene.animation.frames_per_second
+        encoding = pool.submit(_encode, file, format_, rate, frames)
+        try:
+            with closing(drawn):
+                for number in steps:
+                    if number in there:
+                        _hand_over(pool.submit(kept.read, number), frames, encoding)
+                    else:
+                        _hand_over(pool.submit(next(drawn)), frames, encoding)
+                        done += 1
+                        tell(done, len(steps))
+            _hand_over(None, frames, encoding)
+        except BaseException:
+            with suppress(Empty):
+                while True:
+                    frames.get_nowait()
+            frames.put(pool.submit(_stop))
+            raise
+        encoding.result()
+    if format_ is None:
+        for number in steps:
+            os.replace(kept.path(number), file.with_name(file.name % number))
+
+
+def _encode(
+    file: Path, format_: Writer | None, rate: float, frames: Queue[Future[Image] | None]
+) -> None:
+    images = (frame.result() for frame in iter(frames.get, None))
+    if format_ is None:
+        for _ in images:
+            pass
+    else:
+        format_.write(file, images, rate)
+
+
+def _hand_over(
+    frame: Future[Image] | None, frames: Queue[Future[Image] | None], encoding: Future[None]
+) -> None:
+    """Wait for room, unless who takes the frames has ended: what ails him is raised."""
+    while not encoding.done():
+        with suppress(Full):
+            frames.put(frame, timeout=_PATIENCE)
+            return
+    encoding.result()
+
+
+def _stop() -> Image:
+    raise Cancelled("the film was stopped")  # upon which writers see to their files
+
+
+def _drawn(
+    scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
+) -> Generator[Callable[[], Image]]:
+    """Draw frames, and yield what keeps each."""
+    picture = Picture(scene, job.times, job.size, job.panels, job.place)
+    try:
+        for number in missing:
+            yield partial(kept.write, number, picture.draw(job.times[number]))
+    finally:
+        picture.close()
+
+
+def _drawn_by(
+    count: int, scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
+) -> Generator[Callable[[], Image]]:
+    """Let processes draw frames, and yield what reads each."""
+    prepare_offscreen()
+    width, height = job.size
+    sheet = Sheet.of(scene, fits_picture(scene, width * height, len(job.times)))
+    told = kept.folder / "job"
+    # What is solved here they find in the cache.
+    told.write_bytes(pickle.dumps((job, kept, over_motion(scene, job.times, sheet))))
+    tasks = [(told, number) for number in missing]
+    drawn: set[int] = set()
+    with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
+        for number in missing:
+            while number not in drawn:
+                task, answer = next(answers)
+                if isinstance(answer, EndedError):
+                    answer.cure = "The same command goes on; with fewer --workers, if need be."
+                if isinstance(answer, Exception):
+                    raise answer
+                drawn.add(missing[task])
+                for text in answer:
+                    scene.warn(text)
+            yield partial(kept.read, number)
+
+
+def draw_frame(task: tuple[Path, int]) -> list[str]:
+    """Draw one frame of a job in a file, and return what its stages say."""
+    told, number = task
+    job, kept, picture = _begun(told)
+    kept.write(number, picture.draw(job.times[number]))
+    return picture.scene.warnings
+
+
+@lru_cache(1)
+def _begun(told: Path) -> tuple[FilmJob, KeptFrames, Picture]:
+    warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
+    job: FilmJob
+    job, kept, extent = pickle.loads(told.read_bytes())
+    return job, kept, Picture(job.scene(), job.times, job.size, job.panels, job.place, extent)
+
+
+def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
+    """Return how many processes there is work and memory for; refuse more that are asked for."""
+    if asked == 1 or not frames:
+        return 1
+    width, height = job.size
+    need = _PROCESS
+    if scene.woven:
+        try:
+            need += picture_bytes(scene, width * height, len(job.times))
+        except SizeError:  # what is drawn piece by piece keeps all cores busy
+            return asked or 1
+    free = available()
+    fits = max(1, free // need) if free is not None else frames
+    if asked is None:
+        return max(1, min(core_count(), fits, frames * width * height // _WORTHWHILE))
+    count = min(asked, frames)
+    what = f"{count} processes"
+    require(count * need, what, key="--workers", value=asked, cure=f"Take {fits} or fewer.")
+    return count
+
+
+@contextmanager
+def _one_cache(folder: Path, count: int) -> Iterator[None]:
+    """Let processes share what is solved, where nothing is kept for later."""
+    if count == 1 or cache.folder() is not None:
+        yield
+        return
+    former = os.environ.get(cache.VARIABLE, "")
+    os.environ[cache.VARIABLE] = str(folder / "cache")
+    try:
+        yield
+    finally:
+        os.environ[cache.VARIABLE] = former

@@ -1,0 +1,146 @@
+"""Films: the same by one process or several, and in one go or in two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from spacemap_vtk import cache
+from spacemap_vtk.draw import filming
+from spacemap_vtk.draw.filming import FilmJob, KeptFrames
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.io.formats.pictures import write_png
+from spacemap_vtk.scenes.scene import Scene
+
+VALUES: dict[str, Any] = {
+    "weave": {"ends": 2, "picks": 2},
+    "modal": {"youngs_modulus": "1 kPa", "modes": 4},
+    "response": {"gravity": [0.0, -6.0, 6.0]},
+    "surface": {"subdivisions": 1},
+    "view": {"size": [64, 48]},
+    "animation": {"stop": 0.2},
+}
+COUNT = 5
+
+
+def filmed(output: Path, stop: int | None = None, **more: Any) -> list[int]:
+    """Make a film, or stop it after some frames; return how many were told done."""
+    told: list[int] = []
+
+    def tell(done: int, of: int) -> None:
+        assert of == COUNT
+        told.append(done)
+        if done == stop:
+            raise KeyboardInterrupt
+
+    again, workers = more.pop("again", False), more.pop("workers", None)
+    order = Order("film", output, again=again, workers=workers)
+    carry_out(order, Scene({**VALUES, **more}), tell)
+    return told
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the times that are drawn from now on."""
+    times: list[float] = []
+    draw = Picture.draw
+
+    def noted(picture: Picture, time: float) -> np.ndarray:
+        times.append(time)
+        return draw(picture, time)
+
+    monkeypatch.setattr(Picture, "draw", noted)
+    return times
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", ["a%d.png", "a.gif"])
+def test_a_film_that_was_stopped_goes_on(name: str, tmp_path: Path, drawn: list[float]) -> None:
+    (whole := tmp_path / "whole").mkdir()
+    (parts := tmp_path / "parts").mkdir()
+    assert filmed(whole / name) == [0, 1, 2, 3, 4, 5]
+    drawn.clear()
+    with pytest.raises(KeyboardInterrupt):
+        filmed(parts / name, 3)
+    assert [path.name for path in parts.iterdir()] == [f"{name}.frames"]
+    # One of the three is torn, as by a machine that has lost its power.
+    torn = KeptFrames(parts / name).path(1)
+    torn.write_bytes(torn.read_bytes()[:-30])
+    assert filmed(parts / name) == [2, 3, 4, 5]
+    np.testing.assert_allclose(drawn, [0.0, 0.04, 0.08, 0.04, 0.12, 0.16], atol=1e-12)
+    assert contents(parts) == contents(whole)
+
+
+def test_frames_of_another_film_are_never_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "a.gif"
+    for changed in ({"weave": {"ends": 3, "picks": 2}}, {"view": {"size": [64, 40]}}):
+        with pytest.raises(KeyboardInterrupt):
+            filmed(output, 3)
+        assert filmed(output, **changed)[0] == 0
+    with pytest.raises(KeyboardInterrupt):
+        filmed(output, 3)
+    # A mistake does not cost the frames that are there.
+    with monkeypatch.context() as little:
+        little.setattr("spacemap_vtk.memory.available", lambda: 400_000_000)
+        with pytest.raises(SizeError, match="--workers = 5: 2 processes would need"):
+            filmed(output, workers=5)
+    assert filmed(output)[0] == 3
+    with pytest.raises(KeyboardInterrupt):
+        filmed(output, 3)
+    assert filmed(output, again=True)[0] == 0
+    assert list(tmp_path.iterdir()) == [output]
+
+
+def test_a_folder_that_is_anothers_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "a.gif.frames").mkdir()
+    (tmp_path / "a.gif.frames" / "precious").touch()
+    with pytest.raises(InputError, match="which is another's"):
+        filmed(tmp_path / "a.gif")
+    assert {path.name for path in tmp_path.rglob("*")} == {"a.gif.frames", "precious"}
+
+
+def test_processes_make_the_same_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # They share what is solved though nothing is to be kept.
+    monkeypatch.setenv(cache.VARIABLE, "off")
+    filmed(tmp_path / "a.gif")
+    assert filmed(tmp_path / "b.gif", workers=2) == [0, 1, 2, 3, 4, 5]
+    found = contents(tmp_path)
+    assert found.keys() == {"a.gif", "b.gif"}
+    assert found["a.gif"] == found["b.gif"]
+
+
+def test_as_many_processes_as_there_is_work_and_memory_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = Scene(VALUES)
+
+    def count(width: int, frames: int, asked: int | None, free: float) -> int:
+        monkeypatch.setattr(filming, "available", lambda: int(free))
+        return filming._count(scene, FilmJob.of(scene, (width, width), (), None), frames, asked)
+
+    monkeypatch.setattr(filming, "core_count", lambda: 4)
+    assert count(1000, 1000, None, 1e12) == 4
+    assert count(1000, 50, None, 1e12) == 2
+    assert count(64, 1000, None, 1e12) == 1
+    assert count(1000, 1000, None, 2e9) == 3
+    assert count(1000, 1000, None, 1e8) == 1
+    assert count(64, 3, 8, 1e12) == 3
+
+
+def test_a_picture_is_what_another_reader_reads(tmp_path: Path) -> None:
+    image = np.random.default_rng(3).integers(0, 256, (37, 23, 3), dtype=np.uint8)
+    write_png(tmp_path / "a.png", image)
+    with Image.open(tmp_path / "a.png") as found:
+        assert found.mode == "RGB"
+        np.testing.assert_array_equal(np.asarray(found), image)
