@@ -56,7 +56,7 @@ _STAYS = 2.0
 _LOOSE = 0.6
 _NEIGHBOURS = (1, 1, 1), (1, 1, -1), (0, 1, 1), (1, 0, 1), (0, 2, 1), (2, 0, 1)
 #: Least crossings for each change of a yarn from one cloth to the other.
-_CHANGES = 3.5
+_CHANGES = 8
 #: The arrangements, the first thread in the first cloth.
 _ARRANGED = [
     np.array((False, *rest))

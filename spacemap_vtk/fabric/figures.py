@@ -38,6 +38,7 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
 
         and of the cloth, away from its edges
 
+        - ``cloths``: 2 of a double weave, otherwise 1;
         - ``thickness``: max(h1 + d1, h2 + d2), for the thickest yarns (m); of a double weave twice
           that, and the room between its cloths;
         - ``cover``: K1 + K2 - K1 K2, the share of the plane that the yarns cover;
@@ -70,6 +71,7 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
         }
         volume += float(np.mean(_area(yarns) * (1.0 + crimp))) / family.spacing
     k1, k2 = result["warp"]["cover"], result["weft"]["cover"]
+    result["cloths"] = len(cloth.sheets)
     result["thickness"] = thickness = cloth.sheet_thickness + 2.0 * cloth.level
     result["cover"] = k1 + k2 - k1 * k2
     result["volume_fraction"] = volume / thickness

@@ -177,6 +177,8 @@ class CrimpInterchange(YarnParameters):
             f"to let the yarns of {count} points keep their length",
             cure="Use fewer ends and picks, or leave [yarns] out.",
         )
+        yarns = self.yarns(cloth)
+        crossed = Interchange(cloth, yarns)
         share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
         recrimp = Recrimp(cloth, share)
         points = points_of(weave)
@@ -191,9 +193,8 @@ class CrimpInterchange(YarnParameters):
         crossings = np.zeros((cloth.drawdown.size, 3))
         crossings[:, 0], crossings[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
         places = np.concatenate([recrimp.feet, crossings])
-        precision, yarns = points.dtype.type, self.yarns(cloth)
+        precision = points.dtype.type
         tension = np.asarray(yarns.tension, np.float64)
-        crossed = Interchange(cloth, yarns)
         self._kept = _Woven(
             settings=settings,
             weave=Geometry(weave),

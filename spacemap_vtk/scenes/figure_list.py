@@ -120,6 +120,8 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         Figure("feasible_height", "h1 feasible", _interval(figures["feasible_height"])),
         _clearance(figures, "least_clearance", "least clearance"),
     ]
+    if figures.get("cloths") == 2:
+        found.insert(0, Figure("cloths", "cloths, one above the other", "2", 2))
     if "deformed_clearance" in figures:
         found.append(_clearance(figures, "deformed_clearance", "... when deformed"))
     found += [
