@@ -26,6 +26,9 @@ from spacemap_vtk.scenes.scene import Scene
 MOST_PATCHES, _MOST_QUADS = 1_500_000, 2_000_000
 #: So many may be drawn while the camera moves, each in one quadrilateral.
 _MOVING_PATCHES = 120_000
+#: Yarns that are drawn, in pixels: a view takes one sample of each pixel, where pictures take more,
+#: and makes moiré of finer ones.
+_SMALLEST = 1.5 * SMALLEST_YARN
 #: What is made beyond the edges of the view, as a share of what is in sight.
 _MARGIN = 0.08
 #: What is told where no yarns are made.
@@ -63,7 +66,7 @@ class NearYarns:
         scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
         threads = sheet.cloth.threads
         pixels = scale * max(family.mean_spacing(0.0) for family in threads)
-        if pixels < SMALLEST_YARN:
+        if pixels < _SMALLEST:
             return AFAR.format(pixels)
         wanted = columns, rows
         if not _covers(self.part, wanted):
