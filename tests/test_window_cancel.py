@@ -231,7 +231,12 @@ def test_what_was_cancelled_is_told_as_it_is(open_window: Any, tmp_path: Path) -
     scene.write_text("[weave]\nends = 300\npicks = 300\n[surface]\nsubdivisions = 2\n")
     window.document.open(scene)
     assert window.errors.text == ""
-    cancel_when_running(window, "weave")
+    # Nothing of the scene that was left is seen under the new one's name, now or when it is ended.
+    for ended in (False, True):
+        if ended:
+            cancel_when_running(window, "weave")
+        rows = window.view.image().astype(int)
+        assert np.ptp(rows, axis=1).max() <= 2, ended  # the background alone
     assert "no picture of this scene" in window.errors.text
 
 

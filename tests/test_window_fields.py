@@ -252,6 +252,26 @@ def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, ag
         assert window.document.undo.isClean(), name
 
 
+def test_undo_takes_a_refused_value_back_first(open_scene: Any) -> None:
+    window = open_scene("plain_weave")
+    undo = window.menus.actions["Undo"]
+    line, row = editor(window, "weave", "ends").line, window.properties.rows["ends"]
+    right = line.text()
+    type_into(line, "9")
+    for before in ("9", right):
+        type_into(line, "none")
+        assert row.property("bad")
+        assert undo.isEnabled()
+        undo.trigger()
+        assert (line.text(), window.errors.text) == (before, "")
+        assert not row.property("bad")
+        assert undo.isEnabled() == (before == "9")
+        if before == "9":
+            undo.trigger()
+            assert line.text() == right
+    wait_until(lambda: settled(window))
+
+
 def test_a_field_of_several_lines_is_right_when_all_of_them_are(open_scene: Any) -> None:
     window = open_scene("gust")
     gravity = editor(window, "response", "gravity")

@@ -141,6 +141,7 @@ class Director(QObject):
     def _replaced(self) -> None:
         self.generation += 1
         self.swing = None
+        self._view.leave()
         self._times.pause()
         scene = self._document.scene
         self._stages.restart(scene)

@@ -47,6 +47,8 @@ from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.scenes.settings import View
 
+#: Of a run that goes on, at most: what has done all of its steps may still put them together.
+_NOT_YET = 99
 #: Milliseconds that a deed is told.
 _TOLD = 10_000
 #: How many times as thick a press of a key makes lines and dots.
@@ -89,7 +91,14 @@ class MainWindow(QMainWindow):
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
         self.menus = Menus(
-            self, self.document, self.files, self.exports, self.times, self.tools, self.view
+            self,
+            self.document,
+            self.files,
+            self.exports,
+            self.times,
+            self.tools,
+            self.view,
+            self.properties,
         )
         self._connect()
         self.setAcceptDrops(True)
@@ -312,6 +321,8 @@ class MainWindow(QMainWindow):
         self.gallery.show_recent(self.files.recent)
 
     def _begin(self) -> None:
+        self.told.tell("")  # of what was there before
+        self.told.setToolTip("")
         # The properties of a stage that another scene lacks would say nothing.
         if self.stages.states.get(self.properties.section, "off") == "off":
             self.stages.choose(self.document.scene.source.section)
@@ -382,4 +393,4 @@ class MainWindow(QMainWindow):
             self.running.setText(f"{stage}: {step}" if step else stage)
             # A stage that tells nothing of its progress gets a bar that only shows life.
             self.bar.setRange(0, 100 if share > 0.0 else 0)
-            self.bar.setValue(round(share * 100))
+            self.bar.setValue(min(int(share * 100), _NOT_YET))

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.document import Document, as_command, as_script
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
+from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.theme import apply_theme
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
@@ -57,8 +58,10 @@ class Menus(QObject):
         times: TimeBar,
         tools: ViewBar,
         view: View3D,
+        properties: Properties,
     ) -> None:
         super().__init__(window)
+        self._properties = properties
         self._document, self._files, self._times = document, files, times
         self._tools, self._view = tools, view
         self.actions: dict[str, QAction] = {}
@@ -86,11 +89,13 @@ class Menus(QObject):
         menu = self._menu("&Edit")
         # Not those of Qt's stack, which know nothing of a change that still waits.
         history = document.undo
-        undo = self._add(menu, "Undo", keys.Undo, history.undo)
+        undo = self._add(menu, "Undo", keys.Undo, self._undo)
         redo = self._add(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
         for action in (undo, redo):
             action.setEnabled(False)
         history.canUndoChanged.connect(undo.setEnabled)
+        for told in (properties.refused, properties.accepted):
+            told.connect(self._allow_undo)
         history.canRedoChanged.connect(redo.setEnabled)
         history.undoTextChanged.connect(self._name_undo)
         history.redoTextChanged.connect(self._name_redo)
@@ -151,6 +156,15 @@ class Menus(QObject):
         menu.addAction(action)
         self.actions[name] = action
         return action
+
+    def _undo(self) -> None:
+        """Undo; a value that was refused is what was done last."""
+        if not self._properties.take_back():
+            self._document.undo.undo()
+
+    def _allow_undo(self, _: object) -> None:
+        refused = any(row.about == "value" for row in self._properties.rows.values())
+        self.actions["Undo"].setEnabled(refused or self._document.undo.canUndo())
 
     def _name_undo(self, what: str) -> None:
         self.actions["Undo"].setText(f"Undo {what}".strip())

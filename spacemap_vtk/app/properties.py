@@ -158,6 +158,18 @@ class Properties(QScrollArea):
             row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
             self.ensureWidgetVisible(row)
 
+    def take_back(self) -> bool:
+        """Show the document's values in place of those that it has refused; return if it has."""
+        refused = [row for row in self.rows.values() if row.about == "value"]
+        if refused:
+            part = self._document.scene.parts[self.section]
+            written = self._document.values.get(self.section, {})
+            for row in refused:
+                name = row.parameter.name
+                row.show_value(getattr(part, name), name not in written)
+            self.accepted.emit(0)
+        return bool(refused)
+
     def clear(self, about: str) -> None:
         """Mark no field for something any more."""
         for row in self.rows.values():
@@ -170,12 +182,12 @@ class Properties(QScrollArea):
         except InputError as error:
             error.section = error.section or self.section
             self.mark(error)
-            self.refused.emit(error)
             self.rows[name].about = "value"  # a part of it may be to blame, which has no mark
+            self.refused.emit(error)
         else:
-            self.accepted.emit(burst)
             # Refused before, and the value it had is chosen again: nothing has changed.
             self.rows[name].mark(None)
+            self.accepted.emit(burst)
 
     def _add(self) -> None:
         try:

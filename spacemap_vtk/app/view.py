@@ -72,6 +72,8 @@ class View3D(QWidget):
         #: What moves it; there from the first cut on.
         self.handle: ClipHandle | None = None
         self._view: View | None = None
+        #: Whether the frame is of a scene that has been left.
+        self._left = False
         self._cut: tuple[object, Cut | None] = None, None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
@@ -92,7 +94,7 @@ class View3D(QWidget):
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
         first = self.frame is None or self.frame.generation != frame.generation
-        self.frame = frame
+        self.frame, self._left = frame, False
         self._fit(view)
         self._view = view
         if first:
@@ -102,6 +104,17 @@ class View3D(QWidget):
         self._mark()
         if first:
             self.reset_camera(view.camera)
+        self.render()
+
+    def leave(self) -> None:
+        """Show nothing until there is a frame: what was shown is of another scene."""
+        self._left, self.steering = True, False
+        self._rest.stop()
+        self.forget_picks()
+        if self.handle is not None:
+            self.handle.show(False)
+        self._cut = None, None
+        self.scene_view.hide()
         self.render()
 
     @property
@@ -166,7 +179,7 @@ class View3D(QWidget):
     def refresh(self, render: bool = True) -> None:
         """Show the present frame as `look` and the scene say."""
         frame, view = self.frame, self._view
-        if frame is None or view is None:
+        if frame is None or view is None or self._left:
             return
         wanted = frame.generation, view.clip_normal, view.clip_origin
         if wanted != self._cut[0]:

@@ -145,6 +145,15 @@ class SceneView:
             if view.loads:
                 self.loads.show(frame.arrows, cut)
 
+    def hide(self) -> None:
+        """Show nothing until the next frame."""
+        self._shown = None
+        for actor in (*self.solids, *self.signs, self.ghost):
+            actor.VisibilityOff()
+        self.loads.show(None)  # those that shine through, too
+        for drawn in (self.surface, self.sheet):
+            drawn.bar.VisibilityOff()
+
     def move(self, moving: bool) -> None:
         """Show what takes little time to be drawn in place of the frame, or the frame again."""
         if self._shown is None or moving == self._moving:
