@@ -1,8 +1,7 @@
 """Films: frames drawn in one process or several, encoded beside, kept until all are there.
 
-Frames wait in a folder beside the film, whole pictures each. A film that is stopped from outside
-leaves them there, and one of the same scene goes on from them; the folder goes when the film is
-whole, or cannot be made.
+Frames wait in a folder beside the film, whole pictures each. A film that is stopped or fails leaves
+them there, and the same film goes on from them; the folder goes when the film is whole.
 """
 
 from __future__ import annotations
@@ -177,8 +176,9 @@ def write_film(
     try:
         _write(file, format_, scene, job, kept, there, tell, workers)
     except BaseException as error:
-        stopped = isinstance(error, (KeyboardInterrupt, SystemExit, EndedError))
-        if not kept.count or not (stopped or there):
+        # A disk that is full is not left so, unless the frames were there before.
+        given_up = isinstance(error, (OSError, Cancelled)) and not there
+        if given_up or not kept.count:
             kept.remove()
         raise
     kept.remove()
