@@ -52,6 +52,7 @@ class Body:
         progress: Progress,
     ) -> None:
         self.strains, self.basis, self.start, self.load = strains, basis.tocsr(), start, load
+        self._across = self.basis.T
         #: Linear systems that were solved.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
@@ -104,7 +105,12 @@ class Body:
         total = -share * self.load
         for kind, _, gradients, stress in parts:
             total += kind.summed(stress, gradients, len(total))
-        return self.basis.T @ total.ravel()
+        return self.along_free(total)
+
+    def along_free(self, nodal: FloatArray) -> FloatArray:
+        """Return Tᵀ f of nodal forces (V, 3)."""
+        force: FloatArray = self._across @ nodal.ravel()
+        return force
 
     def moved(self, q: FloatArray) -> FloatArray:
         """Return T q as a move of nodal vectors, (V, 3)."""
@@ -158,7 +164,7 @@ class Body:
         order = self._analysis.order
         try:
             solve = splu(
-                matrix[order][:, order].tocsc(),
+                self._analysis.ordered(matrix),
                 permc_spec="NATURAL",
                 diag_pivot_thresh=0.01,
                 options={"SymmetricMode": True},
@@ -211,7 +217,7 @@ class Body:
         # A part that the load only turns comes to rest; where every form is blind it moves on.
         blocks = [kind.resisted() for kind in self.strains]
         matrix = self.matrix([block / abs(block).max(initial=1e-300) for block in blocks])
-        load = self.basis.T @ self.load.ravel()
+        load = self.along_free(self.load)
         moved = self.solution(matrix)(load)
         work = float(moved @ load)
         return 1.0 - float(moved @ (matrix @ moved)) / work if work else 0.0

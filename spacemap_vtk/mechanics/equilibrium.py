@@ -154,7 +154,7 @@ class _Search:
     def run(self, limit: int) -> tuple[FloatArray, float] | None:
         """Return the state and its residual, or None where it takes more steps."""
         body, share = self._body, self._share
-        full = share * float(np.linalg.norm(body.basis.T @ body.load.ravel()))
+        full = share * float(np.linalg.norm(body.along_free(body.load)))
         while body.steps < limit:
             parts = body.at(self._z)
             force = body.forces(parts, share)
@@ -250,7 +250,7 @@ class _Search:
             push += kind.summed(kind.stresses(second), gradients, len(move))
             push += kind.summed(kind.stresses(first), slopes, len(move))
             changes.append((first, second))
-        curve = body.moved(-solve(body.basis.T @ push.ravel()))
+        curve = body.moved(-solve(body.along_free(push)))
         powers = body.along(parts, move, self._share)
         powers[0] += float(np.vdot(push, curve)) / 2
         value, length = _least(powers, 1.0)

@@ -94,6 +94,7 @@ class Midpoint:
         self.drag = np.empty((self.mass.shape[0], 0)) if drag is None else drag
         #: What a change of rate in a step resists with, over the mean rate less that of the start.
         self._heavy = self.mass if late is None else self.mass @ sp.diags(1 / (1 + self._late))
+        self._kept: tuple[float, sp.csr_matrix] = (0.0, self.mass)
         self._least = LEAST * math.sqrt(float(mass.diagonal().sum()))
 
     def at(self, position: FloatArray) -> list[Part]:
@@ -122,7 +123,7 @@ class Midpoint:
         """Return the state after a span [s], or None where Newton's method finds none."""
         # `loads` act at the start, and on the average over the span; `guess` is of the move, and
         # `carried` of the stress in the middle.
-        heavy = 2 / span**2 * self._heavy + self.alpha / span * self.mass
+        heavy = self._inertia(span)
         moving = 2 / span * (self._heavy @ rate)
         least, size, made = self._least / span, math.inf, 0
         move, solve = guess, None
@@ -167,6 +168,12 @@ class Midpoint:
                     for pull, end in zip(stress, ends, strict=True)
                 ]
         return None
+
+    def _inertia(self, span: float) -> sp.csr_matrix:
+        """Return what a move in a span resists with; the last is kept, as many spans are alike."""
+        if self._kept[0] != span:
+            self._kept = span, 2 / span**2 * self._heavy + self.alpha / span * self.mass
+        return self._kept[1]
 
     def _reached(
         self,
@@ -244,5 +251,4 @@ class Midpoint:
         total = np.zeros_like(self.body.start)
         for part, pull, slope in zip(parts, stress, gradients, strict=True):
             total += part.kind.summed(pull, slope, len(total))
-        force: FloatArray = self.body.basis.T @ total.ravel()
-        return force
+        return self.body.along_free(total)

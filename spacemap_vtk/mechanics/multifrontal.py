@@ -55,6 +55,8 @@ class Analysis:
         self.runs = [(int(start[f.first]), int(start[f.last])) for f in found]
         self.borders = [_ranges(start[f.border], start[f.border + 1]) for f in found]
         self.children = [f.children for f in found]
+        #: Patterns that were ordered last, and the numbers of their entries in that order.
+        self._ordered: dict[bool, tuple[IntArray, IntArray, sp.csc_matrix]] = {}
 
     @property
     def entries(self) -> int:
@@ -71,11 +73,31 @@ class Analysis:
         done = np.cumsum([w * (w * w / 3 + w * h + h * h) for w, h in sizes])
         return done / done[-1]
 
+    def ordered(self, matrix: sp.csr_matrix, lower: bool = False) -> sp.csc_matrix:
+        """Return a matrix, or its lower triangle, in the order of elimination."""
+        # Steps and searches order one pattern a thousand times; that took as long as to eliminate.
+        if not matrix.has_canonical_format:
+            matrix = matrix.copy()
+            matrix.sum_duplicates()
+        kept = self._ordered.get(lower)
+        if kept is None or not (
+            np.array_equal(kept[0], matrix.indptr) and np.array_equal(kept[1], matrix.indices)
+        ):
+            numbers = np.arange(1, matrix.nnz + 1)
+            made = sp.csr_matrix((numbers, matrix.indices, matrix.indptr), shape=matrix.shape)
+            made = made[self.order][:, self.order]
+            made = sp.tril(made, format="csc") if lower else made.tocsc()
+            made.data -= 1
+            kept = self._ordered[lower] = matrix.indptr, matrix.indices, made
+        entries = kept[2]
+        values = matrix.data[entries.data]
+        return sp.csc_matrix((values, entries.indices, entries.indptr), shape=matrix.shape)
+
     def assembled(
         self, matrix: sp.csr_matrix, left: list[FloatArray | None]
     ) -> Iterator[tuple[int, FloatArray, FloatArray, FloatArray]]:
         """Yield each front, with what its children have left added in."""
-        lower = sp.tril(matrix[self.order][:, self.order], format="csc")
+        lower = self.ordered(matrix, lower=True)
         starts, rows, values = lower.indptr, lower.indices, lower.data
         place = np.empty(matrix.shape[0], np.int64)
         for number, ((first, last), border) in enumerate(zip(self.runs, self.borders, strict=True)):

@@ -133,7 +133,7 @@ class Stepped:
         late = _directors(body, len(pencil.surface.pairs)) if still and pencil.surface else None
         beta, drag = _of_ratios(cage, body, mass, damping)
         self._rule = Midpoint(body, mass, damping.alpha, beta, pressed, late, drag)
-        self._dead = body.basis.T @ dead.ravel()
+        self._dead = body.along_free(dead)
         self._pushes = [
             pencil.gathered(cage.force(load)[:, None])[:, 0] / model.modulus for load in self.loads
         ]
