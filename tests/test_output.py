@@ -31,6 +31,7 @@ WRITERS = {
     "x.stl": f"export plain_weave {SMALL} -o",
     "x.ply": f"export plain_weave {SMALL} -o",
     "x.glb": f"export plain_weave {SMALL} --times 0,0.02 -o",
+    "x.pvd": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.wif": f"export plain_weave {SMALL} -o",
     "x.png": f"render plain_weave --size 480x360 {SMALL} -o",
     "x.jpg": f"render plain_weave --size 960x720 {SMALL} -o",

@@ -187,6 +187,7 @@ def export(
         ),
     ] = None,
     time: Time = None,
+    color: ColorBy = None,
     times: Times = None,
     start: From = None,
     stop: To = None,
@@ -214,6 +215,11 @@ def export(
     The fabric's Bézier patches, the cage with its motion, the surface as triangles or polygons, the
     draft, or the surface with its motion: the output's ending tells which.
 
+    Where a series is written, it is of the film's times, or of --times, or --from, --to and --fps:
+    a .pvd lists files in a folder beside, cloth_%04d.vtp (or .stl, .ply, .glb ...) is a file for
+    each time. It appears when the last is written, and nothing of it where it is stopped. What
+    --color shows rides along as an array.
+
     A .glb plays in browsers, presentations and Blender: its motion is a sum of few shapes (morph
     targets), as many as the tolerance asks for; how many, how near and how large the file is are
     told. With --modes it has a shape and a swing for each mode; --set modal.modes=12 for fewer.
@@ -228,7 +234,7 @@ def export(
     except InputError as error:
         error.key = error.key and f"--{error.key}"  # in the words of the command line
         raise
-    chosen = opened(scene, set_, time=time, start=start, stop=stop, fps=fps)
+    chosen = opened(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
     given = {"--times": times, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:
         _check_times(order, found)
@@ -305,8 +311,9 @@ def _check_times(order: Order, options: list[str]) -> None:
         raise InputError(
             f"a {order.output.suffix} holds one moment of {order.what}",
             key=options[0],
-            allowed=", ".join(ending for each in lasting for ending in each.endings),
-            cure="Choose the moment with --time.",
+            allowed=", ".join(ending for each in lasting for ending in each.endings)
+            + f", or numbered files such as {order.output.stem}_%04d{order.output.suffix}",
+            cure="Or choose the moment with --time.",
         )
     if options[0] == "--times" and len(options) > 1:
         raise InputError(

@@ -19,13 +19,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
-from spacemap_vtk.io.output import check_output, telling_refusals, whole_file, whole_folder
+from spacemap_vtk.io.output import (
+    check_output,
+    require_room,
+    telling_refusals,
+    whole_file,
+    whole_folder,
+)
 from spacemap_vtk.io.registry import DATA, writer, written
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
+
+#: Data that are others at another time, and what in a file's name stands for a number, or is
+#: meant to.
+_CHANGING = ("patches", "surface", "cage", "moving")
+_NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
 
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
@@ -38,7 +49,7 @@ class Order:
     #: ``"picture"``, ``"film"``, ``"storyboard"``, ``"shapes"`` (of modes), or a key of
     #: `spacemap_vtk.io.registry.DATA`; empty: the data that the output's ending stands for first.
     what: str
-    #: The file; of a film of numbered frames, with ``%04d`` in it.
+    #: The file; of numbered frames, and of data in numbered files, with ``%04d`` in it.
     output: Path
     #: Of a picture, and of data of one moment, one; of a storyboard and of what lasts some, in s;
     #: none: as the scene says.
@@ -66,9 +77,10 @@ class Order:
         elif self.what == "film":
             self._check_film()
         else:
-            check_output(self.output, written())
             ending = self.output.suffix.lower()
-            self.what = self.what or writer(self.output).holds[0]
+            if not self.what and ending in written():
+                self.what = writer(self.output).holds[0]
+            check_output(self.output, written(), self.numbered)
             if ending not in written(self.what):
                 raise InputError(
                     f"{ending} files do not hold that",
@@ -76,28 +88,41 @@ class Order:
                     value=self.what,
                     allowed=", ".join(kind for kind in DATA if ending in written(kind)),
                 )
+            if self.numbered:
+                self._check_number("a series needs")
             writer(self.output, self.what).check(self.output)
 
     @property
     def numbered(self) -> bool:
-        """Whether a film is written as numbered frames."""
-        return self.what == "film" and self.output.suffix.lower() in written("frames")
+        """Whether a film is written as numbered frames, or data in a file for each time."""
+        ending = self.output.suffix.lower()
+        if self.what == "film":
+            return ending in written("frames")
+        if self.what not in _CHANGING or ending not in written(self.what):
+            return False
+        return not writer(self.output, self.what).times and bool(_NUMBER.search(self.output.name))
 
     @property
     def lasts(self) -> bool:
         """Whether data of many times are written."""
         if self.what not in DATA:
             return False
-        return self.what == "moving" or writer(self.output, self.what).times
+        return self.what == "moving" or self.numbered or writer(self.output, self.what).times
 
     def _check_film(self) -> None:
         check_output(self.output, written("film") | written("frames"), self.numbered)
         writer(self.output, "frames" if self.numbered else "film").check(self.output)
-        if self.numbered and not re.fullmatch(r"[^%]*%0?\d*d[^%]*", self.output.name):
-            example = re.sub("%[0-9]*[a-z]?", "", self.output.stem) + "-%04d.png"
+        if self.numbered:
+            self._check_number("frames need")
+
+    def _check_number(self, what: str) -> None:
+        name = self.output
+        if not re.fullmatch(r"[^%]*%0?\d*d[^%]*", name.name):
+            stem = re.sub("%[0-9]*[a-z]?", "", name.stem).rstrip("-_")
+            example = f"{stem}-%04d{name.suffix}"
             raise InputError(
-                f"{self.output}: frames need one number in their name",
-                allowed=f"for example {self.output.with_name(example)}",
+                f"{name}: {what} one number in {'their' if what[-1] == 'd' else 'its'} name",
+                allowed=f"for example {name.with_name(example)}",
             )
 
 
@@ -105,16 +130,15 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str
     """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
     if order.what == "film":
         return _write_film(order, scene, tell, whole)
-    elif order.what in _STILLS:
+    if order.what in _STILLS:
         # Before there is anything to be removed if the program is ended.
         image = _STILLS[order.what](order, scene, tell)
         with _file(order, whole) as file:
             writer(file, "picture").write(file, image)
-    elif order.what in ("moving", "modes"):
+        return ""
+    if order.what in ("moving", "modes") and not order.numbered:
         return _write_moving(order, scene, tell, whole)
-    else:
-        _write_data(order, scene, tell, whole)
-    return ""
+    return _write_data(order, scene, tell, whole)
 
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
@@ -172,28 +196,65 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
         return write_film(file, format_, scene, job, kept, tell, order.workers)
 
 
-def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> None:
+def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     format_ = writer(order.output, order.what)
-    times = _moments(order, scene) if format_.times else order.times or [scene.view.time]
+    times = _moments(order, scene) if order.lasts else order.times or [scene.view.time]
     steps = len(times) + 1
     tell(0, steps)
-
-    def data() -> Iterator[tuple[float, Any]]:
-        # One after another: all together need not fit into memory.
-        for done, time in enumerate(times, 1):
-            if order.what != "draft":  # which needs no room for its yarns
-                scene.update(time)
-            yield time, scene.data(order.what)
-            tell(done, steps)
-
-    content = data() if format_.times else next(data())[1]
-    if not format_.times:
+    if not order.lasts:
+        # Before there is anything to be removed if the program is ended.
+        content = _at(order, scene, times[0])
         tell(1, steps)
         for text in format_.loses(content) if format_.loses else ():
             scene.warn(text)
+        with _file(order, whole) as file:
+            format_.write(file, content)
+        tell(steps, steps)
+        return ""
+
+    def series(folder: Path) -> Iterator[tuple[float, Any]]:
+        # One after another: all together need not fit into memory.
+        taken = 0
+        for done, time in enumerate(times, 1):
+            yield time, _at(order, scene, time)
+            if done <= 2:
+                more, taken = _bytes(folder) - taken, _bytes(folder)
+                if done == 2:  # what stays the same may be in the first alone
+                    left = (len(times) - 2) * more
+                    require_room(folder / order.output.name, left, f"{len(times)} times")
+            tell(done, steps)
+
     with _file(order, whole) as file:
-        format_.write(file, content)
+        if order.numbered:
+            for number, (_, content) in enumerate(series(file.parent)):
+                format_.write(file.with_name(file.name % number), content)
+        else:
+            format_.write(file, series(file.parent))
+        size = _bytes(file.parent)
     tell(steps, steps)
+    return f"{len(times)} time{'s' * (len(times) > 1)}, {size / 1e6:.3g} MB"
+
+
+def _at(order: Order, scene: Scene, time: float) -> Any:
+    """Return what is written, at a time."""
+    from vtkmodules.vtkCommonDataModel import vtkDataObject
+
+    if order.what == "moving":
+        from spacemap_vtk.draw.moving import moving
+
+        return moving(scene, [time], order.tolerance, lambda *_: None)
+    if order.what == "draft":  # which needs no room for its yarns
+        return scene.data(order.what)
+    # Of a cage nothing below it is needed.
+    scene.update_stage(scene.deforming if order.what == "cage" else scene.stages[-1], time)
+    data = scene.data(order.what)
+    if scene.moves:
+        data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
+    return data
+
+
+def _bytes(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def _moments(order: Order, scene: Scene) -> Sequence[float]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -82,13 +83,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """Yield a new folder; its files move into the folder of `path` when the block ends well."""
     with telling_refusals(path), vanishing_folder(path.parent) as folder:
         yield folder
-        files = sorted(folder.iterdir())
-        if not files:
+        if not any(folder.iterdir()):
             raise SpacemapError(f"{path}: nothing was written")
-        for file in files:
-            _make_last(file)
+        for file in folder.rglob("*"):
+            if file.is_file():
+                _make_last(file)
         with undisturbed():
-            _move(files, path.parent)
+            _move(sorted(folder.iterdir()), path.parent)
 
 
 @contextmanager
@@ -116,6 +117,25 @@ def write(file: Path, parts: Iterable[Any]) -> None:
         raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
 
 
+def require_room(path: Path, size: int, what: str) -> None:
+    """Refuse what would not fit onto a disk, before all of its room is taken."""
+    free = shutil.disk_usage(path.parent).free
+    if size > free:
+        raise SpacemapError(
+            f"{path.name}: {what} take about {size / 1e6:.3g} MB more, and the disk has "
+            f"{free / 1e6:.3g} MB free",
+            cure=_ROOM,
+        )
+
+
+def stands_in_the_way(target: Path, folder: bool) -> bool:
+    """Return whether what is there must stay: all but a file, or a series, of the same name."""
+    if not folder or not target.is_dir():
+        return target.exists() and target.is_dir() != folder
+    ours = re.compile(rf"{re.escape(target.name)}_\d+\.\w+")
+    return not all(ours.fullmatch(each.name) and each.is_file() for each in target.iterdir())
+
+
 def _read_only(folder: Path) -> bool:
     # Windows knows neither.
     return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
@@ -138,8 +158,9 @@ def _move(files: list[Path], target: Path) -> None:
             os.replace(file, target / file.name)  # at no moment there is none
         return
     for file in files:
-        if (target / file.name).is_dir():
-            raise IsADirectoryError(errno.EISDIR, "a folder is in the way", str(target / file.name))
+        if stands_in_the_way(target / file.name, file.is_dir()):
+            kind = errno.EISDIR if (target / file.name).is_dir() else errno.ENOTDIR
+            raise OSError(kind, "in the way", str(target / file.name))
     older = files[0].with_name("older")
     older.mkdir()
     try:
@@ -149,8 +170,8 @@ def _move(files: list[Path], target: Path) -> None:
             os.replace(file, target / file.name)
     except OSError:
         for file in files:
+            if not file.exists():
+                os.replace(target / file.name, file)
             if (older / file.name).exists():
                 os.replace(older / file.name, target / file.name)
-            elif not file.exists():
-                (target / file.name).unlink()
         raise

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reads
+from spacemap_vtk.io.registry import reads, writer, writes
 
 if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkDataSet
+
     from spacemap_vtk.io.series import MeshSeries
 
 
@@ -28,6 +31,43 @@ def open_collection(file: Path) -> MeshSeries:
     except (ElementTree.ParseError, KeyError, ValueError) as error:
         raise InputError(f"{file}: no ParaView collection: {error}", key="file") from None
     return FileSeries(file, list(steps.items()))
+
+
+def _check_folder(file: Path) -> None:
+    """Refuse a collection whose folder is another's."""
+    from spacemap_vtk.io.output import stands_in_the_way
+
+    if stands_in_the_way(folder := file.with_suffix(""), folder=True):
+        raise InputError(
+            f"{file}: its files would lie in {folder}, where others are",
+            cure="Choose another name.",
+        )
+
+
+@writes(
+    ".pvd",
+    label="ParaView collection",
+    holds=("surface", "patches", "cage"),
+    times=True,
+    require=_check_folder,
+)
+def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
+    """Write a file for each time, in a folder beside, and the list of them."""
+    from xml.sax.saxutils import quoteattr
+
+    from spacemap_vtk.io.output import write
+
+    folder = file.with_suffix("")
+    folder.mkdir()
+    lines = []
+    for number, (time, data) in enumerate(steps):
+        ending = ".vtp" if data.IsA("vtkPolyData") else ".vtu"
+        one = folder / f"{folder.name}_{number:04d}{ending}"
+        writer(one).write(one, data)
+        name = quoteattr(f"{folder.name}/{one.name}")
+        lines.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={name}/>\n')
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+    write(file, [f"{head}{''.join(lines)}  </Collection>\n</VTKFile>\n".encode()])
 
 
 @reads(".series", label="ParaView file series", holds="motion")

@@ -1,0 +1,118 @@
+"""Series of data: read back by others at the very times, whole or not at all."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from spacemap_vtk import MotionReader
+from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.scenes.scene import Scene
+
+VALUES: dict[str, Any] = {
+    "weave": {"ends": 2, "picks": 2},
+    "cage": {"divisions": [2, 2, 1]},
+    "modal": {"modes": 3, "elements": "sheet", "youngs_modulus": 1000.0},
+    "response": {},
+    "surface": {"subdivisions": 1},
+}
+#: None is a binary fraction, nor a number of single precision.
+TIMES = [0.0, 0.02, 0.1 / 3]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(VALUES)
+
+
+def write(scene: Scene, file: Path, what: str = "", times: Any = TIMES) -> str:
+    return carry_out(Order(what, file, times), scene, lambda done, of: None)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def test_a_collection_has_a_surface_for_each_time(scene: Scene, tmp_path: Path) -> None:
+    assert write(scene, tmp_path / "cloth.pvd").startswith("3 times, ")
+    reader = pv.PVDReader(tmp_path / "cloth.pvd")
+    assert reader.time_values == TIMES
+    for number, time in enumerate(TIMES):
+        reader.set_active_time_point(number)
+        found = reader.read()[0]
+        scene.update(time)
+        np.testing.assert_array_equal(found.points, points_of(scene.polygons))
+        assert found.field_data["TimeValue"] == time
+    names = {f"cloth/cloth_000{number}.vtp" for number in range(3)}
+    assert content(tmp_path).keys() == names | {"cloth.pvd"}
+
+
+@pytest.mark.parametrize("name", ["cage.pvd", "cage_%04d.vtu"])
+def test_a_series_of_the_cage_moves_a_cage(scene: Scene, tmp_path: Path, name: str) -> None:
+    write(scene, tmp_path / name, "cage")
+    file = tmp_path / name.replace("%04d", "*")
+    motion = MotionReader(file=file)
+    assert motion.time_steps([]) == TIMES
+    for time in TIMES:
+        found, expected = motion.update(time).output, scene.deforming.update(time).output
+        np.testing.assert_allclose(
+            *(array_of(data.GetPointData(), "displacement", "") for data in (found, expected)),
+            atol=1e-15,
+        )
+
+
+def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:
+    for ending in (".stl", ".glb"):
+        write(scene, tmp_path / f"s-%02d{ending}", times=TIMES[1:])
+        found = [pv.read(tmp_path / f"s-0{number}{ending}") for number in (0, 1)]
+        meshes = [each.combine() if ending == ".glb" else each for each in found]
+        for time, mesh in zip(TIMES[1:], meshes, strict=True):
+            scene.update(time)
+            bounds = scene.polygons.GetBounds()
+            np.testing.assert_allclose(mesh.bounds, bounds, rtol=0.0, atol=1e-9)
+        assert abs(np.subtract(meshes[0].bounds, meshes[1].bounds)).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", ["cloth.pvd", "cloth_%d.vtp"])
+def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, name: str) -> None:
+    def stop(done: int, _of: int) -> None:
+        if done == 2:
+            raise Cancelled("enough")
+
+    with pytest.raises(Cancelled):
+        carry_out(Order("", tmp_path / name, TIMES), scene, stop)
+    assert list(tmp_path.iterdir()) == []
+    write(scene, tmp_path / name)
+    before = content(tmp_path)
+    assert len(before) == 3 + (name == "cloth.pvd")
+    with pytest.raises(Cancelled):
+        carry_out(Order("", tmp_path / name, TIMES), scene, stop)
+    assert content(tmp_path) == before
+
+
+def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_path: Path) -> None:
+    write(scene, tmp_path / "cloth.pvd")
+    write(scene, tmp_path / "cloth.pvd", times=[0.01])
+    assert content(tmp_path).keys() == {"cloth.pvd", "cloth/cloth_0000.vtp"}
+    (tmp_path / "cloth" / "mine").touch()
+    with pytest.raises(InputError, match=r"where others are\. Choose another name"):
+        Order("", tmp_path / "cloth.pvd")
+
+
+def test_what_is_too_large_for_the_disk_is_refused_early(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
+    with pytest.raises(SpacemapError, match=r"5 times take about .* more, .* has 0 MB free\. Make"):
+        write(scene, tmp_path / "cloth.pvd", times=[0.0, 0.1, 0.2, 0.3, 0.4])
+    assert list(tmp_path.iterdir()) == []
