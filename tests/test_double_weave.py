@@ -296,7 +296,7 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     read = cloth_of(weave)
     assert read is not None
     np.testing.assert_array_equal(read.passing(0).height, scene.weave.cloth.passing(0).height)
-    single = WeaveSource(draft=file, warp_layer=1)
+    single = WeaveSource(draft=file, warp_layer=1, weft_layer=[1, 2])
     assert single.cloth.layers is None
     assert single.cloth.warnings == ()
 
@@ -310,7 +310,6 @@ def test_layers_are_given(tmp_path: Path) -> None:
     assert nearest_of_two_cloths(cloth) > 0.0
     for wrong, key in (
         ({"warp_layer": [1, 2]}, "weft_layer"),
-        ({"warp_layer": [1, 2], "weft_layer": 1}, "weft_layer"),
         ({"warp_layer": [1, 2], "weft_layer": [1, 2], "axis": "spline"}, "axis"),
         ({"warp_layer": [1, 2], "weft_layer": [1, 2], "warp_diameter": "0.3 mm"}, "warp_diameter"),
     ):

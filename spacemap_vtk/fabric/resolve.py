@@ -167,17 +167,8 @@ def _layers(
         for layer, count in zip(asked, drawdown.T.shape, strict=True)
     )
     known = [one for one in (ends, picks) if one is not None]
-    if known and not any(_both(one) for one in known):
+    if any(one.all() or not one.any() for one in known):
         return None, ()
-    if ends is not None and picks is not None and not (_both(ends) and _both(picks)):
-        one, other = FAMILIES if _both(picks) else FAMILIES[::-1]
-        raise InputError(
-            f"each of two layers needs ends and picks, and the {one} is all in one",
-            key=f"{one}_layer",
-            value=asked[FAMILIES.index(one)],
-            allowed="a list of 1 and 2",
-            cure=f"Write, for example, {one}_layer = [1, 2], or leave {other}_layer out",
-        )
     found = find_layers(drawdown, ends, picks)
     if found is None and known:
         one, other = FAMILIES if ends is None else FAMILIES[::-1]
@@ -188,10 +179,6 @@ def _layers(
             cure=f"Write, for example, {one}_layer = [1, 2]",
         )
     return found, (_FOUND,) if found is not None and not known else ()
-
-
-def _both(second: Bools) -> bool:
-    return bool(second.any() and not second.all())
 
 
 def _threads(
