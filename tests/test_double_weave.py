@@ -301,6 +301,15 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     assert single.cloth.warnings == ()
 
 
+def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
+    for size, filling in ((12, 0.45), (99, 0.9)):
+        file = tmp_path / f"{size}.txt"
+        file.write_text("\n".join(rows(two_cloths(blocks(size, 24, 24), patterns.plain(2, 2)))))
+        cloth = WeaveSource(draft=file, warp_spacing="1 mm", weft_spacing="1 mm").cloth
+        assert cloth.warp.diameter == pytest.approx(filling * 1e-3)
+        cloth.check()
+
+
 def test_layers_are_given(tmp_path: Path) -> None:
     given = WeaveSource(ends=9, picks=8, warp_layer=[1, 2], weft_layer=[2, 1], layer_gap="1 mm")
     cloth = given.cloth

@@ -133,10 +133,11 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
         draft = replace(draft, warp=warp, weft=weft)
     drawdown = tile(draft.drawdown, ends, picks)
     layers, told = _layers(drawdown, asked.warp.layer, asked.weft.layer)
+    filling = _filling(layers)
     cloth = Cloth(
         drawdown=drawdown,
-        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, layers),
-        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, layers),
+        warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, filling),
+        weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, filling),
         crimp_height=asked.crimp_height,
         overhang=asked.overhang,
         caps=asked.caps,
@@ -181,13 +182,23 @@ def _layers(
     return found, (_FOUND,) if found is not None and not known else ()
 
 
+def _filling(layers: Layers | None) -> float:
+    """Return the diameter over the spacing where nobody gives a thickness."""
+    if layers is None:
+        return FILLING
+    # two cloths of every other thread, nowhere joined, have each twice the spacing
+    families = layers.ends, layers.picks
+    apart = all(one is not None and bool(np.diff(one).all()) for one in families)
+    return LAYERED_FILLING * (2.0 if apart and not any(layers.joined) else 1.0)
+
+
 def _threads(
     own: DraftThreads,
     asked: ThreadsAsked,
     fibres: Asked,
     count: int,
     color: Rgb,
-    layers: Layers | None,
+    filling: float,
 ) -> Threads:
     aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
     spacing = _spacing(own, asked, count)
@@ -203,7 +214,6 @@ def _threads(
         diameter = along(along(own.thickness, count) / aspect, count)
     else:
         # the narrowest gap decides, so that a default is feasible
-        filling = FILLING if layers is None else LAYERED_FILLING
         diameter = filling / aspect * float(np.min(spacing))
     chosen = asked.color if asked.color is not None else color if own.colors is None else own.colors
     return Threads(
