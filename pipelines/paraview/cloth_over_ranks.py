@@ -45,8 +45,8 @@ simple.SaveData(str(picture.with_suffix(".pvtu")), warp)
 
 # A breath of wind from behind, and a picture.
 response.Gravity = [0.0, -gravity, 0.004 * gravity]
-# Of a large cloth, a polygon for each patch is smaller than a pixel.
-surface = simple.PatchTessellator(Input=warp, Subdivisions=6 if yarns <= 100 else 1)
+# Polygons that nobody can see would be most of the work: their number goes with a yarn's width.
+surface = simple.PatchTessellator(Input=warp, Subdivisions=max(1, min(6, 180 // yarns)))
 view = simple.GetActiveViewOrCreate("RenderView")
 view.OrientationAxesVisibility = 0
 display = simple.Show(surface, view)

@@ -9,8 +9,11 @@ ParaView shows a legend for every array that it colours by. One of colours that 
 map would tell the sizes of red, green and blue taken as a vector: it stays hidden.
 
 Without a display ParaView 5.11 itself ends with a print of its stack. Of several processes the
-first may wait for ever: to draw the yarns' own colours it wants the data of all in order of depth,
-while the others, which have found that there is no display, take no part in the picture.
+first may wait for ever: it wants what the others have drawn, which take no part in the picture
+since they have found that there is no display.
+
+Colours that go through no colour map are slow to draw in several processes, unless these know that
+nothing shines through: see `spacemap_vtk.paraview.opaque`.
 """
 
 from __future__ import annotations
@@ -20,8 +23,12 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
 
+from spacemap_vtk.paraview import opaque
+
 _NAME = 4  # place of the array's name in the property ColorArrayName
 _followed: set[int] = set()
+#: Of which representations all processes know whether they are opaque.
+_told: dict[int, bool] = {}
 _guarded: set[int] = set()
 
 
@@ -88,8 +95,34 @@ def _follow(proxy: Any) -> None:
             if mapped.GetElement(0) != wanted:
                 mapped.SetElement(0, wanted)  # handed on together with the array's name
 
+    def tell(caller: Any, event: str) -> None:
+        if (representation := owner.Get()) is not None:
+            _tell_opaque(representation)
+
     array.AddObserver("ModifiedEvent", adjust)
     adjust(array, "")
+    for changed in (array, mapped, proxy.GetProperty("Opacity")):
+        changed.AddObserver("ModifiedEvent", tell)
+    tell(mapped, "")
+
+
+def _tell_opaque(proxy: Any) -> None:
+    """Tell all processes whether nothing shines through a representation."""
+    hides = (
+        not proxy.GetProperty("MapScalars").GetElement(0)
+        and proxy.GetProperty("Opacity").GetElement(0) >= 1.0
+        and _has_colors(proxy)
+    )
+    number, session = proxy.GetGlobalID(), proxy.GetSessionProxyManager()
+    if _told.get(number, False) == hides:
+        return
+    _told[number] = hides
+    # To the actor of a client itself, and through a proxy of our own to those of its server.
+    opaque.force(number, hides)
+    if (teller := session.NewProxy("sources", opaque.NAME)) is not None:
+        for place, value in enumerate((number, int(hides))):
+            teller.GetProperty("Opaque").SetElement(place, value)
+        teller.UpdateVTKObjects()
 
 
 def _follow_legend(proxy: Any) -> None:

@@ -31,7 +31,18 @@ def photograph(name: str, mapped: int) -> None:
     simple.SaveScreenshot(f"{sys.argv[1]}/{name}.png", view)
 
 
+def hides() -> bool:
+    """Return whether ParaView knows that nothing shines through the surface."""
+    shown = display.SMProxy.GetClientSideObject().GetActiveRepresentation()
+    return bool(shown.GetActor().GetForceOpaque())
+
+
 photograph("shown", mapped=0)
+assert hides()
+display.Opacity = 0.5
+assert not hides()
+display.Opacity = 1.0
+assert hides()
 # Own colours have no legend, though one is asked for; numbers have one.
 assert legends() == [0]
 display.SetScalarBarVisibility(view, True)
@@ -39,6 +50,7 @@ assert legends() == [0]
 simple.ColorBy(display, ("POINTS", "displacement"))
 display.RescaleTransferFunctionToDataRange()
 photograph("displacement", mapped=1)
+assert not hides()
 assert legends() == [0, 1]
 display.SetScalarBarVisibility(view, False)
 simple.ColorBy(display, ("CELLS", "color"))
