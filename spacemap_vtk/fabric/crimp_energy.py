@@ -30,7 +30,7 @@ Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 #: Over D: what may be left to go at the end of Newton's method, and what a start counts as moved.
 _ENOUGH, _FIRST = 1e-10, 1e-3
 #: The last step is less than this, in radians: near a jam heights say little.
-_TURNED = 1e-5
+_TURNED = 1e-6
 #: The most that angles turn in a step.
 _TURN = 0.5
 #: Share of its way to a jam that a height is kept from there: at the jam itself all is level.
@@ -93,6 +93,7 @@ class Slopes(NamedTuple):
     """(n,) J"""
     theta: Array
     half: Array
+    straight: Array
     over: Array
     """(2, n) What axes are longer than their yarns; less than 0 of slack ones."""
     own: Array
@@ -157,7 +158,7 @@ def slopes(
         square += 2.0 * (energy.hinge / distance - fade * turn)
         mixed -= fade[0] * turn[1] + fade[1] * turn[0]
     curve = np.stack([square[0], mixed, square[1]])
-    return Slopes(value, theta, half, over, own, other, turn, slope, curve)
+    return Slopes(value, theta, half, s, over, own, other, turn, slope, curve)
 
 
 def pulls(
@@ -280,7 +281,7 @@ def least(
     heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST * d
     for _ in range(100):
         now = slopes(energy, room, length, heights, d, press)
-        step, press, first = _step(energy.tension, now, d, press, low, high)
+        step, press, first, over = _step(energy.tension, now, d, press, low, high)
         part = np.ones_like(d) if at is None else np.minimum(3.0 * at.part, 1.0)
         to = _Place(heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves)
         if at is not None:
@@ -295,6 +296,8 @@ def least(
         # what is left to go is less than steps make that shrink as this one did
         done = (moves * moves <= _ENOUGH * d * at.moves) & (part > 0.9)
         done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _TURNED
+        # nor does a yarn get slack by it
+        done &= ((now.over <= 0.0) | (over > -_EQUAL * d)).all(axis=0)
         if 8 * np.count_nonzero(done) > len(done):
             for bound in (low, high):  # but for rounding
                 d = np.where(np.abs(d - bound) < _EQUAL * bound, bound, d)
@@ -314,8 +317,8 @@ def least(
 
 def _step(
     tension: Array, now: Slopes, d: Array, press: Array, low: Array, high: Array
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return Newton's step, what presses D against its bound, and whether the warp leads."""
+) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+    """Return Newton's step, the press on D, whether the warp leads, and `over` after the step."""
     taut = now.over > 0.0
     step, press, first, over = _towards(now, d, press, low, high)
     # a yarn that the step makes taut is so from the first
@@ -331,7 +334,7 @@ def _step(
         step[:, which], press[which], first[which], over[:, which] = found
         new = (over > 0.0) > taut
     size = np.maximum(np.abs(step[0]), np.abs(step[1]))
-    return step * (_TURN / np.maximum(size, _TURN)), press, first
+    return step * (_TURN / np.maximum(size, _TURN)), press, first, over
 
 
 def _towards(
@@ -339,17 +342,6 @@ def _towards(
 ) -> tuple[Array, Array, NDArray[np.bool_], Array]:
     """Return what `_step` does of crossings as they are, and `over` after the step."""
     (a, b, c), slope, turn = now.curve, now.slope, now.turn
-    first = np.abs(turn[0]) <= np.abs(turn[1])
-    to = d
-    if (near := now.theta < _STRAIGHT).any():
-        # what would go on through the mid-surface becomes straight, and leads
-        held = near & (slope > np.stack([a, c]) * now.theta)
-        first = (first & ~held[1]) | held[0]
-        back = np.where(held, now.theta, 0.0)
-        to = d - (turn * back).sum(axis=0)
-        slope = np.where(held, back, slope - b * back[::-1])
-        turn = np.where(held, 0.0, turn)
-        a, b, c = np.where(held[0], 1.0, a), b * ~held.any(axis=0), np.where(held[1], 1.0, c)
     # against a saddle: by what the curve does in size
     saddle = np.flatnonzero(~((a > 0.0) & (a * c * (1.0 - 1e-10) > b * b)))
     if len(saddle):
@@ -360,11 +352,54 @@ def _towards(
     yielding = (across * turn - b * turn[::-1]) * by
     # without the press that `slope` has, to see if there still is one
     step = (b * slope[::-1] - across * slope) * by - press * yielding
-    to = to + turn[0] * step[0] + turn[1] * step[1]
+    to = d + turn[0] * step[0] + turn[1] * step[1]
     off = np.minimum(np.maximum(to, low), high) - to
-    press = off / np.maximum(turn[0] * yielding[0] + turn[1] * yielding[1], _TINY)
-    step += press * yielding
-    return step, press, first, now.over + now.own * step + now.other * step[::-1]
+    more = off / np.maximum(turn[0] * yielding[0] + turn[1] * yielding[1], _TINY)
+    step += more * yielding
+    first = np.abs(turn[0]) <= np.abs(turn[1])
+    # a yarn's way may end: jammed, or straight
+    size, (s1, s2) = np.maximum(np.abs(step[0]), np.abs(step[1])), now.straight
+    near = np.minimum(s1, s2) < size * (d + s1 + s2)
+    ends = np.flatnonzero(near | (np.minimum(now.theta[0], now.theta[1]) < size))
+    if len(ends):
+        taken = (
+            one.take(ends, axis=-1) for one in (np.stack([a, b, c]), step, d, press, low, high)
+        )
+        past, *found = _ended(some(now, ends), *taken)
+        for array, value in zip((step, more, first), found, strict=True):
+            array[..., ends[past]] = value[..., past]
+    return step, more, first, now.over + now.own * step + now.other * step[::-1]
+
+
+def _ended(
+    now: Slopes, curve: Array, step: Array, d: Array, press: Array, low: Array, high: Array
+) -> tuple[NDArray[np.bool_], Array, Array, NDArray[np.bool_]]:
+    """Return whether a step takes a yarn past a jam, or straight; and what `_towards` does then."""
+    turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
+    weight = now.straight / (1.0 - bow[0] * bow[1])
+    # straight parts, and angles, by both angles
+    own, other = sin * bow[::-1] * weight - d, -sin * weight[::-1]
+    jammed = -(now.straight + own * step + other * step[::-1]) / d
+    over = np.maximum(jammed, -now.theta - step)
+    warp, jams = over[0] > over[1], jammed >= over
+    mine, jam = np.stack([warp, ~warp]), np.where(warp, jams[0], jams[1])
+    left = np.where(jam, now.straight, now.theta)
+    change = mine * np.where(jam, own, 1.0) + (mine * np.where(jam, other, 0.0))[::-1]
+    way = -np.where(warp, left[0], left[1]) / (change * change).sum(axis=0) * change
+    # along what leaves it there
+    aside = np.stack([change[1], -change[0]])
+    (a, b, c), (u, v) = curve, aside
+    slope = now.slope + press * turn
+    slope += np.stack([a * way[0] + b * way[1], b * way[0] + c * way[1]])
+    pull, stiff = (aside * slope).sum(axis=0), a * u * u + 2.0 * b * u * v + c * v * v
+    lean = (aside * turn).sum(axis=0)
+    to = d + (turn * way).sum(axis=0) - pull / stiff * lean
+    off = np.clip(to, low, high) - to
+    free = (off == 0.0) | (lean == 0.0)
+    far = np.where(free, 0.0, off / np.where(free, 1.0, lean))
+    press = np.where(free, 0.0, far * stiff / np.where(free, 1.0, lean))
+    first = np.where(jam, np.abs(turn[0]) <= np.abs(turn[1]), warp)
+    return over.max(axis=0) > 0.0, way + (far - pull / stiff) * aside, press, first
 
 
 def _size(a: Array, b: Array, c: Array) -> tuple[Array, Array, Array]:
