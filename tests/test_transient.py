@@ -117,7 +117,8 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     loads = [cage.vector(action, 0.02 * np.array(value), function, place)]
     damping = Damping(alpha=2.0, beta=2e-4)
     modal = Response(cage, loads, damping)
-    stepped = Stepped(cage, loads, damping, tolerance=1.0, max_step=5e-5)
+    span = 1e-4 if k < 5 else 5e-5  # of a base that is shaken, or jumps
+    stepped = Stepped(cage, loads, damping, tolerance=1.0, max_step=span)
     assert isinstance(stepped, Motion)
     times = np.array([0.005, 0.012, 0.0181, 0.031, 0.05])
     weights = np.arange(len(points)) / np.arange(len(points)).sum()
@@ -151,7 +152,7 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
     loads = [cage.vector("pressure", 1e-4, timefunctions.pulse(0.05), "+z")]
     modal = Response(cage, loads, Damping(ratio=ratio))
-    motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=1.0, max_step=5e-4)
+    motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=1.0, max_step=1e-3)
     weights, times = (points[:, 1] < 1e-9) / 6.0, np.linspace(0.05, 0.4, 6)
     exact, found = (m.history(weights, times)[0, :, 2] for m in (modal, motion))
     np.testing.assert_allclose(found, exact, atol=1e-3 * abs(exact).max())
