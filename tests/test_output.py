@@ -32,6 +32,7 @@ WRITERS = {
     "x.ply": f"export plain_weave {SMALL} -o",
     "x.glb": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.pvd": f"export plain_weave {SMALL} --times 0,0.02 -o",
+    "x.vtkhdf": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.wif": f"export plain_weave {SMALL} -o",
     "x.png": f"render plain_weave --size 480x360 {SMALL} -o",
     "x.jpg": f"render plain_weave --size 960x720 {SMALL} -o",

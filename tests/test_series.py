@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from spacemap_vtk import MotionReader
 from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.io.hdf5 import Hdf5Writer
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -25,7 +29,9 @@ VALUES: dict[str, Any] = {
     "response": {},
     "surface": {"subdivisions": 1},
 }
-#: None is a binary fraction, nor a number of single precision.
+
+TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+#: None but the first is a binary fraction, nor a number of single precision.
 TIMES = [0.0, 0.02, 0.1 / 3]
 
 
@@ -71,6 +77,67 @@ def test_a_series_of_the_cage_moves_a_cage(scene: Scene, tmp_path: Path, name: s
         )
 
 
+def test_a_file_of_all_times_has_what_stays_once(scene: Scene, tmp_path: Path) -> None:
+    for what, name in (("surface", "cloth.vtkhdf"), ("cage", "cage.vtkhdf")):
+        write(scene, tmp_path / name, what)
+        reader = vtkHDFReader()
+        reader.SetFileName(str(tmp_path / name))
+        reader.UpdateInformation()
+        assert reader.GetOutputInformation(0).Get(TIME_STEPS) == tuple(TIMES)
+        for time in (*TIMES, TIMES[0]):
+            reader.UpdateTimeStep(time)
+            scene.update_stage(scene.deforming if what == "cage" else scene.stages[-1], time)
+            found, expected = reader.GetOutputDataObject(0), scene.data(what)
+            np.testing.assert_array_equal(points_of(found), points_of(expected))
+            for number in range(found.GetNumberOfCells()):
+                assert found.GetCellType(number) == expected.GetCellType(number)
+                ends = (each.GetCell(number).GetPointIds() for each in (found, expected))
+                first, second = (
+                    [ids.GetId(k) for k in range(ids.GetNumberOfIds())] for ids in ends
+                )
+                assert first == second
+            for side in ("GetPointData", "GetCellData"):
+                here, there = getattr(found, side)(), getattr(expected, side)()
+                assert here.GetNumberOfArrays() == there.GetNumberOfArrays() > 0
+                for k in range(there.GetNumberOfArrays()):
+                    array = there.GetArray(k)
+                    np.testing.assert_array_equal(
+                        vtk_to_numpy(here.GetArray(array.GetName())), vtk_to_numpy(array)
+                    )
+    motion = MotionReader(file=tmp_path / "cage.vtkhdf")
+    assert motion.time_steps([]) == TIMES
+    # Three times take what moves twice more than one, and cells and colours once.
+    write(scene, tmp_path / "one.vtkhdf", times=TIMES[:1])
+    large, small = ((tmp_path / f"{name}.vtkhdf").stat().st_size for name in ("cloth", "one"))
+    moving = 2 * scene.polygons.GetNumberOfPoints() * 3 * 3 * 4
+    assert 0 < large - small - moving < 5000
+
+
+def test_tables_of_any_size_and_number_are_hdf5(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    rng = np.random.default_rng(1)
+    tables = {
+        f"a/{number}": rng.integers(0, 100, (200, 3, 2)).astype(kind)
+        for number, kind in enumerate(["u1", "i2", "<i4", ">i8", "f4", ">f8"] * 20)
+    }
+    with (tmp_path / "x.h5").open("wb") as stream:
+        made = Hdf5Writer(stream)
+        for step in range(200):
+            for name, table in tables.items():
+                assert made.add(name, table[step]) == 3 * step
+                assert made.add(name, table[step]) == 3 * step  # the same once more
+        made.tell("a", text="ä", number=-1, several=np.array([1, 2]))
+        with pytest.raises(InputError, match="a/0 has 2 rows where it had 3"):
+            made.add("a/0", np.zeros((2, 2), np.uint8))
+        made.close()
+    with h5py.File(tmp_path / "x.h5") as file:
+        assert dict(file["a"].attrs)["text"].decode() == "ä"
+        assert file["a"].attrs["number"] == -1
+        for name, table in tables.items():
+            np.testing.assert_array_equal(file[name][...], table.reshape(600, 2))
+            assert file[name].dtype.newbyteorder("=") == table.dtype.newbyteorder("=")
+
+
 def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:
     for ending in (".stl", ".glb"):
         write(scene, tmp_path / f"s-%02d{ending}", times=TIMES[1:])
@@ -83,7 +150,7 @@ def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:
         assert abs(np.subtract(meshes[0].bounds, meshes[1].bounds)).max() > 1e-6
 
 
-@pytest.mark.parametrize("name", ["cloth.pvd", "cloth_%d.vtp"])
+@pytest.mark.parametrize("name", ["cloth.pvd", "cloth_%d.vtp", "c.vtkhdf"])
 def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, name: str) -> None:
     def stop(done: int, _of: int) -> None:
         if done == 2:
@@ -94,7 +161,7 @@ def test_what_is_stopped_leaves_what_was_there(scene: Scene, tmp_path: Path, nam
     assert list(tmp_path.iterdir()) == []
     write(scene, tmp_path / name)
     before = content(tmp_path)
-    assert len(before) == 3 + (name == "cloth.pvd")
+    assert len(before) == {"cloth.pvd": 4, "c.vtkhdf": 1}.get(name, 3)
     with pytest.raises(Cancelled):
         carry_out(Order("", tmp_path / name, TIMES), scene, stop)
     assert content(tmp_path) == before

@@ -216,9 +216,9 @@ def export(
     draft, or the surface with its motion: the output's ending tells which.
 
     Where a series is written, it is of the film's times, or of --times, or --from, --to and --fps:
-    a .pvd lists files in a folder beside, cloth_%04d.vtp (or .stl, .ply, .glb ...) is a file for
-    each time. It appears when the last is written, and nothing of it where it is stopped. What
-    --color shows rides along as an array.
+    a .pvd lists files in a folder beside, a .vtkhdf has all in itself, cloth_%04d.vtp (or .stl,
+    .ply, .glb ...) is a file for each time. It appears when the last is written, and nothing of it
+    where it is stopped. What --color shows rides along as an array.
 
     A .glb plays in browsers, presentations and Blender: its motion is a sum of few shapes (morph
     targets), as many as the tolerance asks for; how many, how near and how large the file is are

@@ -239,6 +239,8 @@ def _at(order: Order, scene: Scene, time: float) -> Any:
     """Return what is written, at a time."""
     from vtkmodules.vtkCommonDataModel import vtkDataObject
 
+    from spacemap_vtk.draw.frame import copied
+
     if order.what == "moving":
         from spacemap_vtk.draw.moving import moving
 
@@ -249,6 +251,7 @@ def _at(order: Order, scene: Scene, time: float) -> Any:
     scene.update_stage(scene.deforming if order.what == "cage" else scene.stages[-1], time)
     data = scene.data(order.what)
     if scene.moves:
+        data = copied(data)  # what the pipeline has of its own it would take for up to date
         data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
     return data
 
