@@ -301,6 +301,15 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     assert single.cloth.warnings == ()
 
 
+def test_a_small_piece_is_what_the_whole_is() -> None:
+    for size in (7, 2, 30):
+        cloth = WeaveSource(pattern=["1000", "1110", "0010", "1011"], ends=size, picks=size).cloth
+        assert cloth.layers is not None
+        assert cloth.layers.joined == (False, False)
+        assert len(build(cloth).points) > 0
+    assert WeaveSource(pattern="twill 2/2").cloth.layers is None
+
+
 def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
     for size, filling in ((12, 0.45), (99, 0.9)):
         file = tmp_path / f"{size}.txt"

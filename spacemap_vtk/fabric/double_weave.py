@@ -44,6 +44,8 @@ APART = 0.05
 _SEARCHED = 96
 #: Largest repeat of an arrangement of threads that is looked for: 1 to 1, 2 to 1, 2 to 2, 3 to 1.
 _REPEAT = 4
+#: Least ends and picks that tell.
+LEAST = 2 * _REPEAT
 #: Share of threads that must interlace with their own cloth wherever it stays; what remains are
 #: edges of blocks.
 _WOVEN = 0.9
@@ -306,7 +308,7 @@ def _arranged(
 ) -> tuple[Bools | None, Bools | None] | None:
     """Return the simplest arrangement of threads, of those the one that lies the clearest apart."""
     drawdown = np.frombuffer(crossings, bool).reshape(shape)
-    if min(shape) < 2 * _REPEAT:
+    if min(shape) < LEAST:
         return None
     turned = [*_ARRANGED, *(~one for one in _ARRANGED)]
     of_ends, of_picks = (

@@ -11,7 +11,7 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
-from spacemap_vtk.fabric.double_weave import Bools, Layers, find_layers
+from spacemap_vtk.fabric.double_weave import LEAST, Layers, find_layers
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.thick_yarns import flattened, scaled
@@ -131,11 +131,10 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
     if asked.thick_yarns == "flatten" and draft.loom is not None:  # of a file, not a pattern
         warp, weft = draft.warp.side_by_side(SPACING), draft.weft.side_by_side(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
-    drawdown = tile(draft.drawdown, ends, picks)
-    layers, told = _layers(drawdown, asked.warp.layer, asked.weft.layer)
+    layers, told = _layers(draft, (ends, picks), asked.warp.layer, asked.weft.layer)
     filling = _filling(layers)
     cloth = Cloth(
-        drawdown=drawdown,
+        drawdown=tile(draft.drawdown, ends, picks),
         warp=_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, filling),
         weft=_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, filling),
         crimp_height=asked.crimp_height,
@@ -160,17 +159,19 @@ def resolve(draft: Draft, asked: Asked) -> Cloth:
 
 
 def _layers(
-    drawdown: Bools, *asked: int | tuple[int, ...] | None
+    draft: Draft, size: tuple[int, int], *asked: int | tuple[int, ...] | None
 ) -> tuple[Layers | None, tuple[str, ...]]:
     """Return the two cloths that are asked for or found, and what is said of those found."""
+    # a small piece of a weave is what more of it is
+    whole = [count if count >= LEAST else 3 * LEAST for count in size]
     ends, picks = (
         None if layer is None else np.resize(layer, count) == 2
-        for layer, count in zip(asked, drawdown.T.shape, strict=True)
+        for layer, count in zip(asked, whole, strict=True)
     )
     known = [one for one in (ends, picks) if one is not None]
     if any(one.all() or not one.any() for one in known):
         return None, ()
-    found = find_layers(drawdown, ends, picks)
+    found = find_layers(tile(draft.drawdown, whole[0], whole[1]), ends, picks)
     if found is None and known:
         one, other = FAMILIES if ends is None else FAMILIES[::-1]
         raise InputError(
@@ -179,7 +180,9 @@ def _layers(
             allowed="a list of 1 and 2, repeated over the yarns",
             cure=f"Write, for example, {one}_layer = [1, 2]",
         )
-    return found, (_FOUND,) if found is not None and not known else ()
+    if found is None:
+        return None, ()
+    return found.cropped(slice(size[0]), slice(size[1])), () if known else (_FOUND,)
 
 
 def _filling(layers: Layers | None) -> float:
