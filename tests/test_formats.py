@@ -210,7 +210,7 @@ def test_the_help_of_a_process_that_has_it(tmp_path: Path) -> None:
     assert ".wpo, .twa, .bits), a mesh (" in said("--help")
     help = said("export", "--help")
     for part in (
-        "A .vtu (patches or cage), ",
+        ".vtu (patches or cage), ",
         ".xyz (surface or cage)",
         ".film (cage)",
         ".wif, .dtx, .txt or .blank (draft)",

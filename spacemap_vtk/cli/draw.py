@@ -195,8 +195,8 @@ def export(
     tolerance: Annotated[
         str | None,
         Parameter(
-            help="How far a .glb's surface may be from its motion, as in 0.01mm; by default a "
-            "fiftieth of the thinnest yarn. The less, the larger the file."
+            help="How far the surface in a .glb or .usdc may be from its motion, as in 0.01mm; by "
+            "default a fiftieth of the thinnest yarn. The less, the larger the file."
         ),
     ] = None,
     modes: Annotated[

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: Materials there may be; of more colours than that each point has its own.
+_MATERIALS = 32
+
+
+class Shade(NamedTuple):
+    """What some points look like."""
+
+    name: str
+    #: Shares of light, red, green and blue; white where each point has its own.
+    color: tuple[float, ...]
+    points: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -45,3 +57,34 @@ class MovingSurface:
     clips: Sequence[Clip] = ()
     #: What is known of it, for people and programs.
     about: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def painted(self) -> bool:
+        """Whether there are so many colours that each point has its own."""
+        return len(np.unique(self.colors, axis=0)) > _MATERIALS
+
+    @property
+    def materials(self) -> list[Shade]:
+        """One for each colour of each part."""
+        if self.painted:
+            every = np.ones(len(self.points), np.bool_)
+            return [Shade("colours of points", (1.0, 1.0, 1.0), every)]
+        table = np.column_stack([self.parts, self.colors])
+        found, own = np.unique(table, axis=0, return_inverse=True)
+        return [
+            Shade(
+                f"{self.part_names[part]} #{bytes(color).hex()}",
+                tuple(linear(np.array(color, np.uint8)).tolist()),
+                own.reshape(-1) == number,
+            )
+            for number, (part, *color) in enumerate(found.tolist())
+        ]
+
+
+def linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return colours of screens as shares of light, which renderers add up (IEC 61966-2-1)."""
+    shares = colors / 255.0
+    found: NDArray[np.float64] = np.where(
+        shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4
+    )
+    return found

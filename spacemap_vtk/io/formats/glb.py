@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING, Any
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface
 
-#: Materials there may be; of more colours than that each point has its own.
-_MATERIALS = 32
 #: Of yarn: light is scattered, and glances off a little.
 _ROUGHNESS = 0.75
 #: Turns z up into y up.
@@ -35,42 +32,31 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
 
     import numpy as np
 
+    from spacemap_vtk.datasets.moving_surface import linear
     from spacemap_vtk.io.output import write
 
     buffer = _Buffer()
-    colors, parts = _linear(moving.colors), np.zeros(len(moving.points), np.int64)
-    kinds = np.column_stack([moving.parts, moving.colors])
-    found, own = np.unique(kinds, axis=0, return_inverse=True)
-    painted = len(found) > _MATERIALS
-    if not painted:
-        parts = own.reshape(-1)
-    else:
-        found = np.zeros((1, 4), np.int64)
-    names = moving.part_names
     materials, primitives = [], []
-    for number, (part, *color) in enumerate(found.tolist()):
-        rows = np.flatnonzero(parts == number)
-        base = [1.0] * 3 if painted else _linear(np.array(color, np.uint8)).tolist()
-        look = {"baseColorFactor": [*base, 1.0], "metallicFactor": 0.0}
-        digits = bytes(color).hex()
-        name = "colours of points" if painted else f"{names[part]} #{digits}"
+    for number, material in enumerate(moving.materials):
+        rows = np.flatnonzero(material.points)
+        look = {"baseColorFactor": [*material.color, 1.0], "metallicFactor": 0.0}
         look["roughnessFactor"] = _ROUGHNESS
-        materials.append({"name": name, "pbrMetallicRoughness": look, "doubleSided": True})
+        materials.append({"name": material.name, "pbrMetallicRoughness": look, "doubleSided": True})
         attributes = {"POSITION": buffer.add(moving.points[rows], bounds=True)}
         if moving.normals is not None:
             attributes["NORMAL"] = buffer.add(moving.normals[rows])
-        if painted:
-            alpha = np.ones((len(rows), 1))
-            table = np.round(65535 * np.hstack([colors[rows], alpha])).astype("<u2")
+        if moving.painted:
+            shares = np.hstack([linear(moving.colors[rows]), np.ones((len(rows), 1))])
+            table = np.round(65535 * shares).astype("<u2")
             attributes["COLOR_0"] = buffer.add(table, normalized=True)
         targets = []
         for k, target in enumerate(moving.targets):
             targets.append({"POSITION": buffer.add(target[rows], bounds=True)})
             if moving.normal_targets is not None:
                 targets[-1]["NORMAL"] = buffer.add(moving.normal_targets[k][rows])
-        place = np.zeros(len(parts), "<u4")
+        place = np.zeros(len(moving.points), "<u4")
         place[rows] = np.arange(len(rows))
-        corners = place[moving.triangles[parts[moving.triangles[:, 0]] == number]]
+        corners = place[moving.triangles[material.points[moving.triangles[:, 0]]]]
         primitive = {"attributes": attributes, "material": number}
         primitive["indices"] = buffer.add(corners.reshape(-1), target=_INDICES)
         primitives.append(primitive | ({"targets": targets} if targets else {}))
@@ -146,17 +132,6 @@ class _Buffer:
         self.parts.append(table)  # of four bytes, or eight: the next begins where it must
         self.size += table.nbytes
         return len(self.accessors) - 1
-
-
-def _linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return colours of screens as shares of light, which glTF has (IEC 61966-2-1)."""
-    import numpy as np
-
-    shares = colors / 255.0
-    linear: NDArray[np.float64] = np.where(
-        shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4
-    )
-    return linear
 
 
 def _words(*numbers: int) -> bytes:

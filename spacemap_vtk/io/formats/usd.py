@@ -1,0 +1,160 @@
+"""Universal Scene Description (.usdc, .usda): a mesh with blend shapes, and their animation.
+
+UsdSkel's blend shapes are glTF's morph targets by another name; a skeleton of a single joint, which
+stays where it is, carries them. Pixar's library writes nowhere but to a disk, and hardly tells when
+that is full: it makes the file among the system's temporary ones.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.io.registry import writes
+
+if TYPE_CHECKING:
+    from spacemap_vtk.datasets.moving_surface import MovingSurface
+
+#: Of yarn, as in glTF.
+_ROUGHNESS = 0.75
+
+
+def _require(file: Path) -> None:
+    from importlib.util import find_spec
+
+    if find_spec("pxr") is None:
+        raise MissingLibraryError(
+            f"{file.name}: {file.suffix} needs the package usd-core",
+            cure="Run: pip install 'spacemap_vtk[usd]', or write a .glb.",
+        )
+
+
+@writes(
+    ".usdc",
+    ".usda",
+    label="Universal Scene Description",
+    holds=("moving", "modes"),
+    require=_require,
+)
+def write_usd(file: Path, moving: MovingSurface) -> None:
+    """Write a surface, its targets and their animations."""
+    from tempfile import TemporaryDirectory
+
+    from pxr import Sdf, Tf, Usd
+
+    from spacemap_vtk.io.output import write
+
+    layer = Sdf.Layer.CreateAnonymous(file.suffix)
+    _fill(Usd.Stage.Open(layer), moving)
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / f"made{file.suffix}"
+        try:
+            done = layer.Export(str(made))
+        except Tf.ErrorException as error:
+            raise SpacemapError(f"{file.name}: usd-core could not make it: {error}") from None
+        if not done:
+            raise SpacemapError(f"{file.name}: usd-core could not make it in {folder}")
+        write(file, [made.read_bytes()])
+
+
+def _fill(stage: Any, moving: MovingSurface) -> None:
+    import numpy as np
+    from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
+
+    from spacemap_vtk.datasets.moving_surface import linear
+
+    def vectors(values: Any) -> Any:
+        return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if moving.lying else UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    root = UsdSkel.Root.Define(stage, "/Cloth")
+    root.GetPrim().SetDisplayName(moving.title)
+    stage.SetDefaultPrim(root.GetPrim())
+    stage.GetRootLayer().customLayerData = {
+        key: value for key, value in moving.about.items() if not isinstance(value, list)
+    }
+    mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
+    mesh.CreatePointsAttr(vectors(moving.points))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(moving.triangles), 3))
+    corners = np.ascontiguousarray(moving.triangles.reshape(-1), np.int32)
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners))
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    # where the targets may take it: what is out of sight is not drawn
+    reach = np.abs(moving.targets).sum(axis=0) if len(moving.targets) else 0.0
+    ends = (moving.points - reach).min(axis=0), (moving.points + reach).max(axis=0)
+    mesh.CreateExtentAttr(vectors(np.array(ends)))
+    if moving.normals is not None:
+        mesh.CreateNormalsAttr(vectors(moving.normals))
+        mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    if moving.painted:
+        shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
+            "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
+        )
+        shown.Set(vectors(linear(moving.colors)))
+    for number, material in enumerate(moving.materials):
+        place = f"/Cloth/Looks/Material_{number}"
+        look = UsdShade.Material.Define(stage, place)
+        look.GetPrim().SetDisplayName(material.name)
+        shader = UsdShade.Shader.Define(stage, f"{place}/Surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+        color.Set(Gf.Vec3f(*material.color))
+        if moving.painted:
+            reader = UsdShade.Shader.Define(stage, f"{place}/Colors")
+            reader.CreateIdAttr("UsdPrimvarReader_float3")
+            reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+            read = reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+            color.ConnectToSource(read)
+        shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(_ROUGHNESS)
+        made = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+        look.CreateSurfaceOutput().ConnectToSource(made)
+        faces = np.flatnonzero(material.points[moving.triangles[:, 0]]).astype(np.int32)
+        binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+        part = binding.CreateMaterialBindSubset(f"Part_{number}", Vt.IntArray.FromNumpy(faces))
+        UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(look)
+    if not len(moving.targets):
+        return
+    names = [f"shape_{number}" for number in range(len(moving.targets))]
+    skeleton = UsdSkel.Skeleton.Define(stage, "/Cloth/Skeleton")
+    still = Vt.Matrix4dArray(1, Gf.Matrix4d(1.0))
+    skeleton.CreateJointsAttr(["root"])
+    skeleton.CreateBindTransformsAttr(still)
+    skeleton.CreateRestTransformsAttr(still)
+    bound = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    bound.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+    bound.CreateBlendShapesAttr(names)
+    paths = []
+    for number, name in enumerate(names):
+        shape = UsdSkel.BlendShape.Define(stage, f"/Cloth/Surface/{name}")
+        shape.GetPrim().SetDisplayName(moving.target_names[number])
+        shape.CreateOffsetsAttr(vectors(moving.targets[number]))
+        if moving.normal_targets is not None:
+            shape.CreateNormalOffsetsAttr(vectors(moving.normal_targets[number]))
+        paths.append(shape.GetPath())
+    bound.CreateBlendShapeTargetsRel().SetTargets(paths)
+    # a frame for each of the times, where they are equally far from each other
+    seconds = moving.clips[0].times
+    rate = (len(seconds) - 1) / float(seconds[-1])
+    stage.SetTimeCodesPerSecond(rate)
+    stage.SetFramesPerSecond(rate)
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(rate * max(float(clip.times[-1]) for clip in moving.clips))
+    source = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
+    choice = root.GetPrim().GetVariantSets().AddVariantSet("motion")
+    for number, clip in enumerate(moving.clips):
+        animation = UsdSkel.Animation.Define(stage, f"/Cloth/Motion_{number}")
+        animation.GetPrim().SetDisplayName(clip.name)
+        animation.CreateBlendShapesAttr(names)
+        weights = animation.CreateBlendShapeWeightsAttr()
+        for second, row in zip(clip.times, clip.weights, strict=True):
+            code = Usd.TimeCode(rate * float(second))
+            weights.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(row, np.float32)), code)
+        # Each can be chosen, as a variant.
+        choice.AddVariant(f"motion_{number}")
+        choice.SetVariantSelection(f"motion_{number}")
+        with choice.GetVariantEditContext():
+            source.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    choice.SetVariantSelection("motion_0")

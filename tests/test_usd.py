@@ -1,0 +1,69 @@
+"""Universal Scene Description, read back by Pixar's own library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.io.registry import writer
+from spacemap_vtk.scenes.scene import Scene
+
+usd, usd_geom = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom"))
+SMALL = {"weave": {"ends": 3, "picks": 4}, "surface": {"subdivisions": 2}}
+
+
+def deformed(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh's points at a time, and its blend shapes' weights."""
+    from pxr import UsdSkel, Vt
+
+    mesh = usd_geom.Mesh(stage.GetPrimAtPath("/Cloth/Surface"))
+    cache, root = UsdSkel.Cache(), UsdSkel.Root(stage.GetDefaultPrim())
+    cache.Populate(root, usd.PrimDefaultPredicate)
+    (binding,) = cache.ComputeSkelBindings(root, usd.PrimDefaultPredicate)
+    skeleton = cache.GetSkelQuery(binding.GetSkeleton())
+    (skinned,) = binding.GetSkinningTargets()
+    code = second * stage.GetTimeCodesPerSecond()
+    weights = skeleton.GetAnimQuery().ComputeBlendShapeWeights(code)
+    query = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(mesh))
+    subs = query.ComputeSubShapeWeights(skinned.GetBlendShapeMapper().Remap(weights))
+    points = Vt.Vec3fArray(mesh.GetPointsAttr().Get())
+    offsets, indices = query.ComputeSubShapePointOffsets(), query.ComputeBlendShapePointIndices()
+    assert query.ComputeDeformedPoints(*subs, indices, offsets, points)
+    return np.array(points), np.array(weights)
+
+
+def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
+    values = {**SMALL, "modal": {"youngs_modulus": 500}, "response": {}}
+    scene, times = Scene(values), np.linspace(0.0, 0.1, 6)
+    made = moving(scene, times.tolist(), 1e-6, lambda done, of: None)
+    for file in (tmp_path / "a.usdc", tmp_path / "a.usda"):
+        writer(file).write(file, made)
+        stage = usd.Stage.Open(str(file))
+        assert stage.GetFramesPerSecond() == pytest.approx(50.0)
+        for number in (0, 2, 5):
+            points, weights = deformed(stage, times[number])
+            np.testing.assert_allclose(weights, made.clips[0].weights[number], atol=1e-7)
+            scene.update(times[number])
+            surface = points_of(scene.polygons)
+            assert cKDTree(points).query(surface)[0].max() < 1.01e-6
+    assert np.ptp(points, axis=0).max() > 1e-3
+
+
+def test_each_mode_is_a_variant(tmp_path: Path) -> None:
+    scene = Scene({**SMALL, "modal": {"modes": 3}, "response": {}, "view": {"camera": "lying"}})
+    made, file = mode_shapes(scene, lambda done, of: None), tmp_path / "a.usdc"
+    writer(file).write(file, made)
+    stage = usd.Stage.Open(str(file))
+    choice = stage.GetDefaultPrim().GetVariantSet("motion")
+    for number in range(3):
+        choice.SetVariantSelection(f"motion_{number}")
+        points, _ = deformed(stage, 0.3)  # a swing takes 1.2 s
+        np.testing.assert_allclose(points, made.points + made.targets[number], atol=1e-9)
+    assert usd_geom.GetStageUpAxis(stage) == "Z"
+    assert usd_geom.GetStageMetersPerUnit(stage) == 1.0
