@@ -8,6 +8,7 @@ pvbatch and xvfb-run are installed::
     python benchmarks/ranks.py --sizes 60 120 240  # ends = picks; the last one is the check
     python benchmarks/ranks.py --ranks 1 4 16 --markdown
     python benchmarks/ranks.py --precision single  # of the control points
+    python benchmarks/ranks.py --scaling           # of 400 and 800 yarns: 12 GB, single precision
 
 Each process counts for itself: seconds of its own processor time, its own peak of resident memory;
 what it waits for others, MPI spends as processor time as well, so that the process that waits least
@@ -32,6 +33,9 @@ from time import perf_counter, process_time
 from typing import Any
 
 SIZES = (60, 120, 240, 400)
+#: Ends = picks and processes: the same cloth on more of them; and as many crossings for each.
+STRONG = ((400, 1), (400, 2), (400, 4), (800, 1), (800, 2), (800, 4))
+WEAK = ((400, 1), (566, 2), (800, 4))
 #: Ends and picks: cloth of 0.5 mm spacing, which is 2000 yarns to a metre.
 CLOTHS = (("1 m x 1 m", 2000, 2000), ("a shirt, 1.5 m x 1.4 m", 2800, 3000))
 CAGE = (30, 30, 2)
@@ -76,6 +80,7 @@ def work(size: int, precision: str, folder: Path) -> None:
 
     warnings.simplefilter("ignore", SpacemapWarning)  # the cage is doubtful, its cost is not
 
+    started, begun = process_time(), perf_counter()
     controller = vtkMultiProcessController.GetGlobalController()
     piece = Piece(controller.GetLocalProcessId(), controller.GetNumberOfProcesses())
     seconds: dict[str, float] = {}
@@ -101,6 +106,7 @@ def work(size: int, precision: str, folder: Path) -> None:
         surface.update(0.01 * step, piece)
         frames.append(process_time() - start)
     seconds["frame"] = min(frames)
+    seconds["start"], seconds["wall"] = started, perf_counter() - begun
     processes = Processes.of(piece)
     if processes is not None:
         shapes = 3 * modal.GetOutputDataObject(0).GetNumberOfPoints() * MODES
@@ -137,6 +143,7 @@ def run(size: int, ranks: int, precision: str) -> dict[str, Any]:
         command += ["pvbatch", "--symmetric", __file__, "worker", str(size), precision, name]
         variables = {"SPACEMAP_CACHE": "off", "LIBGL_ALWAYS_SOFTWARE": "1"}
         variables["OMPI_MCA_plm"] = "isolated"  # one machine: no ssh is looked for
+        variables["OMPI_MCA_mpi_yield_when_idle"] = "1"  # who waits lets others have the core
         subprocess.run(
             command, env={**os.environ, **environment.variables(), **variables}, check=True
         )
@@ -179,6 +186,34 @@ def table(head: list[str], rows: list[list[str]], markdown: bool) -> None:
     print()
 
 
+def scaling(precision: str, repeats: int, markdown: bool) -> None:
+    """Measure the same cloth on more processes, and as much cloth on each of more."""
+    found: dict[tuple[int, int], dict[str, Any]] = {}
+    keys = ("start", "weave", "solve", "locate", "surface", "set up", "frame", "wall")
+    for size, ranks in repeats * list(dict.fromkeys(STRONG + WEAK)):
+        new = run(size, ranks, precision)
+        old = found.get((size, ranks), new)
+        found[size, ranks] = {**new, **{key: min(new[key], old[key]) for key in keys}}
+    for kind, chosen in (("strong", STRONG), ("weak", WEAK)):
+        head = [f"{kind} scaling", "processes", "peak each, MB", "start, s", "cage, s"]
+        head += ["set up, s", "x", "frame, s", "x", "all by the clock, s"]
+        rows = []
+        for size, ranks in chosen:
+            r = found[size, ranks]
+            alone = found[size if kind == "strong" else chosen[0][0], 1]
+            rows.append(
+                [f"{size} x {size}", str(ranks), f"{r['peak'] / 1e6:,.0f}", f"{r['start']:.2f}"]
+                + [f"{r['solve']:.2f}"]
+                + [
+                    text
+                    for key in ("set up", "frame")
+                    for text in (f"{r[key]:.2f}", f"{alone[key] / r[key]:.2f}")
+                ]
+                + [f"{r['wall']:.1f}"]
+            )
+        table(head, rows, markdown)
+
+
 def main() -> None:
     """Measure, fit, check, predict."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -186,7 +221,12 @@ def main() -> None:
     parser.add_argument("--ranks", type=int, nargs="+", default=(1, 2), help="processes")
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
     parser.add_argument("--precision", choices=("double", "single"), default="double")
+    parser.add_argument("--scaling", action="store_true", help="measure strong and weak scaling")
+    parser.add_argument("--repeats", type=int, default=1, help="of which the least counts")
     options = parser.parse_args()
+    if options.scaling:
+        scaling("single", options.repeats, options.markdown)
+        return
     *sizes, largest = options.sizes
     small = [run(size, ranks, options.precision) for size in sizes for ranks in options.ranks]
     check = [run(largest, ranks, options.precision) for ranks in options.ranks]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,6 +18,7 @@ import pyvista as pv
 from PIL import Image
 from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader
 
+from spacemap_vtk.datasets.account import verdict
 from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes.scene import Scene
 
@@ -38,7 +40,9 @@ YIELDING = ["--mca", "mpi_yield_when_idle", "1"]
 MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", *YIELDING]
 
 
-def mpirun(*arguments: object, timeout: float = 300.0, **more: Any) -> tuple[int, str, str]:
+def mpirun(
+    *arguments: object, timeout: float = 300.0, told: bool = False, **more: Any
+) -> tuple[int, str, str]:
     """Run a command; what hangs is ended with all that it has started."""
     process = subprocess.Popen(
         [*XVFB, *MPIRUN, *map(str, arguments)],
@@ -61,6 +65,9 @@ def mpirun(*arguments: object, timeout: float = 300.0, **more: Any) -> tuple[int
         os.killpg(process.pid, signal.SIGKILL)
         out, error = process.communicate()
         pytest.fail(f"hangs\n{out}\n{error}")
+    # What these cloths are too small for is told at the end: a test of its own asks for it.
+    if not told:
+        error = re.sub(r"^spacemap: \d+ processes on this machine .*\n", "", error, flags=re.M)
     return process.returncode, out, error
 
 
@@ -214,13 +221,30 @@ def test_an_error_of_one_process_stops_all_with_its_message(tmp_path: Path) -> N
 def test_the_pipeline_script(processes: int, yarns: int, tmp_path: Path) -> None:
     picture = tmp_path / "cloth.png"
     script = ROOT / "pipelines" / "paraview" / "cloth_over_ranks.py"
-    code, out, error = mpirun("-np", processes, "pvbatch", script, picture, yarns)
-    assert (code, error) == (0, ""), out + error
+    code, out, error = mpirun("-np", processes, "pvbatch", script, picture, yarns, told=True)
+    assert code == 0, out + error
+    assert re.fullmatch(
+        rf"spacemap: {processes} processes on this machine cost more than they give: sharing the "
+        r"yarns saved \S+ s of \S+ s, and each process more took \S+ s to start; one would do\n",
+        error,
+    ), error
     assert out.startswith("stretch ")
     red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
     assert np.mean(red - blue > 40) > 0.03  # the weft's sand
     assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
     assert set(pv.read(tmp_path / "cloth.pvtu")["yarn"]) == set(range(2 * yarns))
+
+
+def test_what_is_said_of_processes_follows_from_what_they_save() -> None:
+    # Of 0.4 s two save 0.2, where each takes 1 s to start; of 40 s they save 20.
+    assert "saved 0.2 s of 0.4 s" in (verdict(np.array([0.2, 0.2]), 2, 1.0) or "")
+    assert verdict(np.array([20.0, 20.0]), 2, 1.0) is None
+    # One that does all saves nothing, and no core can do two at once.
+    assert "saved 0 s of 40 s" in (verdict(np.array([40.0, 0.0]), 2, 1.0) or "")
+    assert "saved 0 s of 40 s" in (verdict(np.array([20.0, 20.0]), 1, 1.0) or "")
+    # What is worth a second process is not worth two that wait for a core.
+    assert "no more than 2 give" in (verdict(np.full(4, 10.0), 2, 1.0) or "")
+    assert verdict(np.full(4, 10.0), 4, 1.0) is None
 
 
 @pytest.mark.parametrize("blind", [pytest.param("both", marks=pytest.mark.nightly), "the second"])
@@ -243,7 +267,7 @@ def test_memory_and_work_fall_with_the_number_of_processes(tmp_path: Path) -> No
         folder.mkdir()
         script = ROOT / "benchmarks" / "ranks.py"
         code, _, error = mpirun(
-            *("-np", processes, "pvbatch", "--symmetric", script, "worker", 110, folder)
+            *("-np", processes, "pvbatch", "--symmetric", script, "worker", 110, "double", folder)
         )
         assert (code, error) == (0, "")
         found = [json.loads(file.read_text()) for file in folder.iterdir()]

@@ -16,13 +16,14 @@ Invariants:
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import process_time
 from typing import Any, ClassVar
 
 from vtkmodules.util.misc import calldata_type
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.util.vtkConstants import VTK_STRING
 from vtkmodules.vtkCommonCore import vtkInformation, vtkInformationVector, vtkVersion
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
     vtkDemandDrivenPipeline,
@@ -292,14 +293,19 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         if self._processes is None:
             self._run(inputs, output, time)
         else:
+            begun = process_time()
             try:
                 self._run(inputs, output, time)
+                own = process_time() - begun
             except PeerError:
                 raise
             except BaseException as error:
                 self._processes.fail(error)
                 raise
             self._warnings = self._processes.finish(self._warnings)
+            if not self.replicated:
+                drawn = output.GetNumberOfPolys() if isinstance(output, vtkPolyData) else 0
+                self._processes.share(own, drawn)
             self._issue()  # those of the other processes
 
     def _issue(self) -> None:
