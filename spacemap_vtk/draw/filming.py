@@ -119,12 +119,12 @@ class KeptFrames:
         """Return the numbers of those that are there; those of another film go."""
         mark = self.folder / _MARK
         if self.folder.exists():
-            if not mark.is_file():
+            if not mark.is_file() and any(self.folder.iterdir()):
                 raise InputError(
                     f"{self.output}: its frames would wait in {self.folder}, which is another's",
                     cure="Move that away, or choose another name.",
                 )
-            if self.again or mark.read_text() != self.digest:
+            if self.again or not mark.is_file() or mark.read_text() != self.digest:
                 shutil.rmtree(self.folder)
         if not self.folder.exists():
             self.folder.mkdir()
