@@ -136,6 +136,9 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
     assert count(1000, 1000, None, 2e9) == 3
     assert count(1000, 1000, None, 1e8) == 1
     assert count(64, 3, 8, 1e12) == 3
+    # Many yarns are drawn some after others, and keep all cores busy.
+    scene = Scene({"weave": {"ends": 400, "picks": 400}, "surface": {"subdivisions": "auto"}})
+    assert [count(1000, 1000, asked, 2e9) for asked in (None, 2)] == [1, 2]
 
 
 def test_a_picture_is_what_another_reader_reads(tmp_path: Path) -> None:

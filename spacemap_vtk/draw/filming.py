@@ -29,7 +29,7 @@ from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion
-from spacemap_vtk.errors import InputError, SizeError, SpacemapWarning
+from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import write_png
 from spacemap_vtk.io.registry import Writer, endings
@@ -271,11 +271,9 @@ def _drawn_by(
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield what reads each."""
     prepare_offscreen()
-    width, height = job.size
-    sheet = Sheet.of(scene, fits_picture(scene, width * height, len(job.times)))
     told = kept.folder / "job"
     # What is solved here they find in the cache.
-    told.write_bytes(pickle.dumps((job, kept, over_motion(scene, job.times, sheet))))
+    told.write_bytes(pickle.dumps((job, kept, over_motion(scene, job.times, _sheet(scene, job)))))
     tasks = [(told, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
@@ -313,12 +311,11 @@ def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
     if asked == 1 or not frames:
         return 1
     width, height = job.size
+    if _sheet(scene, job) is not None:
+        return asked or 1  # drawn piece by piece, it keeps the cores busy
     need = _PROCESS
     if scene.woven:
-        try:
-            need += picture_bytes(scene, width * height, len(job.times))
-        except SizeError:  # what is drawn piece by piece keeps all cores busy
-            return asked or 1
+        need += picture_bytes(scene, width * height, len(job.times))
     free = available()
     fits = max(1, free // need) if free is not None else frames
     if asked is None:
@@ -327,6 +324,12 @@ def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
     what = f"{count} processes"
     require(count * need, what, key="--workers", value=asked, cure=f"Take {fits} or fewer.")
     return count
+
+
+def _sheet(scene: Scene, job: FilmJob) -> Sheet | None:
+    """Return what stands for yarns that are not in memory together."""
+    width, height = job.size
+    return Sheet.of(scene, fits_picture(scene, width * height, len(job.times)))
 
 
 @contextmanager
