@@ -50,6 +50,10 @@ _GRACE = 1e-9
 _LAYER_GAP = 0.1
 
 
+#: A yarn of each course, and the course of each yarn.
+Courses = tuple[NDArray[np.int64], NDArray[np.int64]]
+
+
 class Passing(NamedTuple):
     """How yarns pass what they cross: arrays (yarns, crossings)."""
 
@@ -330,7 +334,7 @@ class Cloth:
         arc = np.where(same, arc, (1.0 + APART) * arc)
         return Passing(arc, height, self.layers.kept(number)[which])
 
-    def courses(self, number: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def courses(self, number: int) -> Courses:
         """Return the different courses of ends or picks: yarns of one course have equal axes.
 
         Parameters
@@ -345,6 +349,13 @@ class Cloth:
         which : (yarns,) int64
             The course of each yarn, a place in `first`.
         """
+        return self._courses[number]
+
+    @cached_property
+    def _courses(self) -> tuple[Courses, Courses]:
+        return self._courses_of(0), self._courses_of(1)
+
+    def _courses_of(self, number: int) -> Courses:
         upper, diameter = self.upper(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)
         told = [upper]

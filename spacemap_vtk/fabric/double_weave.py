@@ -215,14 +215,18 @@ class Layers:
     def _passed(self, number: int) -> tuple[Bools, bool]:
         own, above = (self.own, self.above) if number else (self.own.T, self.above.T)
         upper = ~self.drawdown if number else self.drawdown.T
-        before, after, gap = _beside(own, above)
+        before, after = _beside(own, above)
         astray = ~own & ((upper != before) | (upper != after))
         # a yarn without a crossing of its own cloth has nothing else to pass
         astray |= ~own.any(axis=1, keepdims=True)
+        leaps = own[:, 1:] & own[:, :-1] & (above[:, 1:] != above[:, :-1])
+        if not astray.any():
+            return own, bool(leaps.any())
+        # all that lies in a gap with such a crossing
+        gap = np.cumsum(own, axis=1) + np.arange(len(own))[:, None] * (own.shape[1] + 1)
         marked = np.zeros(own.shape[0] * (own.shape[1] + 1), bool)
         marked[gap[astray]] = True
-        leaps = own[:, 1:] & own[:, :-1] & (above[:, 1:] != above[:, :-1])
-        return own | marked[gap], bool(astray.any() or leaps.any())
+        return own | marked[gap], True
 
 
 def _voted(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
@@ -261,18 +265,19 @@ def _nearest(second: Bools) -> NDArray[np.int64]:
     return np.where(second, first, other)
 
 
-def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools, NDArray[np.int64]]:
-    """Return what rows' own crossings say before and after each place, and its gap's number."""
+def _beside(own: Bools, above: Bools) -> tuple[Bools, Bools]:
+    """Return what rows' own crossings say before and after each place."""
     count = own.shape[1]
-    place = np.arange(count)
-    row = np.arange(len(own))[:, None]
-    last = np.maximum.accumulate(np.where(own, place, -1), axis=1)
-    following = np.where(own, place, count)[:, ::-1]
+    place = np.arange(count, dtype=np.int32)
+    last = np.maximum.accumulate(np.where(own, place, np.int32(-1)), axis=1)
+    following = np.where(own, place, np.int32(count))[:, ::-1]
     following = np.minimum.accumulate(following, axis=1)[:, ::-1]
     # before the first crossing and after the last the one there is tells
-    before = above[row, np.where(last < 0, following, last).clip(0, count - 1)]
-    after = above[row, np.where(following == count, last, following).clip(0, count - 1)]
-    return before, after, np.cumsum(own, axis=1) + row * (count + 1)
+    before = np.where(last < 0, following, last)
+    after = np.where(following == count, last, following)
+    np.clip(before, 0, count - 1, out=before)
+    np.clip(after, 0, count - 1, out=after)
+    return np.take_along_axis(above, before, axis=1), np.take_along_axis(above, after, axis=1)
 
 
 def find_layers(
@@ -365,7 +370,7 @@ def _apart(layers: Layers) -> float:
     for number in (0, 1):
         own, above = (layers.own, layers.above) if number else (layers.own.T, layers.above.T)
         upper = ~layers.drawdown if number else layers.drawdown.T
-        before, after, _ = _beside(own, above)
+        before, after = _beside(own, above)
         astray, of_other = (upper != before).astype(np.int8) + (upper != after), ~own
         if np.count_nonzero(of_other & (astray == 2)) > (1.0 - _TOLD) * np.count_nonzero(of_other):
             return 0.0
