@@ -43,6 +43,8 @@ class Crossings(NamedTuple):
     """EA over the whole length, a crossing's part of it; of yarns that do not stretch EA is 1 N."""
     hinge: Array
     """6 B D (s/l)²/l at rest, where B is known, else that of 1; a crossing's part of it."""
+    gain: Array
+    """What h1 at rest gains with the stretch along each family, where bending alone decides."""
     jam: Array
     """Stretch at which the yarn of its own length has no straight part."""
     most: Array
@@ -124,10 +126,28 @@ def crossings(
     part = np.where(loose, 1.0, own / np.where(loose, 1.0, own + floats))
     straight = np.maximum(gap.straight / gap.length, _STRAIGHT)
     hinge = np.where(loose, 0.0, part * 6.0 * stiffness * full * straight**2 / gap.length)
+    # both angles stay as near to those at rest as they can
+    give = hinge * gap.cos / (straight * gap.length) ** 2
+    gain = own * give * gap.sin / np.maximum((give * gap.cos).sum(axis=0), 1e-300)
+    gain[1] *= -1.0
     hard = not isfinite(contact)
     jam, most = _jam(own, flat, floats, length, full)
     pull = part * np.where(np.isinf(tension), 1.0, tension) / whole
-    family = own, flat, floats, length, whole, spacing, loose, gap.theta, pull, hinge, jam, most
+    yarns = (
+        own,
+        flat,
+        floats,
+        length,
+        whole,
+        spacing,
+        loose,
+        gap.theta,
+        pull,
+        hinge,
+        gain,
+        jam,
+        most,
+    )
     single = (
         full,
         full * (1.0 if hard else flattest),
@@ -135,7 +155,7 @@ def crossings(
         np.zeros_like(full) if hard else contact / full,
     )
     return (
-        Crossings(*(array.reshape(2, -1) for array in family), *(one.ravel() for one in single)),
+        Crossings(*(array.reshape(2, -1) for array in yarns), *(one.ravel() for one in single)),
         np.multiply.outer(along, across),
     )
 

@@ -338,7 +338,10 @@ class Interchange:
         full, floor = cells.full, cells.floor
         # `most` are the heights that yarns reach at the distance of rest
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
-        h = np.clip(cells.rest, full - most[1], np.maximum(most[0], full - most[1]))
+        bent = cells.rest + (cells.gain * (held - 1.0)).sum(axis=0)
+        # where bending alone would strain a yarn it is as long as it is
+        between = full - most[1], np.maximum(most[0], full - most[1])
+        h = np.clip(bent, *between)
         d = full.copy()
         if self._stretches:
             # what yarns lack of height they and the contact give as springs in a row would
@@ -356,9 +359,9 @@ class Interchange:
                 mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
                 h[chosen], d[chosen] = least(some(energy, chosen), *mine)
 
+        h = np.where(slack, bent, h)
         settle(slack, cells.bending(), full, full)
-        # where bending alone would strain a yarn it is as long as it is
-        h = np.where(slack, np.clip(h, full - most[1], np.maximum(most[0], full - most[1])), h)
+        h = np.where(slack, np.clip(h, *between), h)
         pulled = ~slack
         if not self._stretches or self._contact == 0.0:
             flat = np.flatnonzero(pulled & (floor < full))
