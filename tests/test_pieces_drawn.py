@@ -70,6 +70,10 @@ def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> No
     assert picture.pieces is not None
     made = picture.pieces._stages[0].executions
     assert 0 < made < 0.7 * picture.pieces.count
+    # Nor are yarns longer than what is seen of them, and some crossings beside.
+    low, high = np.array(picture.pieces._stages[0].output.GetBounds()).reshape(3, 2).T
+    assert 0.0025 < high.max() < 0.0035
+    assert -0.0025 < low.min() < 0.0005
     assert np.mean(np.abs(parts - whole).max(axis=2) > 4) < 0.01
 
 

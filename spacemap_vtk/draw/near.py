@@ -6,15 +6,13 @@ from math import ceil, isqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
 from spacemap_vtk.draw.frame import copied
-from spacemap_vtk.draw.pieces import cells_in_sight, own_stages
-from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.draw.pieces import cells_in_sight, own_stages, run_of, yarns_in
 from spacemap_vtk.fabric.partition import cropped
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
@@ -58,9 +56,9 @@ class NearYarns:
     def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None) -> str:
         """Choose what will be made; return why nothing is, or nothing."""
         sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
-        columns, rows = (_ends_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
-        if columns is None or rows is None:
-            return AFAR.format(0.0)
+        columns, rows = (run_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
+        if columns.stop * rows.stop == 0:
+            return "none of the cloth is in sight"
         points = points_of(sheet.moved).reshape(sheet.cells[1] + 1, sheet.cells[0] + 1, 3)
         near = points[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
         scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
@@ -75,7 +73,7 @@ class NearYarns:
             if part is None:
                 return CROWD
             self.part = part
-            self._scene.weave.lend(self._weave, self._share(part))
+            self._scene.weave.lend(self._weave, yarns_in(self._sheet, *part))
         sides = sides_seen((float(np.max(t.diameter)) for t in threads), scale)
         self._surface.choose(max(1, min(sides, isqrt(_MOST_QUADS // self._patches))))
         if cage is not None and self._cage != (cage, cage.GetMTime()):
@@ -110,31 +108,16 @@ class NearYarns:
 
     def _takes(self, part: tuple[slice, slice]) -> bool:
         """Return whether the yarns of a part are few enough."""
-        patches = estimate_counts(cropped(self._sheet.cloth, self._share(part))).patches
+        patches = estimate_counts(cropped(self._sheet.cloth, yarns_in(self._sheet, *part))).patches
         if patches <= MOST_PATCHES:
             self._patches = patches
         return patches <= MOST_PATCHES
-
-    def _share(self, part: tuple[slice, slice]) -> Share:
-        """Return the yarns that cross in some cells of the sheet."""
-        sheet = self._sheet
-        ends, picks = (
-            slice(cells.start * count // of, -(-cells.stop * count // of))
-            for cells, count, of in zip(part, sheet.cloth.size, sheet.cells, strict=True)
-        )
-        return Share(ends, picks)
 
 
 def _settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
     """Return what the stages that make yarns are to do."""
     makers = (stage for stage in scene.stages if stage.makes == "object")
     return [(stage.section, stage.settings) for stage in makers]
-
-
-def _ends_of(cells: NDArray[np.bool_]) -> slice | None:
-    """Return the run that holds all cells that are seen."""
-    found = np.flatnonzero(cells)
-    return slice(int(found[0]), int(found[-1]) + 1) if len(found) else None
 
 
 def _wider(cells: slice, count: int) -> slice:

@@ -15,7 +15,8 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import copied
-from spacemap_vtk.fabric.partition import share_of
+from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.fabric.partition import cropped, share_of
 from spacemap_vtk.fabric.threads import Some
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
@@ -25,6 +26,8 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: Patches and quadrilaterals of a piece, at most: some hundred megabytes.
 _PATCHES, _QUADS = 100_000, 800_000
+#: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
+_BESIDE = 4
 
 
 class DrawnPieces:
@@ -51,14 +54,23 @@ class DrawnPieces:
             for stage in self._stages[1:]:
                 if len(stage.takes) > 1:
                     stage.SetInputDataObject(1, cage)
-        columns, rows = cells_in_sight(sheet, camera, aspect)
-        for number in range(self.count):
-            share = share_of(self._cloth, number, self.count)
-            if _any(columns, share.ends, self._cloth.size[0]) or _any(
-                rows, share.picks, self._cloth.size[1]
-            ):
+        sight = cells_in_sight(sheet, camera, aspect)
+        runs = [run_of(seen, _BESIDE) for seen in sight]
+        if any(run.start == run.stop for run in runs):
+            return
+        # Yarns are no longer than what is seen of them.
+        part = yarns_in(sheet, runs[0], runs[1])
+        cloth, first = cropped(self._cloth, part), self._stages[0]
+        assert isinstance(first, WeaveSource)
+        self._scene.weave.lend(first, part)
+        patches = estimate_counts(cloth).patches
+        count = ceil(self.count * patches / estimate_counts(self._cloth).patches)
+        columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
+        for number in range(count):
+            share = share_of(cloth, number, count)
+            if _any(columns, share.ends, cloth.size[0]) or _any(rows, share.picks, cloth.size[1]):
                 with self._scene.naming_file():
-                    self._stages[-1].update(time, Piece(number, self.count))
+                    self._stages[-1].update(time, Piece(number, count))
                 yield self._stages[-1].output
 
 
@@ -89,6 +101,23 @@ def cells_in_sight(
         # A cell with all corners on one side is not in sight.
         seen &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
     return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
+
+
+def run_of(seen: NDArray[np.bool_], beside: int = 0) -> slice:
+    """Return the run of cells that holds all that are seen, and some beside it."""
+    found = np.flatnonzero(seen)
+    if not len(found):
+        return slice(0, 0)
+    return slice(max(int(found[0]) - beside, 0), min(int(found[-1]) + 1 + beside, len(seen)))
+
+
+def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
+    """Return the yarns that cross in some cells of a sheet."""
+    ends, picks = (
+        slice(cells.start * count // of, -(-cells.stop * count // of))
+        for cells, count, of in zip((columns, rows), sheet.cloth.size, sheet.cells, strict=True)
+    )
+    return Share(ends, picks)
 
 
 def _any(seen: NDArray[np.bool_], some: Some, count: int) -> bool:
