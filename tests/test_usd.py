@@ -38,6 +38,19 @@ def deformed(stage: Any, second: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points), np.array(weights)
 
 
+def curve_samples(stage: Any, second: float) -> np.ndarray:
+    """Many points of the yarns' curves, each made by Bernstein's polynomials."""
+    curves = usd_geom.BasisCurves(stage.GetPrimAtPath("/Cloth/Yarns"))
+    points = np.array(curves.GetPointsAttr().Get(second * stage.GetTimeCodesPerSecond()), float)
+    assert set(curves.GetWidthsAttr().Get()) == {np.float32(0.25e-3)}
+    u = np.linspace(0.0, 1.0, 33)
+    basis = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
+    lines = np.split(points, np.cumsum(curves.GetCurveVertexCountsAttr().Get())[:-1])
+    assert len(lines) == 7
+    parts = [line[k : k + 4] for line in lines for k in range(0, len(line) - 1, 3)]
+    return np.concatenate([basis @ part for part in parts])
+
+
 def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
     values = {**SMALL, "modal": {"youngs_modulus": 500}, "response": {}}
     scene, times = Scene(values), np.linspace(0.0, 0.1, 6)
@@ -52,6 +65,10 @@ def test_blend_shapes_make_the_same_points(tmp_path: Path) -> None:
             scene.update(times[number])
             surface = points_of(scene.polygons)
             assert cKDTree(points).query(surface)[0].max() < 1.01e-6
+            off = cKDTree(curve_samples(stage, times[number])).query(surface)[0]
+            inside = off < 0.9 * 0.125e-3  # on the caps of 14 ends
+            assert inside.sum() == 4 * 14
+            np.testing.assert_allclose(off[~inside], 0.125e-3, rtol=0.1)
     assert np.ptp(points, axis=0).max() > 1e-3
 
 

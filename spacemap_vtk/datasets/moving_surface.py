@@ -33,6 +33,18 @@ class Clip:
     weights: NDArray[np.floating]
 
 
+class YarnCurves(NamedTuple):
+    """The middles of yarns as cubic Bézier curves, end to end."""
+
+    #: In m, at each of the first clip's times, (T, R, 3).
+    points: NDArray[np.floating]
+    #: Points of each curve: three for each part, and one.
+    counts: NDArray[np.integer[Any]]
+    #: Diameter of a round yarn of the same section [m], and colour, of each curve.
+    widths: NDArray[np.floating]
+    colors: NDArray[np.uint8]
+
+
 @dataclass(frozen=True)
 class MovingSurface:
     """Triangles, and the targets of which their motions are sums."""
@@ -55,6 +67,8 @@ class MovingSurface:
     lying: bool = False
     target_names: Sequence[str] = ()
     clips: Sequence[Clip] = ()
+    #: Of woven cloth with its motion.
+    curves: YarnCurves | None = None
     #: What is known of it, for people and programs.
     about: Mapping[str, Any] = field(default_factory=dict)
 

@@ -20,12 +20,14 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface
+from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, YarnCurves
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.surface_actor import CLASSES, own_colors
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric.sweep import Tubes
+from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -66,7 +68,10 @@ def moving(
     scene.update(times[0])
     still, rows = _still(scene, scene.polygons)
     if not scene.moves or len(times) < 2:
-        return still
+        yarns = _SeenYarns(scene, 1)
+        yarns.see(0)
+        return replace(still, curves=yarns.curves)
+    yarns = _SeenYarns(scene, len(times))
     tolerance = _default_tolerance(scene) if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
@@ -79,7 +84,7 @@ def moving(
             found = morph_targets(places, aim)
             targets, _ = _carried(scene, stage, found.shapes, still, rows, "tolerance")
             weights = found.weights.astype(np.float32)
-            error, normals = _compared(scene, times, still, rows, targets, weights, tell)
+            error, normals = _compared(scene, times, still, rows, targets, weights, yarns, tell)
             if error <= tolerance:
                 # as a film shows it, which may be slower
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
@@ -90,6 +95,7 @@ def moving(
                     normal_targets=normals,
                     target_names=[f"shape {k}" for k in range(len(targets))],
                     clips=[Clip("motion", seconds, weights)],
+                    curves=yarns.curves,
                     about={**still.about, **about, "frames": len(times)},
                 )
             aim *= 0.5 * tolerance / error
@@ -233,6 +239,7 @@ def _compared(
     rows: Rows,
     targets: NDArray[np.float32],
     weights: NDArray[np.float32],
+    yarns: _SeenYarns,
     tell: Tell,
 ) -> tuple[float, NDArray[np.float32] | None]:
     """Return how far the sum of targets is from the surface at most, and targets of its normals."""
@@ -241,6 +248,7 @@ def _compared(
     shares = weights / np.square(weights).sum(axis=0)
     for number, time in enumerate(times):
         scene.update(time)
+        yarns.see(number)
         points, normals = _taken(scene.polygons, rows)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
@@ -371,6 +379,46 @@ def _merged(
         first = np.where(np.concatenate(([False], same)), 0, np.arange(len(order)))
         one[order] = one[order[np.maximum.accumulate(first)]]
     return one
+
+
+class _SeenYarns:
+    """The middles of yarns at some times: of rings of control points, which they stay if moved."""
+
+    def __init__(self, scene: Scene, times: int) -> None:
+        self._scene, self._tubes = scene, tuple[Tubes, ...]()
+        if scene.source is scene.weave:
+            made = build(scene.weave.cloth, kind=np.float32)
+            # a part of a weave has other points
+            if len(made.points) == scene.patches.GetNumberOfPoints():
+                self._tubes = made.tubes
+        rings = sum(3 * int(tubes.parts.sum()) + len(tubes.parts) for tubes in self._tubes)
+        self._points = np.zeros((times, rings, 3), np.float32)
+
+    def see(self, number: int) -> None:
+        """Take what the scene's last update has made, for one of the times."""
+        if self._tubes:
+            points = points_of(self._scene.patches)
+            found = [tubes.middles(points) for tubes in self._tubes]
+            self._points[number] = np.concatenate(found)
+
+    @property
+    def curves(self) -> YarnCurves | None:
+        """What was seen; None where there are no yarns."""
+        if not self._tubes:
+            return None
+        cloth, cells = self._scene.weave.cloth, self._scene.patches.GetCellData()
+        yarn, first = np.unique(vtk_to_numpy(cells.GetArray("yarn")), return_index=True)
+        assert len(yarn) == sum(len(tubes.parts) for tubes in self._tubes)
+        widths = [
+            np.broadcast_to(yarns.diameter, len(tubes.parts)) * np.sqrt(tubes.aspect)
+            for yarns, tubes in zip(cloth.yarns, self._tubes, strict=True)
+        ]
+        return YarnCurves(
+            self._points,
+            np.concatenate([3 * tubes.parts + 1 for tubes in self._tubes]),
+            np.concatenate(widths),
+            vtk_to_numpy(cells.GetArray("color"))[first][:, :3],
+        )
 
 
 def _default_tolerance(scene: Scene) -> float:

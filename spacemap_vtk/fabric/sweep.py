@@ -88,6 +88,23 @@ class Tubes(NamedTuple):
         last = 3 * np.cumsum(self.parts) + np.arange(len(self.parts))
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
 
+    def middles(self, points: NDArray[Any]) -> NDArray[Any]:
+        """Return the middles of the rings, which are the points of cubic Bézier curves.
+
+        Parameters
+        ----------
+        points : ndarray of float, shape (N, 3)
+            Control points, wherever they have been moved to.
+
+        Returns
+        -------
+        ndarray of float, shape (rings, 3)
+            Line by line: three for each part, and one.
+        """
+        rings = 3 * int(self.parts.sum()) + len(self.parts)
+        there = points[self.first : self.first + rings * self.ring]
+        return there.reshape(rings, self.ring, 3).mean(axis=1)
+
 
 class Swept(NamedTuple):
     """Tubes as patches."""

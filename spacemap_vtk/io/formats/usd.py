@@ -14,7 +14,7 @@ from spacemap_vtk.errors import MissingLibraryError, SpacemapError
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
-    from spacemap_vtk.datasets.moving_surface import MovingSurface
+    from spacemap_vtk.datasets.moving_surface import MovingSurface, YarnCurves
 
 #: Of yarn, as in glTF.
 _ROUGHNESS = 0.75
@@ -58,14 +58,18 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
         write(file, [made.read_bytes()])
 
 
+def _vectors(values: Any) -> Any:
+    import numpy as np
+    from pxr import Vt
+
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+
 def _fill(stage: Any, moving: MovingSurface) -> None:
     import numpy as np
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
     from spacemap_vtk.datasets.moving_surface import linear
-
-    def vectors(values: Any) -> Any:
-        return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if moving.lying else UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -76,7 +80,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         key: value for key, value in moving.about.items() if not isinstance(value, list)
     }
     mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
-    mesh.CreatePointsAttr(vectors(moving.points))
+    mesh.CreatePointsAttr(_vectors(moving.points))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(moving.triangles), 3))
     corners = np.ascontiguousarray(moving.triangles.reshape(-1), np.int32)
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners))
@@ -85,15 +89,15 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     # where the targets may take it: what is out of sight is not drawn
     reach = np.abs(moving.targets).sum(axis=0) if len(moving.targets) else 0.0
     ends = (moving.points - reach).min(axis=0), (moving.points + reach).max(axis=0)
-    mesh.CreateExtentAttr(vectors(np.array(ends)))
+    mesh.CreateExtentAttr(_vectors(np.array(ends)))
     if moving.normals is not None:
-        mesh.CreateNormalsAttr(vectors(moving.normals))
+        mesh.CreateNormalsAttr(_vectors(moving.normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     if moving.painted:
         shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
         )
-        shown.Set(vectors(linear(moving.colors)))
+        shown.Set(_vectors(linear(moving.colors)))
     for number, material in enumerate(moving.materials):
         place = f"/Cloth/Looks/Material_{number}"
         look = UsdShade.Material.Define(stage, place)
@@ -115,6 +119,11 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
         part = binding.CreateMaterialBindSubset(f"Part_{number}", Vt.IntArray.FromNumpy(faces))
         UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(look)
+    # a frame for each of the times, where they are equally far from each other
+    seconds = moving.clips[0].times if moving.clips else np.zeros(1)
+    rate = (len(seconds) - 1) / float(seconds[-1]) if len(seconds) > 1 else 24.0
+    if moving.curves is not None:
+        _add_curves(stage, moving.curves, rate * seconds)
     if not len(moving.targets):
         return
     names = [f"shape_{number}" for number in range(len(moving.targets))]
@@ -130,14 +139,11 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     for number, name in enumerate(names):
         shape = UsdSkel.BlendShape.Define(stage, f"/Cloth/Surface/{name}")
         shape.GetPrim().SetDisplayName(moving.target_names[number])
-        shape.CreateOffsetsAttr(vectors(moving.targets[number]))
+        shape.CreateOffsetsAttr(_vectors(moving.targets[number]))
         if moving.normal_targets is not None:
-            shape.CreateNormalOffsetsAttr(vectors(moving.normal_targets[number]))
+            shape.CreateNormalOffsetsAttr(_vectors(moving.normal_targets[number]))
         paths.append(shape.GetPath())
     bound.CreateBlendShapeTargetsRel().SetTargets(paths)
-    # a frame for each of the times, where they are equally far from each other
-    seconds = moving.clips[0].times
-    rate = (len(seconds) - 1) / float(seconds[-1])
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(0.0)
@@ -158,3 +164,34 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
         with choice.GetVariantEditContext():
             source.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     choice.SetVariantSelection("motion_0")
+
+
+def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
+    """Add the middles of yarns, and what chooses whether they or the surface are drawn."""
+    import numpy as np
+    from pxr import Usd, UsdGeom, Vt
+
+    from spacemap_vtk.datasets.moving_surface import linear
+
+    made = UsdGeom.BasisCurves.Define(stage, "/Cloth/Yarns")
+    made.CreateTypeAttr(UsdGeom.Tokens.cubic)
+    made.CreateBasisAttr(UsdGeom.Tokens.bezier)
+    counts = np.ascontiguousarray(curves.counts, np.int32)
+    made.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(counts))
+    widths = np.ascontiguousarray(curves.widths, np.float32)
+    made.CreateWidthsAttr(Vt.FloatArray.FromNumpy(widths))
+    made.SetWidthsInterpolation(UsdGeom.Tokens.uniform)
+    made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(_vectors(linear(curves.colors)))
+    points, extent = made.CreatePointsAttr(), made.CreateExtentAttr()
+    half = widths.max() / 2
+    for number, places in enumerate(curves.points):
+        code = Usd.TimeCode(float(codes[number])) if len(codes) > 1 else Usd.TimeCode.Default()
+        points.Set(_vectors(places), code)
+        ends = places.min(axis=0) - half, places.max(axis=0) + half
+        extent.Set(_vectors(np.array(ends)), code)
+    choice = stage.GetDefaultPrim().GetVariantSets().AddVariantSet("yarns")
+    for name, hidden in (("curves", "/Cloth/Surface"), ("surface", "/Cloth/Yarns")):
+        choice.AddVariant(name)
+        choice.SetVariantSelection(name)
+        with choice.GetVariantEditContext():
+            UsdGeom.Imageable(stage.GetPrimAtPath(hidden)).MakeInvisible()
