@@ -110,7 +110,7 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             [
                 __file__,
                 "by its ending",
-                ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtkhdf, .vtk, .vtu",
+                ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtu, .vtp, .vtkhdf, .vtk",
             ],
         ),
         (["render", "/", "-o", "a.png"], ["/: a folder"]),

@@ -177,7 +177,7 @@ def test_lists_of_formats_have_it(tmp_path: Path, capsys: Any) -> None:
     assert "*.bits" in drafts
     written = registry.written_filters()
     assert written["Surface (*.xyz)"] == "surface"
-    assert written["Cage with its motion (*.film)"] == "cage"
+    assert written["Cage with its motion, all times (*.film)"] == "cage"
     # What is said of a file that nobody reads or writes.
     (tmp_path / "a.png").write_bytes(b"\x89PNG")
     assert run("render", str(tmp_path / "a.png"), "-o", "b.png") == 2

@@ -20,7 +20,7 @@ from PySide6.QtCore import Qt, QTimer  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QFileDialog, QProgressDialog, QPushButton  # noqa: E402
 
-from spacemap_vtk.app.export_dialog import ExportDialog  # noqa: E402
+from spacemap_vtk.app.export_dialog import ExportDialog, TimesDialog  # noqa: E402
 
 
 def written(window: Any) -> list[str]:
@@ -174,6 +174,50 @@ def test_data_are_those_of_the_time_shown(
     if words == "Surface":
         here = np.array(window.view.frame.surface.GetBounds())
         np.testing.assert_allclose(data.bounds, here, atol=1e-6)
+
+
+def test_a_series_has_the_times_that_are_typed(
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_scene()
+    done, file = written(window), tmp_path / "cloth.pvd"
+    answer = str(file.with_suffix("")), "Surface, all times (*.pvd)"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: answer)
+    said: list[str] = []
+
+    def fill() -> None:
+        dialog = QApplication.activeModalWidget()
+        if not isinstance(dialog, TimesDialog):
+            QTimer.singleShot(50, fill)
+            return
+        said.append(dialog.told.text())
+        for name, text in {"frames_per_second": "50", "start": "1 s", "stop": "0.3"}.items():
+            dialog.lines[name].selectAll()
+            QTest.keyClicks(dialog.lines[name], text)
+        said.append(dialog.told.text())
+        assert not dialog.save.isEnabled()
+        dialog.lines["start"].setText("292 ms")
+        said.append(dialog.told.text())
+        QTest.mouseClick(dialog.save, Qt.MouseButton.LeftButton)
+
+    QTimer.singleShot(50, fill)
+    window.menus.actions["Export data…"].trigger()
+    wait_until(lambda: done or window.errors.text)
+    assert window.errors.text == ""
+    assert said[0] == "50 times, 4 ms apart"
+    assert "a time after animation.start = 1 s" in said[1]
+    assert said[2] == "4 times, 2 ms apart"
+    assert done[0].startswith(f"{file}: 4 times, ")
+    reader = pv.PVDReader(file)
+    np.testing.assert_allclose(reader.time_values, [0.292, 0.294, 0.296, 0.298], rtol=1e-12)
+    before = {each: each.read_bytes() for each in tmp_path.rglob("*.*")}
+    window.exports.start("surface", file, times=list(np.arange(1000) / 1000))
+    progress = window.findChildren(QProgressDialog)[-1]  # the former may not have gone yet
+    wait_until(lambda: progress.value() >= 2)
+    window.exports.cancel()
+    wait_until(lambda: not window.exports.busy)
+    assert {each: each.read_bytes() for each in tmp_path.rglob("*.*")} == before
+    assert len([each for each in before if each.suffix == ".vtp"]) == 4
 
 
 def test_what_cannot_be_written_is_told(open_scene: Any, tmp_path: Path) -> None:

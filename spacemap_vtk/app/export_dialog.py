@@ -1,4 +1,4 @@
-"""Where a picture or film goes, how large it is, and from where it is seen."""
+"""Where a picture or film goes, how large it is, from where it is seen; a series' times."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from PySide6.QtWidgets import (
     QSpinBox,
     QWidget,
 )
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.settings import Animation
 
 
 class ExportDialog(QDialog):
@@ -70,6 +73,52 @@ class ExportDialog(QDialog):
         name, _ = QFileDialog.getSaveFileName(self, "Export", self.line.text(), self.filters)
         if name:
             self.line.setText(name)
+
+
+class TimesDialog(QDialog):
+    """Asks for the times of a series, as a film has them."""
+
+    def __init__(self, parent: QWidget, file: Path, animation: Animation) -> None:
+        super().__init__(parent)
+        self.setWindowTitle(f"Times of {file.name}")
+        self._animation = Animation(**animation.settings)
+        #: The times that are chosen, in s; empty: there are none.
+        self.times: list[float] = []
+        self.lines: dict[str, QLineEdit] = {}
+        form = QFormLayout(self)
+        form.setContentsMargins(16, 16, 16, 12)
+        labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
+        for name, label in labels.items():
+            parameter = self._animation.parameter(name)
+            self.lines[name] = line = QLineEdit(parameter.show(getattr(animation, name)))
+            line.setToolTip(parameter.help)
+            line.textChanged.connect(self._change)
+            form.addRow(label, line)
+        self.told = QLabel()
+        self.told.setWordWrap(True)
+        self.told.setMinimumWidth(340)
+        form.addRow(self.told)
+        buttons = QDialogButtonBox(
+            QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Cancel
+        )
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        self.save = buttons.button(QDialogButtonBox.StandardButton.Save)
+        form.addRow(buttons)
+        self._change()
+
+    def _change(self) -> None:
+        """Tell how many times these are, or why they are none."""
+        try:
+            self._animation.configure(**{name: line.text() for name, line in self.lines.items()})
+            self.times = self._animation.frame_times()
+            apart = self._animation.speed / self._animation.frames_per_second
+            many = len(self.times) > 1
+            words = f"{len(self.times)} times, {1000 * apart:.4g} ms apart" if many else "1 time"
+        except InputError as error:
+            self.times, words = [], str(error)
+        self.told.setText(words)
+        self.save.setEnabled(bool(self.times))
 
 
 def _beside(*widgets: QWidget) -> QWidget:

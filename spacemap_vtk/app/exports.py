@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -14,7 +15,7 @@ from PySide6.QtWidgets import QFileDialog, QProgressDialog, QWidget
 
 from spacemap_vtk.app.ask_file import ended
 from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.export_dialog import ExportDialog
+from spacemap_vtk.app.export_dialog import ExportDialog, TimesDialog
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.draw.camera import Viewpoint
@@ -61,17 +62,32 @@ class Exports(QObject):
         """Ask for a file, and write what its format holds."""
         filters = written_filters()
         name, chosen = QFileDialog.getSaveFileName(
-            self._window, "Export data", "", ";;".join(filters)
+            self._window,
+            "Export data (a name with %04d in it: a file for each time)",
+            "",
+            ";;".join(filters),
         )
         if not name:
             return
         kind = filters.get(chosen, "patches")
-        path = ended(self._window, Path(name), next(iter(written(kind))))
+        ending = re.search(r"\*(\.\w+)", chosen)
+        path = ended(self._window, Path(name), ending[1] if ending else next(iter(written(kind))))
         if path is None:
             return
         if path.suffix.lower() not in written(kind):
             kind = next((other for other in DATA if path.suffix.lower() in written(other)), kind)
-        self.start(kind, path)
+        scene = self._document.scene
+        try:
+            lasts = scene.moves and Order(kind, path).lasts
+        except SpacemapError as error:
+            self.failed.emit(error)
+            return
+        if not lasts:
+            self.start(kind, path)
+            return
+        dialog = TimesDialog(self._window, path, scene.animation)
+        if dialog.exec():
+            self.start(kind, path, times=dialog.times)
 
     def start(
         self,
@@ -80,6 +96,7 @@ class Exports(QObject):
         size: tuple[int, int] = (1280, 960),
         panels: Sequence[str] = (),
         place: Viewpoint | None = None,
+        times: Sequence[float] = (),
     ) -> None:
         """Begin to write."""
         document = self._document
@@ -90,7 +107,7 @@ class Exports(QObject):
             if self._process is not None:
                 raise InputError("something is being written already")
             order = Order(kind, path, (), size, panels, place)
-            order.times = () if order.lasts else [self._times.time]
+            order.times = times if order.lasts else [self._times.time]
             loses = writer(path, kind).loses if kind in DATA else None
             self._lost = loses(document.scene.data(kind)) if loses else []
             self._files = ExitStack()

@@ -237,10 +237,6 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
 
 def _at(order: Order, scene: Scene, time: float) -> Any:
     """Return what is written, at a time."""
-    from vtkmodules.vtkCommonDataModel import vtkDataObject
-
-    from spacemap_vtk.draw.frame import copied
-
     if order.what == "moving":
         from spacemap_vtk.draw.moving import moving
 
@@ -249,9 +245,12 @@ def _at(order: Order, scene: Scene, time: float) -> Any:
         return scene.data(order.what)
     # Of a cage nothing below it is needed.
     scene.update_stage(scene.deforming if order.what == "cage" else scene.stages[-1], time)
-    data = scene.data(order.what)
+    made = scene.data(order.what)
+    data = made.NewInstance()  # its own: what the pipeline has it would take for up to date
+    data.ShallowCopy(made)
     if scene.moves:
-        data = copied(data)  # what the pipeline has of its own it would take for up to date
+        from vtkmodules.vtkCommonDataModel import vtkDataObject
+
         data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
     return data
 

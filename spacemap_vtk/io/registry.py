@@ -266,11 +266,12 @@ def draft_filters() -> str:
 
 def written_filters() -> dict[str, str]:
     """Return what a dialog offers that writes data, each with its key of `DATA`."""
-    return {
-        name_filter(words, [ending]): data
-        for data, words in DATA.items()
-        for ending in written(data)
-    }
+    found = {}
+    for data, words in DATA.items():
+        for ending in written(data):
+            series = ", all times" if writer(Path(f"a{ending}"), data).times else ""
+            found[name_filter(f"{words}{series}", [ending])] = data
+    return found
 
 
 def name_filter(label: str, endings: Iterable[str]) -> str:

@@ -6,9 +6,10 @@ A module's head imports neither numpy nor VTK, which lists of formats need not; 
 from importlib import import_module
 from pkgutil import iter_modules
 
-# VTK's own come first wherever formats are listed: they hold all that a scene has.
+# VTK's own come first wherever formats are listed, those that all of its programs know before the
+# others: they hold all that a scene has.
 for _name in sorted(
     (module.name for module in iter_modules(__path__)),
-    key=lambda name: (not name.startswith("vtk"), name),
+    key=lambda name: (name != "vtk_xml", not name.startswith("vtk"), name),
 ):
     import_module(f"{__name__}.{_name}")
