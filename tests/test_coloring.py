@@ -208,12 +208,12 @@ def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None
         # The far plate beside the near one, and the near one itself.
         aside = np.abs(points[:, :2]).max(axis=1)
         flat = np.where(points[:, 2] > 0.1, aside < 0.35, (aside > 0.45) & (aside < 0.9))
-        shown = []
+        block, shown = picture.panels[0].window.size[1] // len(image), []
         for point in points[flat]:
             renderer.SetWorldPoint(*point, 1.0)
             renderer.WorldToDisplay()
             x, y, _ = renderer.GetDisplayPoint()
-            shown.append(image[len(image) - 1 - int(y / 2), int(x / 2)])
+            shown.append(image[len(image) - 1 - int(y / block), int(x / block)])
         picture.close()
         stops = np.array([rgb(stop) for stop in RAMP])
         at = numbers[flat] / natural_span(numbers)[1] * (len(RAMP) - 1)

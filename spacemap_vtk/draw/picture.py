@@ -35,9 +35,10 @@ Extent = tuple[NDArray[np.float64], Span | None]
 #: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
 _OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high. Two show
-#: yarns as well as with four of OpenGL's samples in each, which take three times as long; thin
-#: lines need more, and where a cage is alone to draw it larger still costs less than samples.
-_BLOCK, _BLOCK_OF_LINES, _LINE_SAMPLES = 2, 4, 4
+#: yarns in shadows, which know one depth for each, as well as with four of OpenGL's samples in
+#: each, and in a third of the time; so do three without shadows, and four a cage's thin lines.
+#: Lines before yarns are drawn with samples.
+_BLOCK, _BLOCK_UNSHADED, _BLOCK_OF_LINES, _SAMPLES = 2, 3, 4, 4
 #: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
 _FINE = 4.0
 #: Longest side of what is drawn so large, in pixels of the picture: graphics cards know a largest.
@@ -130,7 +131,7 @@ class Picture:
         scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
         pixels = scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
         if pixels < _FINE:
-            self.panels[-1].window.render_window.SetMultiSamples(_LINE_SAMPLES)
+            self.panels[-1].window.render_window.SetMultiSamples(_SAMPLES)
         if self.sheet is None:
             return
         if automatic and pixels < SMALLEST_YARN:
@@ -228,9 +229,14 @@ class Picture:
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
     ) -> _Panel:
-        view, alone = scene.view, panel == "cage" and max(size) <= _LARGE
-        block = _BLOCK_OF_LINES if alone else _BLOCK
-        samples = 0 if alone or panel == "fabric" else _LINE_SAMPLES
+        view = scene.view
+        # A colour that stands for a number must be found again in the scale.
+        shaded = view.shadows and panel != "cage" and self._span is None
+        block, samples = _BLOCK, _SAMPLES
+        if panel == "fabric" and shaded:
+            samples = 0
+        elif panel != "both" and max(size) <= _LARGE:
+            block, samples = _BLOCK_UNSHADED if panel == "fabric" else _BLOCK_OF_LINES, 0
         window = Offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
@@ -246,8 +252,6 @@ class Picture:
         aim(camera, extent, aspect, view.camera, view.zoom)
         if self._place is not None:
             self._place.take(camera)
-        # A colour that stands for a number must be found again in the scale.
-        shaded = view.shadows and panel != "cage" and self._span is None
         look = Look(fabric=panel != "cage", cage=panel != "fabric")
         behind = gradient(size, view.background, view.background_top)
         return _Panel(window, shown, look, shaded, behind)
