@@ -67,6 +67,8 @@ class Pipeline:
         self._swing_warp = BarycentricWarp()
         self._sheet: Sheet | None = None
         self._near: NearYarns | None = None
+        #: What they were drawn as last, by what made it: they, and fewer facets of them.
+        self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
         self._running: Stage | None = None
         #: Whether the present job is given up; whoever takes the next one sets it back.
         self.stopped = False
@@ -156,17 +158,21 @@ class Pipeline:
         if why or near.part is None:
             return replace(frame, warnings=(*frame.warnings, why))
 
-        def with_yarns(frame: Frame, yarns: vtkPolyData, most: int) -> Frame:
-            drawn = copied(yarns)
-            add_measure(drawn, frame.color)
-            around = thinned(whole, sheet.cells, most, near.part)
-            return replace(frame, yarns=drawn, around=around)
-
-        whole, few = frame.surface, near.light(job.time)
-        light = frame.light
-        if few is not None and light is not None:
-            light = with_yarns(light, few, _MOVING_CELLS)
-        return replace(with_yarns(frame, near.yarns, max(sheet.cells)), light=light)
+        # What has not changed stays the same object: it is not handed to OpenGL again.
+        few = near.light(job.time)
+        key = [near, frame.color, *(stage.executions for stage in near.stages)]
+        if self._near_drawn is None or self._near_drawn[0] != key:
+            made = [None if yarns is None else copied(yarns) for yarns in (near.yarns, few)]
+            for yarns in made:
+                if yarns is not None:
+                    add_measure(yarns, frame.color)
+            self._near_drawn = key, made
+        fine, few = self._near_drawn[1]
+        if few is not None and frame.light is not None:
+            thin = thinned(frame.surface, sheet.cells, _MOVING_CELLS, near.part)
+            frame = replace(frame, light=replace(frame.light, yarns=few, around=thin))
+        around = thinned(frame.surface, sheet.cells, max(sheet.cells), near.part)
+        return replace(frame, yarns=fine, around=around)
 
     def _lighter(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
         """Return a frame with one of fewer facets to be drawn while the camera moves."""

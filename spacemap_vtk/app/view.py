@@ -222,6 +222,7 @@ class View3D(QWidget):
 
     def _cut_moved(self, cut: Cut, done: bool) -> None:
         self._cut = self._cut[0], cut
+        self.steer(not done)
         self.scene_view.cut_open(cut)
         # To six digits, if it is not where it was.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)

@@ -21,6 +21,7 @@ from spacemap_vtk.draw.glyphs import (
 )
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, scale_share
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.settings import View
 
 
@@ -138,7 +139,7 @@ class SceneView:
         if self._shown is not None:
             frame, view, look, span = self._shown
             yarns = frame.surface if frame.cloth is None else frame.yarns
-            solid = look.fabric and not look.wireframe and yarns is not None
+            solid = look.fabric and not look.wireframe and yarns is not None and not self._moving
             self.face.fill(
                 yarns or frame.surface, cut if solid else None, frame.color, view.object_color, span
             )
@@ -159,18 +160,23 @@ class SceneView:
         if self._shown is None or moving == self._moving:
             return
         frame, view, look, span = self._shown
-        if not look.fabric or frame.light is None:
+        light = frame.light
+        if not look.fabric or light is None:
             return
-        if frame.light.cloth is not None:
-            self._show_fabric(frame.light if moving else frame, view, look, span)
-        else:
-            # Another actor: the fine one keeps what it has handed to OpenGL.
-            if moving:
-                self._show_surface(self.light, frame.light, view, look, span)
-                self.light.bar.VisibilityOff()
-            self.light.SetVisibility(moving)
-            self.surface.SetVisibility(not moving)
         self._moving = moving
+        if light.cloth is not None:
+            self._show_sheet(light if moving else frame, light.cloth, view, look, span)
+        # Another actor: the fine one keeps what it has handed to OpenGL.
+        few = light.surface if light.cloth is None else light.yarns
+        if moving and few is not None:
+            closed = light.closed or light.cloth is not None
+            drawn = replace(light, surface=few, closed=closed)
+            self._show_surface(self.light, drawn, view, look, span)
+            self.light.bar.VisibilityOff()
+        self.light.SetVisibility(moving and few is not None)
+        fine = frame.cloth is None or frame.yarns is not None
+        self.surface.SetVisibility(fine and not moving)
+        self.ghost.SetVisibility(view.ghost and not moving)
         if moving:
             self.face.VisibilityOff()
         elif self.cut is not None:
@@ -180,16 +186,20 @@ class SceneView:
         if frame.cloth is None:
             self._show_surface(self.surface, frame, view, look, span)
             return
-        around = frame.surface if frame.around is None else frame.around
-        # As its yarns would be: only pictures shade them.
-        shaded = view.shadows and span is None and self._shades
-        self.sheet.show_sheet(around, frame.cloth, frame.color, span, shaded)
-        self._dress(self.sheet, look)
-        self.surface.VisibilityOff()
+        self._show_sheet(frame, frame.cloth, view, look, span)
         if frame.yarns is not None:
             yarns = replace(frame, surface=frame.yarns, closed=True)
             self._show_surface(self.surface, yarns, view, look, span)
             self.surface.bar.VisibilityOff()
+
+    def _show_sheet(
+        self, frame: Frame, cloth: Cloth, view: View, look: Look, span: Span | None
+    ) -> None:
+        around = frame.surface if frame.around is None else frame.around
+        # As its yarns would be: only pictures shade them.
+        shaded = view.shadows and span is None and self._shades
+        self.sheet.show_sheet(around, cloth, frame.color, span, shaded)
+        self._dress(self.sheet, look)
 
     def _show_surface(
         self, actor: SurfaceActor, frame: Frame, view: View, look: Look, span: Span | None
