@@ -87,11 +87,11 @@ class MovingSurface:
         found, own = np.unique(table, axis=0, return_inverse=True)
         return [
             Shade(
-                f"{self.part_names[part]} #{bytes(color).hex()}",
-                tuple(linear(np.array(color, np.uint8)).tolist()),
+                f"{self.part_names[part]} #{bytes(rgb).hex()}",
+                tuple(linear(np.array(rgb, np.uint8)).tolist()),
                 own.reshape(-1) == number,
             )
-            for number, (part, *color) in enumerate(found.tolist())
+            for number, (part, *rgb) in enumerate(found.tolist())
         ]
 
 
