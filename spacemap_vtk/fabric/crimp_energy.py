@@ -37,8 +37,8 @@ _TURN = 0.5
 _INSIDE = 0.01
 #: An angle below which a yarn that would be pressed through to its other side is straight.
 _STRAIGHT = 1e-4
-#: Over D: a straight part that is no part any more.
-_SLIVER = 1e-7
+#: Over D: a straight part that is no part any more, and one that a jam leaves to Newton's method.
+_SLIVER, _JAMMED = 1e-7, 1e-5
 #: Share of D within which it is at its bound.
 _EQUAL = 1e-12
 #: What only keeps from dividing by 0.
@@ -191,7 +191,12 @@ def forces(
     # `along` are d(room) and -d(length) by the stretch: spacing, and floats, of each yarn.
     low, high = distances
     little = 1e-9 * energy.tension.max(axis=0) * energy.full
-    press = slopes(energy, room, length, heights, distance).press()
+    now = slopes(energy, room, length, heights, distance)
+    # what a jam pushes to which bending turns a yarn
+    jammed = (now.straight < _JAMMED * distance) & (now.slope < -little)
+    push = np.where(jammed, -now.slope / distance, 0.0)
+    turned = (push * np.tan(now.theta))[::-1] * now.turn
+    press = now._replace(slope=np.where(jammed, 0.0, now.slope) + turned).press()
     # what is held by a bound does not follow; at rest, where nothing pushes, all does
     firm = ((distance <= low) & (press > little)) | ((distance >= high) & (press < -little))
     firm |= low >= high
@@ -202,8 +207,8 @@ def forces(
     pull = energy.tension * (now.over >= -1e-12 * length)
     now = now.pulled(pull * (now.over <= 0.0))
     force = pull * np.maximum(now.over, 0.0)
-    _, push, steep, moment = energy.unpulled(now.theta, distance)
-    free = push - press
+    _, free, steep, moment = energy.unpulled(now.theta, distance)
+    free = free - press
     # at given angles lengths are linear in the rooms: (2, stretches, n), at a stretch of one yarn
     theta, sin, cos = (one[:, None] for one in (now.theta, np.sin(now.theta), np.cos(now.theta)))
     bow, cross = 1.0 - cos, cos[::-1]
@@ -216,13 +221,14 @@ def forces(
     wider, weight = height.sum(axis=0), straight / both
     longer = wider * theta + straight + more
     force = force[:, None]
-    slope = (force * longer).sum(axis=0) + free * wider
+    slope = (force * longer - push[:, None] * straight).sum(axis=0) + free * wider
     tangent = np.einsum("in,ikn,iln->kln", pull, longer, longer) + steep * wider * wider[:, None]
     mixed = weight * (force * (theta * cross + bow[::-1] * sin) + free * cross)
     mixed += weight * (force * (theta * cos - sin))[::-1]
     mixed += (pull * now.own)[:, None] * longer + ((pull * now.other)[:, None] * longer)[::-1]
     mixed += (steep * now.turn - moment / distance)[:, None] * wider
-    # the angles follow, with D as it is where that is held, and straight yarns that are pressed
+    # the angles follow, with D as it is where that is held, and straight yarns that are pressed;
+    # jams that bending fills follow by their angles alone, not by how their room bends them
     loose = (now.theta > _STRAIGHT) | (now.slope < little)
     a, b, c = now.curve * np.stack([loose[0], loose[0] & loose[1], loose[1]])
     scale = firm * (np.abs(a) + np.abs(c)) / np.maximum(np.abs(now.turn).max(axis=0), _TINY)

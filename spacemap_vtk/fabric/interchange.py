@@ -227,7 +227,8 @@ class Interchange:
         Returns
         -------
         Forces
-            The exact second derivatives, with h1 and D eliminated. A crossing that is jammed has
+            The exact second derivatives, with h1 and D eliminated, but where bending turns a yarn
+            to its jam: that pushes, as if its room did not bend it. A crossing that is jammed has
             those of the stretch at which it holds.
 
         Raises
