@@ -252,6 +252,18 @@ def test_a_field_that_has_its_value_again_is_no_longer_wrong(open_scene: Any, ag
         assert window.document.undo.isClean(), name
 
 
+def test_a_picture_s_size_begins_with_the_cloth_s_own(open_scene: Any) -> None:
+    window = open_scene("handweaving")
+    window.document.set("view", "size", None)
+    window.stages.choose("view")
+    row = window.properties.rows["size"]
+    wait_until(lambda: row.resolved is not None)
+    row.automatic.click()
+    assert window.document.written("view", "size") == [1280, 1280]
+    assert window.errors.text == ""
+    wait_until(lambda: settled(window))
+
+
 def test_undo_takes_a_refused_value_back_first(open_scene: Any) -> None:
     window = open_scene("plain_weave")
     undo = window.menus.actions["Undo"]

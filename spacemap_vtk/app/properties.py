@@ -21,6 +21,7 @@ from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.face import picture_size
 
 #: Feasible intervals are found no more often, and in no more than this share of the time: during
 #: a drag, finding them costs as much as a few frames.
@@ -144,6 +145,8 @@ class Properties(QScrollArea):
         part = self._document.scene.parts[self.section]
         feasible, found = _intervals(part), self._found.get(self.section, {})
         known = found or _resolved(part)
+        if part is self._document.scene.view:
+            known = {"size": picture_size(self._document.scene)}
         for name, row in self.rows.items():
             row.resolved = known.get(name)
             row.show_feasible(feasible.get(name))

@@ -156,6 +156,8 @@ def editor_of(parameter: Parameter[Any]) -> Editor:
 
 
 def _plain(value: Any, text: str) -> Any:
+    if isinstance(value, tuple):
+        return list(value)
     return value if isinstance(value, int) else text
 
 
