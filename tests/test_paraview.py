@@ -20,7 +20,9 @@ from PIL import Image
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import FILTERS, ModalSolver, TetraCage, WeaveSource, connect
+from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.paraview import environment
+from spacemap_vtk.scenes.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "tests" / "paraview"
@@ -72,6 +74,10 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     """Each of these would take longer to start ParaView than to run."""
     proxies = len(FILTERS) + 2  # and two readers
     hang(tmp_path / "hung.npz")
+    cloth = {"ends": 2, "picks": 2}
+    scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
+    for name in ("cloth.pvd", "cloth_%d.vtp"):
+        carry_out(Order("", tmp_path / name, [0.0, 0.1 / 3]), scene, lambda *_: None)
     scripts = {
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),

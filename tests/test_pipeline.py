@@ -146,8 +146,16 @@ def test_steps_are_offered_over_the_duration_and_no_time_snaps_to_them() -> None
         usual.update(time)
         assert chain.counts == [1, 1, 1, count, count, count]
         np.testing.assert_array_equal(points(chain.surface), points(usual.surface))
-    for frames in (-1, 1, 100_001):
-        with pytest.raises(InputError, match="at least 2 and at most 100000"):
+    chain.response.frames = 0
+    chain.surface.UpdateInformation()
+    information = chain.surface.GetOutputInformation(0)
+    assert not information.Has(key)
+    assert information.Get(vtkStreamingDemandDrivenPipeline.TIME_RANGE()) == (0.0, 0.5)
+    chain.update(0.1)
+    usual.update(0.1)
+    np.testing.assert_array_equal(points(chain.surface), points(usual.surface))
+    for frames in (-1, 100_001):
+        with pytest.raises(InputError, match="at least 0 and at most 100000"):
             chain.response.frames = frames
 
 

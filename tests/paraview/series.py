@@ -65,4 +65,13 @@ assert response.GetClientSideObject().executions == surface.GetClientSideObject(
 response.Frames = 11
 response.UpdatePipelineInformation()
 assert len(response.TimestepValues) == 11, response.TimestepValues
+
+# What "spacemap export" has written has its times here, too.
+for files in (folder / "cloth.pvd", [folder / "cloth_0.vtp", folder / "cloth_1.vtp"]):
+    read = simple.OpenDataFile([str(f) for f in files] if isinstance(files, list) else str(files))
+    read.UpdatePipelineInformation()
+    assert list(read.TimestepValues) == [0.0, 0.1 / 3], read.TimestepValues
+    read.UpdatePipeline(0.1 / 3)
+    assert bounds(read)[4] < -0.00025, bounds(read)
+
 print("every step is offered, and any time between")
