@@ -178,9 +178,9 @@ class LoadedCage(Stage):
     frames = Integer(
         101,
         "Number of time steps, evenly from 0 to the duration, that players and writers of other "
-        "programs are offered; any time in between can be asked for too. 0 offers the range without "
-        "steps, of which ParaView writes one time. The frames of a scene's own film are those of its "
-        "animation.",
+        "programs are offered; any time in between can be asked for too. 0 offers the range "
+        "alone, of which ParaView writes one time. The frames of a scene's own film are those of "
+        "its animation.",
         minimum=0,
         maximum=100_000,
     )
