@@ -288,15 +288,18 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
     keep = tubes.flat[yarn] | (side == 0.0)
     place, side, yarn = place[keep], side[keep], yarn[keep]
 
-    def locate(place: Floats, side: Floats, yarn: NDArray[np.int64]) -> tuple[Floats, ...]:
+    def at(place: Floats, yarn: NDArray[np.int64]) -> tuple[Floats, ...]:
         within = np.minimum(place.astype(np.int64), ends[1, yarn] - 1)
-        point, normal, lateral, half = tubes.at(within, place - within)
+        return tubes.at(within, place - within)
+
+    def beside(found: tuple[Floats, ...], side: Floats) -> tuple[Floats, ...]:
+        point, normal, lateral, half = found
         return point + side[:, None] * half, normal, lateral
 
     located = np.empty((3, len(place), 3))
     for start in range(0, len(place), _BLOCK):
         block = slice(start, start + _BLOCK)
-        located[:, block] = locate(place[block], side[block], yarn[block])
+        located[:, block] = beside(at(place[block], yarn[block]), side[block])
     turns = 0 if tubes.perpendicular else _TURNS
     most = _MOST if tubes.perpendicular else _MOST // 4
     # block by block, and only the worst kept: all pairs at once would take most of the memory
@@ -317,24 +320,33 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
     sides = np.stack([side[a], side[b]])
     low, high = ends[0, own], ends[1, own]
 
-    def evaluate(moved: Floats, sides: Floats, few: int) -> tuple[Floats, Floats, Floats]:
-        first, second = (locate(moved[k], sides[k], own[k]) for k in (0, 1))
+    def both(moved: Floats) -> list[tuple[Floats, ...]]:
+        return [at(place, yarn) for place, yarn in zip(moved, own, strict=True)]
+
+    def evaluate(
+        found: list[tuple[Floats, ...]], sides: Floats, few: int
+    ) -> tuple[Floats, Floats, Floats]:
+        first, second = map(beside, found, sides)
         return _section_gap(first, second, facing if few else None, few)
 
-    best, middle, _ = evaluate(moved, sides, turns)
+    best, middle, _ = evaluate(both(moved), sides, turns)
     flattened = bool(tubes.flat[own].any())
     width = 1.0 / samples
     for _ in range(_CUTS):
         for along in (True, False) if flattened else (True,):
-            origin = moved if along else sides
+            # each place moves forth, back or not at all: three of a yarn to locate, not nine
+            reached = [np.clip(moved + width * way, low, high) for way in (0, 1, -1)]
+            stood = [both(places) for places in reached] if along else [both(moved)]
+            origin = sides
             for move in _MOVES[1:]:
-                trial = origin + width * move[:, None]
                 if along:
-                    trial = np.clip(trial, low, high)
-                    gap, spot, turned = evaluate(trial, sides, turns // 4)
+                    trial = np.stack([reached[way][k] for k, way in enumerate(move)])
+                    here = [stood[way][k] for k, way in enumerate(move)]
+                    gap, spot, turned = evaluate(here, sides, turns // 4)
                 else:
-                    trial = np.where(tubes.flat[own], np.clip(trial, -1.0, 1.0), 0.0)
-                    gap, spot, turned = evaluate(moved, trial, turns // 4)
+                    trial = np.clip(origin + width * move[:, None], -1.0, 1.0)
+                    trial = np.where(tubes.flat[own], trial, 0.0)
+                    gap, spot, turned = evaluate(stood[0], trial, turns // 4)
                 better = gap < best
                 best, middle = np.where(better, gap, best), np.where(better[:, None], spot, middle)
                 facing = np.where(better[:, None], turned, facing)
@@ -345,7 +357,7 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
         width *= 0.6
     if turns:
         # the direction may not have followed every move: what it missed was not clearance
-        best, middle, _ = evaluate(moved, sides, 4 * turns)
+        best, middle, _ = evaluate(both(moved), sides, 4 * turns)
     least = int(np.argmin(best))
     first, second = sorted((int(own[0, least]), int(own[1, least])))
     return Clearance(float(best[least]), (first, second), middle[least])
