@@ -176,6 +176,21 @@ def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_
         Order("", tmp_path / "cloth.pvd")
 
 
+def test_what_stands_still_has_one_time(tmp_path: Path) -> None:
+    still = Scene({"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}})
+    assert write(still, tmp_path / "a.vtkhdf", times=()).startswith("1 time, ")
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    reader.Update()
+    still.update()
+    np.testing.assert_array_equal(
+        points_of(reader.GetOutputDataObject(0)), points_of(still.polygons)
+    )
+    with pytest.raises(InputError, match="does not move"):
+        write(still, tmp_path / "b.pvd")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.vtkhdf"]
+
+
 def test_what_is_too_large_for_the_disk_is_refused_early(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

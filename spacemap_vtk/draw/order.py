@@ -227,6 +227,8 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     with _file(order, whole) as file:
         if order.numbered:
             for number, (_, content) in enumerate(series(file.parent)):
+                for text in format_.loses(content) if format_.loses and not number else ():
+                    scene.warn(text)
                 format_.write(file.with_name(file.name % number), content)
         else:
             format_.write(file, series(file.parent))
@@ -263,6 +265,12 @@ def _moments(order: Order, scene: Scene) -> Sequence[float]:
     """Return the times of what lasts: those that are ordered, or of the scene's film."""
     if not order.times:
         return scene.animation.frame_times() if scene.moves else [scene.view.time]
+    if len(order.times) > 1 and not scene.moves:
+        raise InputError(
+            "this scene does not move: it is the same at all of them",
+            key="times",
+            cure="Add a section [response], or leave them out.",
+        )
     for before, after in pairwise(order.times):
         if not before < after:
             raise InputError(
