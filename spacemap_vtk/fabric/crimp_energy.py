@@ -132,31 +132,48 @@ def slopes(
     press: Array | float = 0.0,
 ) -> Slopes:
     """Return the energy and its derivatives by the angles."""
-    theta, s, now, sin, cos, half = bend(room, heights, distance)
+    # in place, for memory that is given back and taken anew costs as much as the arithmetic
+    theta, s, over, sin, cos, half = bend(room, heights, distance)
+    over -= length
     bow, cross = 1.0 - cos, cos[::-1]
     both = 1.0 - bow[0] * bow[1]
     weight = s / both
-    over = now - length
     stiff = energy.tension * (over > 0.0)
     force = stiff * over
-    value, push, steep, moment = energy.unpulled(theta, distance)
+    value, free, steep, moment = energy.unpulled(theta, distance)
     value += 0.5 * (force[0] * over[0] + force[1] * over[1])
+    free = free - press
     aside = bow[::-1] * sin
-    own, other = theta * cross + aside, theta * cos - sin
-    free = push - press
-    total = force * own + (force * other)[::-1] + free * cross
-    own, other, turn = weight * own, weight[::-1] * other, weight * cross
-    by_own, by_other = stiff * own, stiff * other
-    square = (2.0 * aside * weight - distance) / both * total + force * s + steep * turn * turn
-    square += by_own * own + (by_other * other)[::-1]
-    mixed = (bow[0] * sin[1] * weight[0] - sin[0] * weight[1]) / both * total[0]
+    turn, own, other = weight * cross, theta * cross, theta * cos
+    own += aside
+    other -= sin
+    slope = force * own
+    slope += (force * other)[::-1]
+    slope += free * cross
+    mixed = (bow[0] * sin[1] * weight[0] - sin[0] * weight[1]) / both * slope[0]
     mixed -= weight[0] * sin[1] * (force[0] * (theta[0] - sin[0]) + force[1] * theta[1] + free)
-    mixed += steep * turn[0] * turn[1] + by_own[0] * other[0] + by_own[1] * other[1]
-    slope = weight * total + moment
+    square = aside
+    square *= 2.0 * weight
+    square -= distance
+    square *= slope / both
+    slope *= weight
+    own *= weight
+    other *= weight[::-1]
+    force *= s
+    square += force
+    by_own, by_other, by_turn = stiff * own, stiff * other, steep * turn
+    mixed += by_own[0] * other[0] + by_own[1] * other[1] + by_turn[0] * turn[1]
+    by_own *= own
+    by_own += (by_other * other)[::-1]
+    square += by_own
     if not isinstance(moment, float):
+        slope += moment
         fade = moment / distance
-        square += 2.0 * (energy.hinge / distance - fade * turn)
         mixed -= fade[0] * turn[1] + fade[1] * turn[0]
+        by_turn -= 2.0 * fade
+        square += energy.hinge * (2.0 / distance)
+    by_turn *= turn
+    square += by_turn
     curve = np.stack([square[0], mixed, square[1]])
     return Slopes(value, theta, half, s, over, own, other, turn, slope, curve)
 
