@@ -24,8 +24,9 @@ from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 
-#: Patches and quadrilaterals of a piece, at most: some hundred megabytes.
-_PATCHES, _QUADS = 100_000, 800_000
+#: Patches and quadrilaterals of a piece, at most: some hundred megabytes. Each costs as much as a
+#: picture of nothing, 0.2 s for 1920 x 1080.
+_PATCHES, _QUADS = 300_000, 800_000
 #: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
 _BESIDE = 4
 
