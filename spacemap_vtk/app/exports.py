@@ -23,7 +23,7 @@ from spacemap_vtk.draw.order import Order, as_text
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
-from spacemap_vtk.io.registry import DATA, name_filter, writable, writer, written, written_filters
+from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
 from spacemap_vtk.scenes.face import picture_size
 
 
@@ -108,14 +108,12 @@ class Exports(QObject):
                 raise InputError("something is being written already")
             order = Order(kind, path, (), size, panels, place)
             order.times = times if order.lasts else [self._times.time]
-            loses = writer(path, kind).loses if kind in DATA else None
-            self._lost = loses(document.scene.data(kind)) if loses else []
             self._files = ExitStack()
             folder = self._files.enter_context(whole_folder(path))
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._target, self._error, self._told = path, None, ""
+        self._target, self._error, self._told, self._lost = path, None, "", []
         order.output = folder / path.name
         self._show_progress(kind)
         self._process = process = QProcess(self)
@@ -189,6 +187,8 @@ class Exports(QObject):
                 section = told.pop("section", None)
                 self._error = SpacemapError(**told)
                 self._error.section = section
+            elif "lost" in line:
+                self._lost.append(line["lost"])
             elif "told" in line:
                 self._told = line["told"]
             elif progress is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,21 @@ _FITTED = {
 }
 
 _OWNER = "the cage's motion (put a ModalSolver before it)"
+
+
+class Analysis(NamedTuple):
+    """What another solver is to work out: a model, how many modes, and under what it bends."""
+
+    title: str
+    model: Model
+    #: How many modes, the lowest first.
+    modes: int
+    #: Acceleration of gravity of the static step [m/s²], (3,).
+    gravity: FloatArray
+    #: Its other forces on the vertices [N], (V, 3).
+    forces: FloatArray
+    #: What the scene has besides, and this does not, in sentences.
+    left_out: list[str]
 
 
 def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:

@@ -2,7 +2,8 @@
 
 ``python -m spacemap_vtk.draw.order`` is a process of its own that can be ended at any moment. It
 reads an order as JSON from its standard input, see `as_text`, and prints a line of JSON for each
-step: ``{"done": 3, "of": 50}``, and at last ``{"told": ...}``, or ``{"error": ...}`` if it fails.
+step: ``{"done": 3, "of": 50}``, ``{"lost": ...}`` for what the file cannot hold, and at last
+``{"told": ...}``, or ``{"error": ...}`` if it fails.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
 
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
+#: Told in a sentence what a file cannot hold.
+Lose = Callable[[str], object]
 
 
 @dataclass
@@ -126,7 +129,9 @@ class Order:
             )
 
 
-def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str:
+def carry_out(
+    order: Order, scene: Scene, tell: Tell, whole: bool = True, lose: Lose | None = None
+) -> str:
     """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
     if order.what == "film":
         return _write_film(order, scene, tell, whole)
@@ -138,7 +143,7 @@ def carry_out(order: Order, scene: Scene, tell: Tell, whole: bool = True) -> str
         return ""
     if order.what in ("moving", "modes") and not order.numbered:
         return _write_moving(order, scene, tell, whole)
-    return _write_data(order, scene, tell, whole)
+    return _write_data(order, scene, tell, whole, lose or scene.warn)
 
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
@@ -196,7 +201,7 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
         return write_film(file, format_, scene, job, kept, tell, order.workers)
 
 
-def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
+def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose) -> str:
     format_ = writer(order.output, order.what)
     times = _moments(order, scene) if order.lasts else order.times or [scene.view.time]
     steps = len(times) + 1
@@ -206,7 +211,7 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
         content = _at(order, scene, times[0])
         tell(1, steps)
         for text in format_.loses(content) if format_.loses else ():
-            scene.warn(text)
+            lose(text)
         with _file(order, whole) as file:
             format_.write(file, content)
         tell(steps, steps)
@@ -243,7 +248,7 @@ def _at(order: Order, scene: Scene, time: float) -> Any:
         from spacemap_vtk.draw.moving import moving
 
         return moving(scene, [time], order.tolerance, lambda *_: None)
-    if order.what == "draft":  # which needs no room for its yarns
+    if order.what in ("draft", "analysis"):  # a draft needs no room for its yarns
         return scene.data(order.what)
     # Of a cage nothing below it is needed.
     scene.update_stage(scene.deforming if order.what == "cage" else scene.stages[-1], time)
@@ -332,7 +337,11 @@ def main() -> None:
             if order.what != "draft":
                 scene.check()
             told = carry_out(
-                order, scene, lambda done, of: _say({"done": done, "of": of}), whole=False
+                order,
+                scene,
+                lambda done, of: _say({"done": done, "of": of}),
+                whole=False,
+                lose=lambda text: _say({"lost": text}),
             )
             _say({"told": told})
     except Exception as error:

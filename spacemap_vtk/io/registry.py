@@ -39,6 +39,7 @@ DATA = {
     "draft": "Weaver's draft",
     "moving": "Surface that moves",
     "modes": "Mode shapes",
+    "analysis": "Cage for other solvers",
 }
 #: What is drawn and written, and what its writers take after the file.
 DRAWN = {

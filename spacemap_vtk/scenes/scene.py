@@ -412,11 +412,11 @@ class Scene:
         Parameters
         ----------
         kind : str
-            ``"patches"``, ``"surface"``, ``"cage"`` or ``"draft"``.
+            ``"patches"``, ``"surface"``, ``"cage"``, ``"draft"`` or ``"analysis"``.
 
         Returns
         -------
-        vtkDataSet or Draft
+        vtkDataSet, Draft or Analysis
             The pipeline's own.
 
         Raises
@@ -424,6 +424,10 @@ class Scene:
         InputError
             If the scene has no cage, or no draft that can be read.
         """
+        if kind == "analysis":
+            from spacemap_vtk.scenes.for_solvers import analysis
+
+            return analysis(self)
         if kind in ("patches", "surface"):
             return self.patches if kind == "patches" else self.polygons
         return self.deformed_cage if kind == "cage" else self.draft

@@ -1,0 +1,139 @@
+"""Input files of CalculiX and Abaqus (.inp): a cage's modes, and its static state under loads.
+
+CalculiX integrates the consistent mass of linear tetrahedra with one point, of quadratic ones with
+four: too few, so that its frequencies come near ours only as the cage is made finer. A lumped mass
+is written as point masses, and there they are the same. It reads no number beyond 20 characters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.io.registry import writes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from spacemap_vtk.datasets.modal_model import Analysis
+    from spacemap_vtk.mechanics.model import Model
+
+#: Nodes of a tetrahedron whose first two corners are swapped, which turns it inside out.
+_TURNED = {4: [1, 0, 2, 3], 10: [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]}
+#: Share of the density that the tetrahedra keep where their mass lies on the vertices: none at all
+#: is refused.
+_NO_MASS = 1e-12
+_AXES = "*ORIENTATION, NAME=FABRIC\n1., 0., 0., 0., 1., 0."
+
+
+_MASS = (
+    "CalculiX integrates a consistent mass with few points, so that its frequencies differ in a "
+    'coarse cage: with [modal] mass = "lumped" they are the same'
+)
+
+
+def _left_out(analysis: Analysis) -> list[str]:
+    return [*analysis.left_out, *([] if analysis.model.lumped else [_MASS])]
+
+
+@writes(".inp", label="CalculiX and Abaqus", holds=("analysis",), loses=_left_out)
+def write_inp(file: Path, analysis: Analysis) -> None:
+    """Write mesh, materials, supports and loads, and the steps that solve for them."""
+    from spacemap_vtk.io.output import write
+
+    write(file, (f"{line}\n".encode() for line in _lines(analysis)))
+
+
+def _lines(analysis: Analysis) -> Iterator[str]:
+    import numpy as np
+
+    model = analysis.model
+    yield f"** {' '.join(analysis.title.split())} (spacemap_vtk)"
+    yield "** Units: m, kg, s, N, Pa; frequencies in 1/s. x is the weft, y the warp, z upwards."
+    yield from (f"** Note: {text}." for text in _left_out(analysis))
+    yield "*NODE, NSET=ALL"
+    yield from _numbered(model.points)
+    yield from _elements(model)
+    yield "*BOUNDARY"
+    held = ~model.free.reshape(-1, 3)
+    for node in np.flatnonzero(held.any(axis=1)):
+        yield from (f"{node + 1}, {axis + 1}" for axis in np.flatnonzero(held[node]))
+    # Its solver for eigenvalues finds no more.
+    most = max(1, int(model.free.sum()) - 2)
+    yield f"*STEP\n*FREQUENCY\n{min(analysis.modes, most)}\n*NODE FILE\nU\n*END STEP"
+    gravity, forces = analysis.gravity, analysis.forces
+    if gravity.any() and model.lumped:
+        forces = forces + np.outer(model.nodal_mass, gravity)
+    loaded = np.argwhere(np.where(held, 0.0, forces) != 0)
+    heavy = gravity.any() and not model.lumped
+    if not heavy and not len(loaded):
+        return
+    yield "*STEP\n*STATIC"
+    if heavy:
+        size = float(np.linalg.norm(gravity))
+        yield f"*DLOAD\nCAGE, GRAV, {_row([size, *gravity / size])}"
+    if len(loaded):
+        yield "*CLOAD"
+        yield from (f"{node + 1}, {axis + 1}, {forces[node, axis]:.13g}" for node, axis in loaded)
+    yield "*NODE FILE\nU\n*EL FILE\nS\n*END STEP"
+
+
+def _elements(model: Model) -> Iterator[str]:
+    """Yield tetrahedra and materials, one for each pair of factors of stiffness and density."""
+    import numpy as np
+
+    cells, nodes = model.cells.copy(), model.cells.shape[1]
+    edges = model.points[cells[:, 1:4]] - model.points[cells[:, :1]]
+    turned = np.linalg.det(edges) < 0
+    cells[turned] = cells[turned][:, _TURNED[nodes]]
+    one = np.ones(len(cells))
+    given = model.fittings.stiffness_factors, model.fittings.mass_factors
+    factors = np.stack([one if each is None else each for each in given], axis=1)
+    kinds, which = np.unique(factors, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    density = model.density * (_NO_MASS if model.lumped else 1.0)
+    for kind in range(1, len(kinds) + 1):
+        yield f"*ELEMENT, TYPE=C3D{nodes}, ELSET=PART{kind}"
+        for number in np.flatnonzero(which == kind - 1):
+            yield f"{number + 1}, " + ", ".join(map(str, cells[number] + 1))
+    yield "*ELSET, ELSET=CAGE\n" + "\n".join(f"PART{k}," for k in range(1, len(kinds) + 1))
+    yield _AXES
+    for kind, (stiff, heavy) in enumerate(kinds, 1):
+        yield f"*MATERIAL, NAME=MATERIAL{kind}"
+        yield from _elastic(stiff * model.elasticity)
+        yield f"*DENSITY\n{heavy * density:.13g}"
+        yield f"*SOLID SECTION, ELSET=PART{kind}, MATERIAL=MATERIAL{kind}, ORIENTATION=FABRIC"
+    if model.lumped:
+        # A set for each size that occurs: CalculiX looks through all of them for each.
+        sizes, which = np.unique([f"{mass:.13g}" for mass in model.nodal_mass], return_inverse=True)
+        for kind, size in enumerate(sizes, 1):
+            yield f"*ELEMENT, TYPE=MASS, ELSET=MASS{kind}"
+            for node in np.flatnonzero(which.reshape(-1) == kind - 1) + 1:
+                yield f"{len(cells) + node}, {node}"
+            yield f"*MASS, ELSET=MASS{kind}\n{size}"
+
+
+def _elastic(elasticity: NDArray[Any]) -> Iterator[str]:
+    """Yield a material's constants: E and ν, or three of each and three shear moduli."""
+    import numpy as np
+
+    from spacemap_vtk.mechanics.materials import isotropic
+
+    compliance = np.linalg.inv(elasticity)
+    young = 1 / np.diag(compliance)[:3]
+    ratios = [-compliance[i, j] * young[i] for i, j in ((0, 1), (0, 2), (1, 2))]
+    if np.allclose(elasticity, isotropic(young[0], ratios[0]), rtol=1e-10, atol=0):
+        yield f"*ELASTIC\n{_row([young[0], ratios[0]])}"
+    else:
+        shear = elasticity[[5, 4, 3], [5, 4, 3]]
+        yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
+        yield f"{_row([*young, *ratios, *shear[:2]])}\n{_row(shear[2:])}"
+
+
+def _numbered(rows: NDArray[Any]) -> Iterator[str]:
+    return (f"{number}, {_row(row)}" for number, row in enumerate(rows.tolist(), 1))
+
+
+def _row(values: Any) -> str:
+    return ", ".join(f"{value:.13g}" for value in values)

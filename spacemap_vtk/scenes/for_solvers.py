@@ -1,0 +1,87 @@
+"""A scene's cage as other solvers take it: refused where they would find something else."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spacemap_vtk.datasets.modal_model import Analysis, ModesReader, gravity_in
+from spacemap_vtk.errors import InputError, naming_section
+from spacemap_vtk.filters.loaded_cage import LoadedCage
+from spacemap_vtk.filters.modal_solver import ModalSolver
+
+if TYPE_CHECKING:
+    from spacemap_vtk.mechanics.model import Model
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Time functions that end at a value which stays, and when they have [s].
+_LASTING, _LATE = ("step", "ramp", "table"), 1e9
+#: Parameters of what is fitted to a cage, by the field of `Fittings`, that are not written.
+_FITTED = {
+    "normals": "fixed",
+    "bodies": "rigid",
+    "springs": "springs",
+    "masses": "masses",
+}
+
+
+def analysis(scene: Scene) -> Analysis:
+    """Return a scene's model and loads; its modes are computed first, with all their warnings."""
+    solver, mover = scene.stage("solver"), scene.stage("mover")
+    if not isinstance(solver, ModalSolver):
+        raise InputError(
+            "this scene has no cage whose modes are computed",
+            key="modal",
+            cure="Add the sections [cage] and [modal].",
+        )
+    scene.update_stage(solver)
+    modes = ModesReader().read(solver.output)
+    with scene.naming_file(), naming_section("modal"):
+        _refuse(modes.model)
+    forces, left_out = np.zeros(modes.model.points.size), []
+    gravity = np.zeros(3)
+    if isinstance(mover, LoadedCage):
+        gravity = mover.gravity_on(solver.output) - gravity_in(solver.output)
+        vectors = mover.load_vectors(solver.output, modes)
+        for number, load in enumerate(mover.loads):
+            vector = vectors[len(vectors) - len(mover.loads) + number]
+            if load.action == "base_displacement" or load.time not in _LASTING:
+                kind = load.action.replace("_", " ")
+                left_out.append(
+                    f"loads[{number}], a {kind} ({load.time}), is not in the static step"
+                )
+            else:
+                forces += load.function.value(_LATE) * modes.force(vector)
+        left_out += mover.far_loads(modes)
+    if modes.model.rigid.shape[1] and (gravity.any() or forces.any()):
+        left_out.append("nothing holds the cage, so that there is no static step")
+        gravity, forces = np.zeros(3), np.zeros_like(forces)
+    count = len(modes.eigenvalues)
+    return Analysis(scene.title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
+
+
+def _refuse(model: Model) -> None:
+    """Refuse what tetrahedra of a material, held along axes, are not."""
+    if model.plate is not None:
+        raise InputError(
+            "the cage is a sheet, whose elements other solvers do not have",
+            key="elements",
+            cure='Make it a solid: "--set modal.elements=tetrahedra", best with "--set '
+            'cage.order=2".',
+        )
+    if model.displacement is not None:
+        raise InputError(
+            "the cage hangs, and its modes are those about that equilibrium",
+            key="gravity",
+            cure='Let it begin undeformed: "--set modal.hang=false".',
+        )
+    for name, key in _FITTED.items():
+        if name in model.fittings.given:
+            raise InputError(
+                "springs, masses, rigid places and slanted supports are not written",
+                key=key,
+                cure=f'Leave them out: "--set modal.{key}=".'
+                if key != "fixed"
+                else "Hold places along x, y and z.",
+            )
