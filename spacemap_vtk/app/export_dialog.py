@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.settings import Animation
+from spacemap_vtk.units import format_quantity
 
 
 class ExportDialog(QDialog):
@@ -96,7 +97,7 @@ class TimesDialog(QDialog):
             form.addRow(label, line)
         self.told = QLabel()
         self.told.setWordWrap(True)
-        self.told.setMinimumWidth(340)
+        self.told.setMinimumSize(340, 3 * self.told.fontMetrics().lineSpacing())
         form.addRow(self.told)
         buttons = QDialogButtonBox(
             QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Cancel
@@ -115,6 +116,8 @@ class TimesDialog(QDialog):
             apart = self._animation.speed / self._animation.frames_per_second
             many = len(self.times) > 1
             words = f"{len(self.times)} times, {1000 * apart:.4g} ms apart" if many else "1 time"
+            if self._animation.speed != 1.0:
+                words += f"; a second of film is {format_quantity(self._animation.speed, 's')}"
         except InputError as error:
             self.times, words = [], str(error)
         self.told.setText(words)
