@@ -233,7 +233,7 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
         if order.numbered:
             for number, (_, content) in enumerate(series(file.parent)):
                 for text in format_.loses(content) if format_.loses and not number else ():
-                    scene.warn(text)
+                    lose(text)
                 format_.write(file.with_name(file.name % number), content)
         else:
             format_.write(file, series(file.parent))
