@@ -77,7 +77,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("render plain_weave -q -o a.png --set view.size=[64,48]", _PICTURES),
         ("animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.01", _PICTURES),
         ("export plain_weave -q -o a.vtu", _FILTERS),
-        ("export plain_weave -q -o a.ply", _FILTERS),
+        ("export plain_weave -q -o a.stl", _FILTERS),
         ("modes plain_weave -q --json", _FILTERS),
         ("modes plain_weave -q --plot a.png --set modal.modes=6", _PICTURES),
         ("plot plain_weave -q -o a.png", {*_FILTERS, "matplotlib"}),

@@ -29,6 +29,7 @@ from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.sweep import Tubes
 from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io.polygons import require_work
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
@@ -52,6 +53,8 @@ _SMALLER = {
 }
 
 #: Where what has no normal faces.
+#: Bytes that cutting a surface into triangles of one look takes, of each of its polygons.
+_WORK = 430
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
 Tell = Callable[[int, int], object]
@@ -282,6 +285,7 @@ def _settle_colors(scene: Scene) -> None:
 
 def _still(scene: Scene, surface: vtkPolyData) -> tuple[MovingSurface, Rows]:
     """Return a surface without its motion, and which of its points are written."""
+    require_work(surface, _WORK, "triangles with colours")
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)

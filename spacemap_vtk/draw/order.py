@@ -34,9 +34,11 @@ if TYPE_CHECKING:
     from spacemap_vtk.draw.picture import Image
     from spacemap_vtk.scenes.scene import Scene
 
+#: Data that are one moment of what moves.
+_MOMENTS = ("painted", "yarns")
 #: Data that are others at another time, and what in a file's name stands for a number, or is
 #: meant to.
-_CHANGING = ("patches", "surface", "cage", "moving")
+_CHANGING = ("patches", "surface", "cage", "moving", *_MOMENTS)
 _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
 
 #: Told how many steps are done, and of how many; it may raise, to end the work.
@@ -244,7 +246,7 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
 
 def _at(order: Order, scene: Scene, time: float) -> Any:
     """Return what is written, at a time."""
-    if order.what == "moving":
+    if order.what in ("moving", *_MOMENTS):
         from spacemap_vtk.draw.moving import moving
 
         return moving(scene, [time], order.tolerance, lambda *_: None)

@@ -40,6 +40,8 @@ DATA = {
     "moving": "Surface that moves",
     "modes": "Mode shapes",
     "analysis": "Cage for other solvers",
+    "painted": "Surface with its colours",
+    "yarns": "Middles of the yarns",
 }
 #: What is drawn and written, and what its writers take after the file.
 DRAWN = {

@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reads
+from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+    from spacemap_vtk.datasets.moving_surface import MovingSurface
     from spacemap_vtk.io.texture_atlas import Material, Paint, Painted
+
+#: Bytes that the text takes while it is made, of each triangle.
+_WORK = 470
 
 
 @reads(".obj", label="Wavefront OBJ", holds="mesh")
@@ -99,3 +103,38 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
         if material.picture is not None:
             material.color = (1.0, 1.0, 1.0)
     return found
+
+
+@writes(".obj", label="Wavefront OBJ", holds=("painted",))
+def write_obj(file: Path, surface: MovingSurface) -> None:
+    """Write triangles in a group for each part, and a file of materials beside it."""
+    import numpy as np
+
+    from spacemap_vtk.io.output import write
+    from spacemap_vtk.memory import require
+
+    require(
+        _WORK * len(surface.triangles),
+        f"to write {len(surface.triangles)} triangles as .obj",
+        cure="Lower surface.subdivisions, or write a .ply.",
+    )
+    library = file.with_suffix(".mtl")
+    points, rows = surface.points.tolist(), surface.colors / 255.0
+    if surface.painted:  # as MeshLab and Blender read them
+        points = np.hstack([surface.points, rows]).tolist()
+    lines = ["# by spacemap_vtk; lengths in m", f"mtllib {library.name}"]
+    lines += ["v " + " ".join(f"{x:.9g}" for x in point) for point in points]
+    if surface.normals is not None:
+        lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in surface.normals.tolist()]
+    corner = "{0}" if surface.normals is None else "{0}//{0}"
+    looks = []
+    for shade in surface.materials:
+        # a "#" begins a comment
+        name = shade.name.replace(" ", "_").replace("#", "")
+        color = [1.0, 1.0, 1.0] if surface.painted else rows[shade.points][0].tolist()
+        looks += [f"newmtl {name}", "Kd " + " ".join(f"{x:.6g}" for x in color), ""]
+        faces = surface.triangles[shade.points[surface.triangles[:, 0]]] + 1
+        lines += [f"g {shade.name.partition(' #')[0]}", f"usemtl {name}"]
+        lines += ["f " + " ".join(corner.format(at) for at in face) for face in faces.tolist()]
+    write(library, ["\n".join(looks).encode()])
+    write(file, ["\n".join(lines).encode(), b"\n"])

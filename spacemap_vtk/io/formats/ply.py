@@ -1,4 +1,4 @@
-"""PLY: polygons with their normals and texture coordinates.
+"""PLY: polygons with normals and texture coordinates, or triangles with normals and colours.
 
 VTK's writer writes nowhere but to a disk, and does not tell when that is full; this one makes the
 file in memory.
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
     from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    from spacemap_vtk.datasets.moving_surface import MovingSurface
 
 #: Bytes that making the file takes beside the surface, of each of its polygons.
 _WORK = 125
@@ -136,19 +138,48 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
         vertices[:, at : at + len(names)] = values[:, : len(names)]
     # A polygon is the number of its corners, in one byte if that can hold it, then which they are.
     size = "u1" if counts.max(initial=0) < 256 else "<i4"
-    head = "\n".join(
-        [
-            "ply",
-            "format binary_little_endian 1.0",
-            "comment by spacemap_vtk",
-            f"element vertex {len(vertices)}",
-            *(f"property float {name}" for name in columns),
-            f"element face {len(counts)}",
-            f"property list {_SIZES[size]} int vertex_indices",
-            "end_header\n",
-        ]
-    )
-    write(file, [head.encode(), vertices, _faces(counts, corners, size)])
+    properties = [f"property float {name}" for name in columns]
+    head = _head(len(vertices), properties, len(counts), size)
+    write(file, [head, vertices, _faces(counts, corners, size)])
+
+
+# The last to be registered: what is written where nothing else is asked for.
+@writes(".ply", label="PLY", holds=("painted",))
+def write_painted_ply(file: Path, surface: MovingSurface) -> None:
+    """Write triangles in binary, of which each point has its colour."""
+    import numpy as np
+
+    from spacemap_vtk.io.output import write
+
+    kinds: list[Any] = [("point", "<f4", 3), ("normal", "<f4", 3), ("color", "u1", 3)]
+    if surface.normals is None:
+        del kinds[1]
+    vertices = np.empty(len(surface.points), kinds)
+    vertices["point"], vertices["color"] = surface.points, surface.colors
+    if surface.normals is not None:
+        vertices["normal"] = surface.normals
+    names = {"point": "float x y z", "normal": "float nx ny nz", "color": "uchar red green blue"}
+    properties = []
+    for kind in kinds:
+        form, *columns = names[kind[0]].split()
+        properties += [f"property {form} {name}" for name in columns]
+    faces = surface.triangles.astype("<i4")
+    head = _head(len(vertices), properties, len(faces), "u1")
+    write(file, [head, vertices, _alike(faces, "u1")])
+
+
+def _head(vertices: int, properties: list[str], faces: int, size: str) -> bytes:
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment by spacemap_vtk",
+        f"element vertex {vertices}",
+        *properties,
+        f"element face {faces}",
+        f"property list {_SIZES[size]} int vertex_indices",
+        "end_header\n",
+    ]
+    return "\n".join(lines).encode()
 
 
 def _faces(counts: NDArray[Any], corners: NDArray[Any], size: str) -> NDArray[Any]:

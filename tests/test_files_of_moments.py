@@ -1,0 +1,84 @@
+"""Files of one moment for other programs (.obj, .ply, .csv), read back by VTK and numpy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from scipy.spatial import cKDTree
+
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.scene import Scene
+
+TIME = 0.1
+
+
+def exported(file: Path, color: str = "own") -> pv.PolyData:
+    """Write a banner that swings as it is after a while; return its surface."""
+    scene = Scene.read("plain_weave")
+    scene.set("surface.subdivisions=3")
+    scene.set(f"view.color={color}")
+    carry_out(Order("", file, [TIME]), scene, lambda *_: None)
+    scene.update(TIME)
+    return pv.wrap(scene.polygons).copy()
+
+
+def areas(mesh: pv.PolyData, of: np.ndarray) -> list[float]:
+    sizes = mesh.triangulate().compute_cell_sizes(length=False, volume=False)["Area"]
+    return [float(sizes[of == kind].sum()) for kind in range(2)]
+
+
+@pytest.mark.parametrize("color", ["own", "family"])
+def test_obj_and_ply_have_normals_groups_and_colours(tmp_path: Path, color: str) -> None:
+    surface = exported(tmp_path / "cloth.obj", color).triangulate()
+    exported(tmp_path / "cloth.ply", color)
+    found = pv.read(tmp_path / "cloth.obj")
+    np.testing.assert_allclose(
+        areas(found, found["GroupIds"].astype(int)), areas(surface, surface["family"]), rtol=1e-5
+    )
+    np.testing.assert_allclose(found.bounds, surface.bounds, atol=1e-9)
+    told = (tmp_path / "cloth.mtl").read_text().split()
+    assert [told[i + 1].split("_")[0] for i, w in enumerate(told) if w == "newmtl"] == [
+        "warp",
+        "weft",
+    ]
+    painted = pv.read(tmp_path / "cloth.ply")
+    assert painted.n_points == found.n_points
+    assert painted.n_cells == found.n_cells
+    np.testing.assert_allclose(painted.points, found.points, atol=1e-9)
+    for mesh in (painted, found):  # outwards, as the corners go round
+        corners = mesh.regular_faces
+        across = mesh.compute_normals(
+            cell_normals=True, point_normals=False, consistent_normals=False
+        )["Normals"]
+        given = np.asarray(mesh.GetPointData().GetNormals())[corners].sum(axis=1)
+        assert (np.einsum("nk,nk->n", across, given) > 0).mean() > 0.999
+    kinds, number = np.unique(np.asarray(painted["RGB"]), axis=0, return_inverse=True)
+    places = [i for i, word in enumerate(told) if word == "Kd"]
+    written = np.array([[float(w) for w in told[i + 1 : i + 4]] for i in places])
+    np.testing.assert_array_equal(kinds, np.unique(np.round(255 * written), axis=0))
+    if color == "family":
+        assert kinds.tolist() == [[0x2F, 0x7F, 0xB0], [0xE2, 0xA0, 0x3F]]
+    of_cells = number.reshape(-1)[painted.regular_faces[:, 0]]
+    assert sorted(areas(painted, of_cells)) == pytest.approx(
+        sorted(areas(surface, surface["family"])), rel=1e-5
+    )
+
+
+def test_csv_has_the_middles_of_the_yarns(tmp_path: Path) -> None:
+    surface = exported(tmp_path / "yarns.csv")
+    table = np.genfromtxt(tmp_path / "yarns.csv", delimiter=",", skip_header=1)
+    head = (tmp_path / "yarns.csv").read_text().partition("\n")[0]
+    assert head == "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
+    assert len(np.unique(table[:, 0])) == 14
+    # The curve goes through the first of three: half a yarn away from its surface.
+    on = table[(table[:, 1] % 3 == 0) & (table[:, 1] > 0)]
+    distance = cKDTree(surface.points).query(on[:, 2:5])[0]
+    np.testing.assert_allclose(distance[5:-5].mean(), on[:, 5].mean() / 2, rtol=0.05)
+    pv.Sphere().save(tmp_path / "sphere.stl")
+    scene = Scene({"object": {"file": str(tmp_path / "sphere.stl")}})
+    with pytest.raises(InputError, match="no yarns"):
+        carry_out(Order("", tmp_path / "a.csv"), scene, lambda *_: None)
