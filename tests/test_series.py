@@ -19,7 +19,6 @@ from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
-from spacemap_vtk.io.hdf5 import Hdf5Writer
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -111,31 +110,6 @@ def test_a_file_of_all_times_has_what_stays_once(scene: Scene, tmp_path: Path) -
     large, small = ((tmp_path / f"{name}.vtkhdf").stat().st_size for name in ("cloth", "one"))
     moving = 2 * scene.polygons.GetNumberOfPoints() * 3 * 3 * 4
     assert 0 < large - small - moving < 5000
-
-
-def test_tables_of_any_size_and_number_are_hdf5(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
-    rng = np.random.default_rng(1)
-    tables = {
-        f"a/{number}": rng.integers(0, 100, (200, 3, 2)).astype(kind)
-        for number, kind in enumerate(["u1", "i2", "<i4", ">i8", "f4", ">f8"] * 20)
-    }
-    with (tmp_path / "x.h5").open("wb") as stream:
-        made = Hdf5Writer(stream)
-        for step in range(200):
-            for name, table in tables.items():
-                assert made.add(name, table[step]) == 3 * step
-                assert made.add(name, table[step]) == 3 * step  # the same once more
-        made.tell("a", text="ä", number=-1, several=np.array([1, 2]))
-        with pytest.raises(InputError, match="a/0 has 2 rows where it had 3"):
-            made.add("a/0", np.zeros((2, 2), np.uint8))
-        made.close()
-    with h5py.File(tmp_path / "x.h5") as file:
-        assert dict(file["a"].attrs)["text"].decode() == "ä"
-        assert file["a"].attrs["number"] == -1
-        for name, table in tables.items():
-            np.testing.assert_array_equal(file[name][...], table.reshape(600, 2))
-            assert file[name].dtype.newbyteorder("=") == table.dtype.newbyteorder("=")
 
 
 def test_any_format_is_numbered(scene: Scene, tmp_path: Path) -> None:

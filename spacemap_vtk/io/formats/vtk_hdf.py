@@ -1,16 +1,22 @@
-"""VTK's files in HDF5, with one time or many."""
+"""VTK's files in HDF5, with one time or many.
+
+VTK's own writer repeats what stays the same at each time, knows times in single precision only, and
+must not be let near a disk (`spacemap_vtk.io.output`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from vtkmodules.vtkCommonCore import vtkDataArray
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkDataSet
 
     from spacemap_vtk.io.series import MeshSeries
@@ -39,49 +45,130 @@ def open_hdf(path: Path) -> MeshSeries:
     return ReaderSeries(path, vtkHDFReader())
 
 
-@writes(".vtkhdf", label="VTK HDF5", holds=("surface", "cage"), times=True)
+def _require(file: Path) -> None:
+    from importlib.util import find_spec
+
+    if find_spec("h5py") is None:
+        raise MissingLibraryError(
+            f"{file.name}: {file.suffix} needs the package h5py",
+            cure="Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.",
+        )
+
+
+@writes(".vtkhdf", label="VTK HDF5", holds=("surface", "cage"), times=True, require=_require)
 def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     """Write points, cells and their arrays at some times; what stays the same is there once."""
-    import numpy as np
+    import h5py
 
-    from spacemap_vtk.io.hdf5 import Hdf5Writer
+    with _Sink(file, "w+") as sink:
+        with h5py.File(sink, "w") as made:
+            _fill(made, file.name, steps, sink)
+        sink.check()
+
+
+class _Sink(FileIO):
+    """A file that says when asked that its disk is full: HDF5 ends Python where a write fails."""
+
+    error: OSError | None = None
+
+    def write(self, data: Any, /) -> int:
+        left = memoryview(data).cast("B")
+        try:
+            while left and self.error is None:
+                left = left[super().write(left) :]
+        except OSError as error:
+            self.error = error
+        return len(data)
+
+    def truncate(self, size: int | None = None, /) -> int:
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.error = error
+            return size or 0
+
+    def check(self) -> None:
+        if self.error is not None:
+            raise self.error
+
+
+def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: _Sink) -> None:
+    import numpy as np
 
     times: list[float] = []
     begin: dict[str, list[int]] = {}
-    with file.open("wb") as stream:
-        made = Hdf5Writer(stream)
-        for time, data in steps:
-            times.append(time)
-            for name, rows in _tables(data, made if len(times) == 1 else None):
-                begin.setdefault(name, []).append(made.add(f"VTKHDF/{name}", rows))
-            stream.flush()  # whoever counts what it takes finds it
-        count = len(times)
-        for name, starts in begin.items():
-            if len(starts) < count or (max(starts) and not name.startswith(_MOVING)):
-                raise InputError(
-                    f"{file.name}: {name} is another at another time",
-                    cure="Write a .pvd: its files need not be alike.",
-                )
-        kinds = [f"{kind}/" for kind in _CELLS] if data.IsA("vtkPolyData") else [""]
-        steps_of = {
-            "Values": np.array(times),
-            "NumberOfParts": np.ones(count, np.int64),
-            "PartOffsets": np.zeros(count, np.int64),
-            "PointOffsets": np.array(begin["Points"]),
-            "CellOffsets": np.zeros((count, len(kinds)), np.int64),
-            "ConnectivityIdOffsets": np.zeros((count, len(kinds)), np.int64),
-        }
-        for name, starts in begin.items():
-            table, _, array = name.partition("/")
-            if table in ("PointData", "CellData"):
-                steps_of[f"{table}Offsets/{array}"] = np.array(starts)
-        for name, rows in steps_of.items():
-            made.add(f"VTKHDF/Steps/{name}", rows)
-        made.tell("VTKHDF/Steps", NSteps=count)
-        made.close()
+    digests: dict[str, bytes] = {}
+    root = made.create_group("VTKHDF")
+    for time, data in steps:
+        times.append(time)
+        for place, rows in _tables(data):
+            begin.setdefault(place, []).append(_add(root, digests, place, rows))
+        made.flush()  # whoever counts what it takes finds it
+        sink.check()
+    _describe(root, data)
+    count = len(times)
+    for place, starts in begin.items():
+        if len(starts) < count or (max(starts) and not place.startswith(_MOVING)):
+            raise InputError(
+                f"{name}: {place} is another at another time",
+                cure="Write a .pvd: its files need not be alike.",
+            )
+    kinds = len(_CELLS) if data.IsA("vtkPolyData") else 1
+    told = root.create_group("Steps")
+    told.attrs["NSteps"] = count
+    told["Values"] = np.array(times)
+    told["NumberOfParts"] = np.ones(count, np.int64)
+    told["PartOffsets"] = np.zeros(count, np.int64)
+    told["PointOffsets"] = np.array(begin["Points"])
+    told["CellOffsets"] = np.zeros((count, kinds), np.int64)
+    told["ConnectivityIdOffsets"] = np.zeros((count, kinds), np.int64)
+    for place, starts in begin.items():
+        table, _, array = place.partition("/")
+        if table in ("PointData", "CellData"):
+            told[f"{table}Offsets/{array}"] = np.array(starts)
 
 
-def _tables(data: vtkDataSet, first: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
+    """Add rows to a table, unless they are its last ones; return the first one's number."""
+    from hashlib import blake2b
+
+    import numpy as np
+
+    digest = blake2b(np.ascontiguousarray(rows).data).digest()
+    if name not in root:
+        # a piece of the table is what is read of it: a time
+        shape = len(rows) or 1, *rows.shape[1:]
+        root.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=shape)
+    elif digest != digests[name]:
+        table = root[name]
+        if rows.shape[1:] != table.shape[1:] or len(rows) != table.chunks[0]:
+            raise InputError(
+                f"{name} has {len(rows)} rows where it had {table.chunks[0]}",
+                cure="Write a .pvd: its files need not be alike.",
+            )
+        table.resize(len(table) + len(rows), axis=0)
+        table[-len(rows) :] = rows
+    digests[name] = digest
+    return max(0, len(root[name]) - len(rows))
+
+
+def _describe(root: Any, data: vtkDataSet) -> None:
+    """Say what is in the file as VTK's reader asks for it."""
+    import numpy as np
+
+    kind = "PolyData" if data.IsA("vtkPolyData") else "UnstructuredGrid"
+    root.attrs["Version"] = np.array([2, 0])
+    root.attrs["Type"] = np.bytes_(kind)
+    normals = data.GetPointData().GetNormals()
+    if normals is not None:
+        root[_place("PointData", normals)].attrs["Attribute"] = np.bytes_("Normals")
+
+
+def _place(table: str, array: vtkDataArray) -> str:
+    return f"{table}/{array.GetName().replace('/', '_')}"
+
+
+def _tables(data: vtkDataSet) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield what there is at a time, by its place in the file."""
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -103,13 +190,7 @@ def _tables(data: vtkDataSet, first: Any) -> Iterator[tuple[str, NDArray[Any]]]:
         for number in range(table.GetNumberOfArrays()):
             array = table.GetArray(number)
             if array is not None:  # of numbers
-                name = f"{kind}/{array.GetName().replace('/', '_')}"
-                yield name, vtk_to_numpy(array)
-                if first is not None and array is table.GetNormals():
-                    first.tell(f"VTKHDF/{name}", Attribute="Normals")
-    if first is not None:
-        what = "PolyData" if surface else "UnstructuredGrid"
-        first.tell("VTKHDF", Version=np.array([2, 0]), Type=what)
+                yield _place(kind, array), vtk_to_numpy(array)
 
 
 def _cells(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]]:
