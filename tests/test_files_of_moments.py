@@ -1,13 +1,15 @@
-"""Files of one moment for other programs (.obj, .ply, .csv), read back by VTK and numpy."""
+"""Files of one moment for other programs (.obj, .ply, .csv), read back by VTK, meshio and numpy."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import pyvista as pv
 from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonCore import reference
 
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
@@ -82,3 +84,22 @@ def test_csv_has_the_middles_of_the_yarns(tmp_path: Path) -> None:
     scene = Scene({"object": {"file": str(tmp_path / "sphere.stl")}})
     with pytest.raises(InputError, match="no yarns"):
         carry_out(Order("", tmp_path / "a.csv"), scene, lambda *_: None)
+
+
+@pytest.mark.parametrize("exact", ["false", "true"])
+def test_the_documented_reader_of_patches_finds_what_vtk_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, exact: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scene = Scene.read("plain_weave")
+    scene.set(f"weave.exact={exact}")
+    carry_out(Order("", Path("cloth.vtu"), [TIME]), scene, lambda *_: None)
+    text = (Path(__file__).parents[1] / "docs" / "files.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(text.rpartition("```python\n")[2].partition("```")[0], names)
+    cells, where = pv.read("cloth.vtu"), [names["u"], names["v"], 0.0]
+    assert len(names["places"]) == cells.n_cells
+    for number in range(0, cells.n_cells, 50):
+        found, weights = [0.0] * 3, [0.0] * 16
+        cells.GetCell(number).EvaluateLocation(reference(0), where, found, weights)
+        np.testing.assert_allclose(names["places"][number], found, rtol=0, atol=1e-12)
