@@ -54,8 +54,11 @@ def analysis(scene: Scene) -> Analysis:
             else:
                 forces += load.function.value(_LATE) * modes.force(vector)
         left_out += mover.far_loads(modes)
-    if modes.model.rigid.shape[1] and (gravity.any() or forces.any()):
-        left_out.append("nothing holds the cage, so that there is no static step")
+    if modes.model.rigid.shape[1]:
+        left_out.append(
+            "the supports leave the cage free, so that there is no static step, and CalculiX "
+            "finds no modes (Abaqus does): hold it with modal.fixed"
+        )
         gravity, forces = np.zeros(3), np.zeros_like(forces)
     count = len(modes.eigenvalues)
     return Analysis(scene.title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
