@@ -18,7 +18,7 @@ import scipy.linalg as la
 from calculix import ABSENT, CCX, mesh, their_mass
 
 from spacemap_vtk.datasets.arrays import array_of
-from spacemap_vtk.datasets.modal_model import Analysis
+from spacemap_vtk.datasets.modal_model import InputDeck
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
@@ -49,7 +49,7 @@ def eigenvalues(folder, points, cells, material, held):
     model = Model(points, cells, material, DENSITY, np.repeat(held[:, None], 3, axis=1))
     nothing = np.zeros_like(points)
     file = folder / "slab.inp"
-    writer(file, "analysis").write(file, Analysis("", model, 10, nothing[0], nothing, []))
+    writer(file, "analysis").write(file, InputDeck("", model, 10, nothing[0], nothing, []))
     return calculix(file)[0][:10]
 
 
@@ -97,7 +97,7 @@ def test_factors_of_tetrahedra(tmp_path):
         fittings=Fittings(stiffness_factors=stiff, mass_factors=heavy),
     )
     file, nothing = tmp_path / "slab.inp", np.zeros_like(points)
-    writer(file, "analysis").write(file, Analysis("", model, 10, nothing[0], nothing, []))
+    writer(file, "analysis").write(file, InputDeck("", model, 10, nothing[0], nothing, []))
     ours = model.modes(10).eigenvalues * model.modulus / model.density
     np.testing.assert_allclose(calculix(file)[0][:10], ours, rtol=1e-6)
 

@@ -42,7 +42,7 @@ _FITTED = {
 _OWNER = "the cage's motion (put a ModalSolver before it)"
 
 
-class Analysis(NamedTuple):
+class InputDeck(NamedTuple):
     """What another solver is to work out: a model, how many modes, and under what it bends."""
 
     title: str

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spacemap_vtk.datasets.modal_model import Analysis, ModesReader, gravity_in
+from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_in
 from spacemap_vtk.errors import InputError, naming_section
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.modal_solver import ModalSolver
 
 if TYPE_CHECKING:
     from spacemap_vtk.mechanics.model import Model
-    from spacemap_vtk.scenes.scene import Scene
 
 #: Time functions that end at a value which stays, and when they have [s].
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9
@@ -26,18 +25,16 @@ _FITTED = {
 }
 
 
-def analysis(scene: Scene) -> Analysis:
-    """Return a scene's model and loads; its modes are computed first, with all their warnings."""
-    solver, mover = scene.stage("solver"), scene.stage("mover")
+def analysis(title: str, solver: Any, mover: Any) -> InputDeck:
+    """Return a scene's model and loads; its solver has run, with all its warnings."""
     if not isinstance(solver, ModalSolver):
         raise InputError(
             "this scene has no cage whose modes are computed",
             key="modal",
             cure="Add the sections [cage] and [modal].",
         )
-    scene.update_stage(solver)
     modes = ModesReader().read(solver.output)
-    with scene.naming_file(), naming_section("modal"):
+    with naming_section("modal"):
         _refuse(modes.model)
     forces, left_out = np.zeros(modes.model.points.size), []
     gravity = np.zeros(3)
@@ -61,7 +58,7 @@ def analysis(scene: Scene) -> Analysis:
         )
         gravity, forces = np.zeros(3), np.zeros_like(forces)
     count = len(modes.eigenvalues)
-    return Analysis(scene.title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
+    return InputDeck(title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
 
 
 def _refuse(model: Model) -> None:

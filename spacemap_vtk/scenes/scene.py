@@ -15,13 +15,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.errors import (
-    GeometryError,
-    InputError,
-    SizeError,
-    SpacemapError,
-    naming_section,
-)
+from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError, naming_section
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
@@ -37,6 +31,7 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
 from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.for_solvers import analysis
 from spacemap_vtk.scenes.settings import Animation, View
 
 P = TypeVar("P", bound=Parameterised)
@@ -416,7 +411,7 @@ class Scene:
 
         Returns
         -------
-        vtkDataSet, Draft or Analysis
+        vtkDataSet, Draft or InputDeck
             The pipeline's own.
 
         Raises
@@ -425,9 +420,11 @@ class Scene:
             If the scene has no cage, or no draft that can be read.
         """
         if kind == "analysis":
-            from spacemap_vtk.scenes.for_solvers import analysis
-
-            return analysis(self)
+            solver, mover = self.stage("solver"), self.stage("mover")
+            if solver is not None:
+                self.update_stage(solver)
+            with self.naming_file():
+                return analysis(self.title, solver, mover)
         if kind in ("patches", "surface"):
             return self.patches if kind == "patches" else self.polygons
         return self.deformed_cage if kind == "cage" else self.draft

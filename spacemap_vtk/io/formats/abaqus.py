@@ -16,7 +16,7 @@ from spacemap_vtk.io.registry import writes
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from spacemap_vtk.datasets.modal_model import Analysis
+    from spacemap_vtk.datasets.modal_model import InputDeck
     from spacemap_vtk.mechanics.model import Model
 
 #: Nodes of a tetrahedron whose first two corners are swapped, which turns it inside out.
@@ -33,19 +33,19 @@ _MASS = (
 )
 
 
-def _left_out(analysis: Analysis) -> list[str]:
+def _left_out(analysis: InputDeck) -> list[str]:
     return [*analysis.left_out, *([] if analysis.model.lumped else [_MASS])]
 
 
 @writes(".inp", label="CalculiX and Abaqus", holds=("analysis",), loses=_left_out)
-def write_inp(file: Path, analysis: Analysis) -> None:
+def write_inp(file: Path, analysis: InputDeck) -> None:
     """Write mesh, materials, supports and loads, and the steps that solve for them."""
     from spacemap_vtk.io.output import write
 
     write(file, (f"{line}\n".encode() for line in _lines(analysis)))
 
 
-def _lines(analysis: Analysis) -> Iterator[str]:
+def _lines(analysis: InputDeck) -> Iterator[str]:
     import numpy as np
 
     model = analysis.model
