@@ -52,10 +52,7 @@ def analysis(title: str, solver: Any, mover: Any) -> InputDeck:
                 forces += load.function.value(_LATE) * modes.force(vector)
         left_out += mover.far_loads(modes)
     if modes.model.rigid.shape[1]:
-        left_out.append(
-            "the supports leave the cage free, so that there is no static step, and CalculiX "
-            "finds no modes (Abaqus does): hold it with modal.fixed"
-        )
+        left_out.append("the supports leave the cage free, so that there is no static step")
         gravity, forces = np.zeros(3), np.zeros_like(forces)
     count = len(modes.eigenvalues)
     return InputDeck(title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
