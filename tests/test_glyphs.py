@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_erosion
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, points_of
@@ -196,8 +196,10 @@ def test_an_arrow_behind_the_cloth_keeps_its_colour() -> None:
     red, green, blue = np.moveaxis(images[1], 2, 0)
     # Not where it shines through a yarn, which has a shadow.
     ink = (red > green + 60) & (blue > green + 25)
+    # Nor at its edges: what has shadows is drawn large and made small, what has none by samples.
+    ink = binary_erosion(ink)
     assert ink.sum() > 20
-    assert np.abs(images[0] - images[1])[ink].max(axis=1).mean() < 6
+    assert np.abs(images[0] - images[1])[ink].max(axis=1).mean() < 3
 
 
 def test_an_arrow_behind_the_cloth_shines_through() -> None:
