@@ -1,4 +1,4 @@
-"""What comparisons with CalculiX (Debian's calculix-ccx) need: whether it is there, its mass.
+"""What comparisons with CalculiX (Debian's calculix-ccx) need: its program, its cards, its mass.
 
 Its mass is under-integrated: with one point in linear tetrahedra (a sixteenth of the mass in all
 sixteen entries), with four in quadratic ones.
@@ -26,6 +26,18 @@ def mesh(divisions, order, bounds):
     turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
     cells[turned] = cells[turned][:, [1, 0, 2, 3]]
     return with_midpoints(points, cells) if order == 2 else (points, cells)
+
+
+def cards(points, cells, held, elastic, density):
+    """Return the lines of an input file that say mesh, material and supports, in fewest words."""
+    kind = "C3D4" if cells.shape[1] == 4 else "C3D10"
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in enumerate(points.tolist(), 1)]
+    lines.append(f"*ELEMENT, TYPE={kind}, ELSET=CAGE")
+    lines += [f"{n}, " + ", ".join(map(str, cell + 1)) for n, cell in enumerate(cells, 1)]
+    lines += ["*MATERIAL, NAME=M", elastic, f"*DENSITY\n{density}"]
+    lines += ["*SOLID SECTION, ELSET=CAGE, MATERIAL=M", "*BOUNDARY"]
+    return lines + [f"{n + 1}, 1, 3" for n in np.flatnonzero(held)]
 
 
 def their_mass(points, cells, density):
