@@ -15,23 +15,27 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
-from spacemap_vtk.scenes.footprint import picture_bytes, require_picture
+from spacemap_vtk.scenes.footprint import picture_bytes, require_picture, sheet_bytes
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
 import json, resource, sys
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
-from spacemap_vtk.scenes.footprint import picture_bytes
+from spacemap_vtk.scenes.footprint import picture_bytes, sheet_bytes
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 scene, size, times = Scene(json.loads(sys.argv[1])), (640, 480), json.loads(sys.argv[2])
-estimate = picture_bytes(scene, size[0] * size[1], len(times))
+small = scene.surface.subdivisions is None and scene.weave.cloth.size[0] > 600
+estimate = sheet_bytes(scene, size[0] * size[1]) if small else picture_bytes(
+    scene, size[0] * size[1], len(times)
+)
 with open("/proc/self/statm") as stream:
     before = int(stream.read().split()[1]) * resource.getpagesize()
 picture = Picture(scene, times, size)
 for time in times:
     picture.draw(time)
+assert (picture.sheet is not None) == small
 renderer = picture.panels[0].window.render_window.ReportCapabilities()
 # Not getrusage's, which begins with what whoever started this has taken.
 with open("/proc/self/status") as stream:
@@ -47,10 +51,12 @@ print(json.dumps([estimate, peak, "llvmpipe" in renderer]))
         (120, 2, False, [0.0]),
         pytest.param(120, 2, True, [0.1, 0.2], marks=pytest.mark.nightly),
         pytest.param(200, 1, False, [0.0], marks=pytest.mark.nightly),
+        (800, "auto", False, [0.0]),
+        pytest.param(2000, "auto", True, [0.1], marks=pytest.mark.nightly),
     ],
 )
 def test_the_estimate_is_what_a_run_takes(
-    yarns: int, subdivisions: int, moves: bool, times: list[float]
+    yarns: int, subdivisions: int | str, moves: bool, times: list[float]
 ) -> None:
     values = {
         "weave": {"ends": yarns, "picks": yarns},
@@ -95,6 +101,17 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     require_picture(scene, 640 * 480)
     with pytest.raises(SizeError, match="a film of"):
         require_picture(scene, 640 * 480, frames=100)
+
+
+def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene({"weave": {"ends": 800, "picks": 800}})
+    size = sheet_bytes(scene, 640 * 480)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size)
+    with pytest.raises(
+        SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"
+    ):
+        Picture(scene, [0.0], (640, 480))
+    assert scene.weave.executions == 0
 
 
 def test_a_draft_that_no_machine_can_draw(

@@ -25,7 +25,7 @@ from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import fits_picture, require_picture
+from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
@@ -102,6 +102,8 @@ class Picture:
         sheet = Sheet.of(scene, fits_picture(scene, *demand))
         if sheet is None:
             require_picture(scene, *demand)
+        else:
+            require_sheet(scene, width * height)
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         room, self._span = extent or over_motion(scene, times, sheet)

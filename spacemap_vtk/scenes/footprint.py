@@ -29,6 +29,8 @@ _LOOPS, _SOLVER = 125_000_000, 25_000_000
 #: Of a point that is drawn at rest, too; whose colour is a number; whose clearance is measured;
 #: that is cut.
 _GHOST, _NUMBER, _CLEARANCE, _CUT = 45, 8, 170, 35
+#: A sheet in place of yarns: a crossing's texels, and graphics with what solves and moves it.
+_TEXELS, _SHEET, _MOVED = 40, 167_000_000, 70_000_000
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
 _MARGIN = 1.1
 
@@ -87,6 +89,23 @@ def require_picture(scene: Scene, pixels: int, frames: int = 1, pieces: int = 1)
     if scene.woven:
         with scene.naming_file():
             _require_picture(scene, pixels, frames, pieces)
+
+
+def sheet_bytes(scene: Scene, pixels: int) -> int:
+    """Return what it takes to draw a scene's cloth as a sheet."""
+    ends, picks = scene.weave.cloth.size
+    return _SHEET + _MOVED * scene.moves + _TEXELS * ends * picks + _PIXEL * pixels
+
+
+def require_sheet(scene: Scene, pixels: int) -> None:
+    """Refuse a picture of a sheet that would not fit into memory, before any is taken."""
+    with scene.naming_file(), naming_section("view"):
+        require(
+            round(_MARGIN * sheet_bytes(scene, pixels)),
+            "a picture of {} x {} yarns, as a sheet,".format(*scene.weave.cloth.size),
+            key="size",
+            cure="Take a smaller one, or fewer ends and picks.",
+        )
 
 
 def _require_picture(scene: Scene, pixels: int, frames: int, pieces: int) -> None:
