@@ -12,6 +12,7 @@ import os
 import shutil
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -21,6 +22,8 @@ from typing import NoReturn
 
 #: By which a program is asked to end; SIGHUP by a terminal that is closed.
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+#: Seconds in which what goes must have gone.
+_PATIENCE = 3.0
 
 
 @contextmanager
@@ -82,6 +85,11 @@ def _end(number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def _remove(path: Path) -> None:
-    shutil.rmtree(path, ignore_errors=True)
-    with contextlib.suppress(OSError):
-        path.unlink()
+    end = time.monotonic() + _PATIENCE
+    while True:
+        shutil.rmtree(path, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            path.unlink()
+        if not os.path.lexists(path) or time.monotonic() > end:
+            return
+        time.sleep(0.05)  # a process that has been ended may write into it until it is

@@ -97,3 +97,14 @@ def test_nothing_is_interrupted_meanwhile() -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_what_others_still_write_goes(tmp_path: Path) -> None:
+    script = "import sys, time\nend = time.time() + 0.3\nwhile time.time() < end:\n"
+    script += "    try: open(sys.argv[1] + '/' + str(time.time()), 'w')\n    except OSError: pass\n"
+    with vanishing_folder(tmp_path) as folder:
+        writer = subprocess.Popen([sys.executable, "-S", "-c", script, str(folder)])
+        while not any(folder.iterdir()):
+            time.sleep(0.01)
+    writer.wait()
+    assert list(tmp_path.iterdir()) == []
