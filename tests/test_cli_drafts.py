@@ -193,9 +193,9 @@ def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, copy = tmp_path / "large.wif", tmp_path / "copy.wif"
-    words = ["--set", "weave.ends=150", "--set", "weave.picks=150"]
+    words = ["--set", "weave.ends=240", "--set", "weave.picks=240"]
     assert run("export", "basket_2", "-o", str(file), "-q", *words) == 0
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 100_000_000)
+    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 230_000_000)
     few = ["--size", "200x150", "--set", "animation.stop=0.1"]
     for picture in ("render", "animate"):
         output = tmp_path / ("a.png" if picture == "render" else "a.gif")
@@ -204,7 +204,7 @@ def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
         )
         assert "drawn as a sheet: a yarn is" in capsys.readouterr().err
     message = refused(capsys, "export", str(file), "-o", str(tmp_path / "a.vtp"), "-q")
-    assert "weave.ends = 150: a weave of 150 x 150 yarns would need about 0." in message
+    assert "weave.ends = 240: a weave of 240 x 240 yarns would need about 0." in message
     assert run("validate", str(file)) == 0
     assert "too large to be made whole" in capsys.readouterr().err
     assert run("export", str(file), "-o", str(copy)) == 0
@@ -212,7 +212,7 @@ def test_a_draft_too_large_to_be_made_whole_is_drawn_and_told_of(
     capsys.readouterr()
     assert run("info", str(file), "--json") == 0
     figures = json.loads(capsys.readouterr().out)
-    assert figures["ends"] == 150
+    assert figures["ends"] == 240
     assert figures["warp"]["theta_deg"] > 0
     assert abs(figures["least_clearance"]["distance"]) < 1e-12  # of crops in which all occurs
     assert "too large to be made whole" in " ".join(figures["warnings"])
