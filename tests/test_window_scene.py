@@ -253,8 +253,8 @@ def test_the_scale_never_shrinks_while_time_passes(open_scene: Any) -> None:
                 and window.view.frame.color == "displacement"
             )
         )
-        tops.append(window.view.span[1][1])
+        tops.append(window.view.scene_view.span[1][1])
     assert tops[0] < tops[1] == tops[2]
     window.document.set("modal", "youngs_modulus", "20 kPa")
     wait_until(lambda: settled(window))
-    assert window.view.span[1][1] < tops[2]
+    assert window.view.scene_view.span[1][1] < tops[2]

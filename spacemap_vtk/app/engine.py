@@ -10,15 +10,12 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QThread, Signal
 
-from spacemap_vtk.app.job import Job
+from spacemap_vtk.app.job import PATIENCE, Job
 from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes.scene import Scene
 
-#: A run that takes longer is given up for a newer wish; a shorter one ends, or a drag whose
-#: wishes come faster than runs end would show nothing.
-PATIENCE = 0.5
 #: A run that has taken no longer is one of a drag's.
 _SHORT = 0.1
 

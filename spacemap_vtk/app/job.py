@@ -1,4 +1,4 @@
-"""What the window asks its engine for."""
+"""What window and browser ask their engines for."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.draw.camera import Seen
+
+#: Seconds after which a run is given up for a newer wish; a shorter one ends, or a drag whose
+#: wishes come faster than runs end would show nothing.
+PATIENCE = 0.5
 
 
 @dataclass(frozen=True)

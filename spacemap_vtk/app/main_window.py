@@ -34,7 +34,7 @@ from spacemap_vtk.app.pick import Pick
 from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.properties import Properties
 from spacemap_vtk.app.pull_tab import PullTab
-from spacemap_vtk.app.stage_list import StageList, words_of
+from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
@@ -43,7 +43,7 @@ from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.scenes.settings import View
 

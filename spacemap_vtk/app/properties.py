@@ -10,15 +10,14 @@ from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QScrollArea, QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of
 from spacemap_vtk.app.fields.lines import FileEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.row import ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.load import Loads
-from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
@@ -135,16 +134,14 @@ class Properties(QScrollArea):
 
     def _idle(self, part: Parameterised, name: str) -> str:
         """Return why a parameter counts for nothing, as it is set or as it was found."""
-        why, kind = part.idle(name), self._found.get(self.section, {}).get("elements")
-        if not why and kind and isinstance(part, CageMaterial) and part.elements == "auto":
-            why = part.idle_as(name, kind == "sheet")
+        why = idle_of(part, name, self._found.get(self.section, {}))
         return self._document.drafts.told(why)
 
     def _show_limits(self) -> None:
         begun = time.thread_time()
         part = self._document.scene.parts[self.section]
-        feasible, found = _intervals(part), self._found.get(self.section, {})
-        known = found or _resolved(part)
+        feasible, found = feasible_of(part), self._found.get(self.section, {})
+        known = found or resolved_of(part)
         if part is self._document.scene.view:
             known = {"size": picture_size(self._document.scene)}
         for name, row in self.rows.items():
@@ -203,21 +200,3 @@ class Properties(QScrollArea):
         if row.about == "value":  # a run would fail with it again
             row.mark(None)
             self.accepted.emit(0)
-
-
-def _intervals(part: Parameterised) -> dict[str, tuple[float, float]]:
-    """Return the interval in which each parameter may lie, all the others as they are."""
-    try:
-        if hasattr(type(part), "feasible"):
-            return dict(part.feasible)  # type: ignore[attr-defined]
-    except SpacemapError:
-        pass
-    return {}
-
-
-def _resolved(part: Parameterised) -> dict[str, Any]:
-    """Return what automatic parameters are resolved to."""
-    try:
-        return dict(part.found) if isinstance(part, WeaveSource) else {}
-    except SpacemapError:
-        return {}

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTree
 
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.scene import Scene
 
 #: Colour of the dot for each state, and the words for it.
@@ -113,12 +113,6 @@ class StageList(QTreeWidget):
     def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
         if item is not None:
             self.chosen.emit(item.data(0, _KEY))
-
-
-def words_of(name: str) -> str:
-    """Return a stage's name as the list has it."""
-    spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
-    return spaced.capitalize()
 
 
 def _dot(color: str, hollow: bool = False) -> QIcon:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
 
 from spacemap_vtk.app.canvas import Canvas
@@ -18,11 +17,10 @@ from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim
-from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, moved_points, rest_of
-from spacemap_vtk.draw.scene_view import Look, SceneView
-from spacemap_vtk.draw.surface_actor import Span, natural_span, rgb
+from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, rest_of
+from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
+from spacemap_vtk.draw.surface_actor import rgb
 from spacemap_vtk.scenes.settings import View
 
 if TYPE_CHECKING:
@@ -77,7 +75,6 @@ class View3D(QWidget):
         self._cut: tuple[object, Cut | None] = None, None
         #: Points that the user has picked, the last one last; see `picks_changed`.
         self.picks: list[Pick] = []
-        self.span: tuple[object, Span] | None = None
         self._pressed: QPointF | None = None
         self._closed = False
         #: The preset that the camera was last brought to, and where it stood then.
@@ -184,7 +181,7 @@ class View3D(QWidget):
         wanted = frame.generation, view.clip_normal, view.clip_origin
         if wanted != self._cut[0]:
             self._cut = wanted, self._placed(cut_of(view, frame.surface))
-        self.scene_view.show(frame, view, self.look, self._span_of(frame), self._cut[1])
+        self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
         self.scene_view.move(self.steering)
         self._smooth()
         aimed_for = self.scene_view.room, view.loads
@@ -197,7 +194,7 @@ class View3D(QWidget):
 
     def _placed(self, cut: Cut | None) -> Cut | None:
         """Let the mouse take hold of a plane; return where it stands."""
-        points = self._extent()
+        points = self._extent
         if cut is not None and points is not None:
             self.last_cut = cut
             self.handle = self.handle or self._made_handle()
@@ -243,7 +240,7 @@ class View3D(QWidget):
 
     def reset_camera(self, name: str | None = "three-quarter") -> None:
         """Look at the whole."""
-        points = self._extent()
+        points = self._extent
         if points is None:
             return
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
@@ -382,30 +379,10 @@ class View3D(QWidget):
     def size_of_view(self) -> tuple[int, int]:
         return self.plotter.width(), max(540, self.plotter.height() * 3 // 4)
 
-    def _span_of(self, frame: Frame) -> Span | None:
-        """Return the ends of the scale; while only time passes, they never come nearer."""
-        numbers = frame.surface.GetPointData().GetArray(SHOWN)
-        if numbers is None:
-            return None
-        low, high = natural_span(vtk_to_numpy(numbers))
-        if self.span is not None and self.span[0] == (frame.values, frame.swing):
-            low, high = min(low, self.span[1][0]), max(high, self.span[1][1])
-        self.span = (frame.values, frame.swing), (low, high)
-        return low, high
-
+    @property
     def _extent(self) -> NDArray[np.float64] | None:
-        if self.frame is None:
-            return None
-        points = points_of(self.frame.surface)
-        # Of many, some thousand are enough.
-        clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
-        if self.frame.cage is not None:
-            # At rest and moved: a swing should not leave the picture at once.
-            clouds += [points_of(self.frame.cage), moved_points(self.frame.cage)]
         loads = self._view is not None and self._view.loads
-        if loads and self.frame.arrows is not None:
-            clouds.append(self.frame.arrows.reach)
-        return np.concatenate(clouds)
+        return None if self.frame is None else extent_of(self.frame, loads)
 
 
 def _half_height(camera: vtkCamera) -> float:

@@ -13,6 +13,7 @@ from spacemap_vtk.app.widgets import action, row
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import BACKGROUNDS
 
 #: What can be shown: attribute of `Look` or key of a scene's section ``[view]``, words, key.
 _SHOWN = (
@@ -24,13 +25,6 @@ _SHOWN = (
 )
 #: Normal of the plane that cuts at first.
 _ACROSS = (-1.0, 0.0, 0.0)
-#: Backgrounds to choose from: the colours at the bottom and at the top; None is the default.
-BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
-    "Light": (None, None),
-    "White": ("#ffffff", "#ffffff"),
-    "Dark": ("#1b222b", "#36424f"),
-    "Black": ("#000000", "#000000"),
-}
 
 
 class ViewBar(QToolBar):

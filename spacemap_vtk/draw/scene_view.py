@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkRenderer
 
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import set_background
+from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.cut_face import CutFaceActor
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import (
@@ -18,9 +23,16 @@ from spacemap_vtk.draw.glyphs import (
     GhostActor,
     LoadActor,
     SupportActor,
+    moved_points,
 )
 from spacemap_vtk.draw.sheet_actor import SheetActor
-from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, scale_share
+from spacemap_vtk.draw.surface_actor import (
+    Span,
+    SurfaceActor,
+    fit_scale,
+    natural_span,
+    scale_share,
+)
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.settings import View
 
@@ -55,6 +67,8 @@ class SceneView:
         self.cut: Cut | None = None
         #: Share of the width that the scale takes.
         self.room = 0.0
+        #: What the last scale was for, and its ends; see `span_of`.
+        self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
         self._size, self._point = (1, 1), 1.0
         self._shown: tuple[Frame, View, Look, Span | None] | None = None
@@ -81,6 +95,17 @@ class SceneView:
         self.sheet.behind(view.background, view.background_top)
         for drawn in (self.surface, self.sheet):
             fit_scale(drawn.bar, size, view.background, pixels)
+
+    def span_of(self, frame: Frame) -> Span | None:
+        """Return the ends of a frame's scale; while only time passes, they never come nearer."""
+        numbers = frame.surface.GetPointData().GetArray(SHOWN)
+        if numbers is None:
+            return None
+        low, high = natural_span(vtk_to_numpy(numbers))
+        if self.span is not None and self.span[0] == (frame.values, frame.swing):
+            low, high = min(low, self.span[1][0]), max(high, self.span[1][1])
+        self.span = (frame.values, frame.swing), (low, high)
+        return low, high
 
     def show(
         self,
@@ -216,3 +241,16 @@ class SceneView:
         # Of a wire frame, and of objects of lines or points alone.
         drawn.SetLineWidth((1.0 if look.wireframe else 2.0) * self._point)
         drawn.SetPointSize(3.0 * self._point)
+
+
+def extent_of(frame: Frame, loads: bool) -> NDArray[np.float64]:
+    """Return points that a frame's picture must have room for."""
+    points = points_of(frame.surface)
+    # Of many, some thousand are enough.
+    clouds = [points[:: 1 + len(points) // 5000].astype(np.float64)]
+    if frame.cage is not None:
+        # At rest and moved: a swing should not leave the picture at once.
+        clouds += [points_of(frame.cage), moved_points(frame.cage)]
+    if loads and frame.arrows is not None:
+        clouds.append(frame.arrows.reach)
+    return np.concatenate(clouds)

@@ -21,6 +21,12 @@ def sections() -> dict[str, type[Parameterised]]:
     return {cls.section: cls for cls in classes}
 
 
+def words_of(name: str) -> str:
+    """Return a stage's name as lists have it."""
+    spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
+    return spaced.capitalize()
+
+
 def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
     """Return those stages of all parts that make up a scene that has some sections, in order."""
     stages = [part for part in parts.values() if isinstance(part, Stage)]

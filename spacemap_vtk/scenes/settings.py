@@ -17,6 +17,14 @@ MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
 LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
+#: Backgrounds to choose from: the colours at the bottom and at the top; None is the default.
+BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
+    "Light": (None, None),
+    "White": ("#ffffff", "#ffffff"),
+    "Dark": ("#1b222b", "#36424f"),
+    "Black": ("#000000", "#000000"),
+}
+
 #: A vector that is no longer points nowhere, as far as rounding leaves it a length.
 _SHORTEST = 1e-100
 

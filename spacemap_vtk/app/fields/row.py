@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QLabel, QWidget
 
 from spacemap_vtk.app.fields.colors_editor import ColorsEditor
 from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.known import told_interval
 from spacemap_vtk.app.fields.lines import (
     ChoiceEditor,
     ColorEditor,
@@ -22,7 +23,6 @@ from spacemap_vtk.app.fields.pattern import PatternEditor
 from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.app.widgets import column, mark, note, row, tool_button
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.units import format_quantity
 
 _EDITORS: dict[str, Callable[[Any], Editor]] = {
     "real": NumberEditor,
@@ -96,13 +96,9 @@ class ParameterRow(QWidget):
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the interval in which the value is feasible at present."""
-        self._feasible = ""
+        self._feasible = told_interval(self.parameter, interval)
         if interval is not None:
-            low, high = interval
-            self._feasible = (
-                f"feasible: {_shown(low, self.parameter)} to {_shown(high, self.parameter)}"
-            )
-            self.editor.limit(low, high)
+            self.editor.limit(*interval)
         if not self.note.property("bad"):
             self.mark(None)
 
@@ -159,7 +155,3 @@ def _plain(value: Any, text: str) -> Any:
     if isinstance(value, tuple):
         return list(value)
     return value if isinstance(value, int) else text
-
-
-def _shown(value: float, parameter: Parameter[Any]) -> str:
-    return "∞" if value == float("inf") else format_quantity(float(f"{value:.4g}"), parameter.unit)
