@@ -16,8 +16,10 @@ import importlib.util
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -129,18 +131,30 @@ def _run(**surface: Any) -> dict[str, NDArray[Any]]:
 
 def run_child(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a program to its end; it goes when whoever waits for it is stopped."""
-    # ``subprocess.run`` waits inside one call of the system's, where no exception that another
-    # thread raises in this one arrives.
+    # An exception that another thread raises in this one does not arrive while a call of the
+    # system's waits, and may arrive just when a program has been started that nobody knows yet.
+    # So a thread of its own starts the program, and ends it.
+    stopped = threading.Event()
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            done = pool.submit(_run_unless, command, folder, stopped)
+            while not done.done():
+                time.sleep(_LOOK)
+        finally:
+            stopped.set()
+        return done.result()
+
+
+def _run_unless(
+    command: Sequence[str], folder: Path, stopped: threading.Event
+) -> subprocess.CompletedProcess[str]:
     # Files, not pipes: a pipe that nobody reads stops the program when it is full.
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as told:
         process = subprocess.Popen(command, cwd=folder, stdout=out, stderr=told)
-        try:
-            while process.poll() is None:
-                time.sleep(_LOOK)
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+        while process.poll() is None and not stopped.wait(_LOOK):
+            pass
+        process.kill()
+        process.wait()
         texts = []
         for file in (out, told):
             file.seek(0)
