@@ -42,6 +42,7 @@ COMMANDS = {
     "sweep": ("sweeping:sweep", "Run a scene over lists of values: table and contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "convert": ("draw:convert", "Turn a weaver's draft into another format."),
+    "again": ("again:again", "Make a file anew from what it says of itself."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),
     "info": ("tell:info", "Print the figures of a fabric, or of an object."),

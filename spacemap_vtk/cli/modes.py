@@ -12,8 +12,7 @@ from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_output, whole_file
-from spacemap_vtk.io.registry import written, written_words
+from spacemap_vtk.io.registry import written_words
 from spacemap_vtk.units import parse_quantity
 
 
@@ -144,17 +143,9 @@ def plot(
     scene : str
         Scene file, or name of a scene (see "spacemap scenes").
     """
-    check_output(output, written("plot") | ({".csv": "table"} if biaxial else {}))
+    order = Order("biaxial" if biaxial else "plot", output, quantity=quantity)
     chosen = opened(scene, set_)
-    if biaxial:
-        from spacemap_vtk.draw.biaxial_plot import biaxial_plot
-
-        with progress(chosen, "Pulling", quiet), whole_file(output) as file:
-            biaxial_plot(chosen, file)
-        tell_warnings(chosen, quiet)
-        return
-    place = None
-    if point is not None:
+    if point is not None and not biaxial:
         try:
             place = [parse_quantity(word, "m") for word in point.split(",")]
         except InputError:
@@ -166,8 +157,7 @@ def plot(
                 value=point,
                 allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
             )
-    from spacemap_vtk.draw.plots import motion_plot
-
-    with progress(chosen, "Plotting", quiet), whole_file(output) as file:
-        motion_plot(chosen, file, place, quantity)
+        order.point = place
+    with progress(chosen, "Pulling" if biaxial else "Plotting", quiet) as tell:
+        carry_out(order, chosen, tell)
     tell_warnings(chosen, quiet)

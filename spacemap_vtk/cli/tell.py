@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import textwrap
 import tomllib
+from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -12,6 +14,7 @@ from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.scenes import library
 
 
@@ -27,19 +30,22 @@ def info(
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the figures of a fabric, or of an object.
+    """Print the figures of a fabric, or of an object; of what the program has written its origin.
 
     Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
     the least clearance between the yarns of the deformed fabric. Of its cage, whether it is a sheet
     or tetrahedra, and a sheet's measures. Where there is no room for the
     yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
-    arrays and the faults of its surface; of its cage, the pieces and what lies outside.
+    arrays and the faults of its surface; of its cage, the pieces and what lies outside. Of a
+    picture, a film or data: version, order and scene that it was made by, see "spacemap again".
 
     Parameters
     ----------
     scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes"); picture or film.
     """
+    if _told_origin(Path(scene), json_):
+        return
     chosen = opened(scene, set_, time=time)
     if not chosen.woven:
         from spacemap_vtk.cli.object_table import tell_object
@@ -68,6 +74,23 @@ def info(
         cloth.add_row(figure.label, figure.told)
     console.print(cloth)
     tell_warnings(chosen, quiet)
+
+
+def _told_origin(file: Path, json_: bool) -> bool:
+    """Print where a file comes from, if it says so; return whether that is all there is to say."""
+    record = provenance.record_in(file) if file.is_file() else None
+    if record is None:
+        return False
+    opens = registry.kind_of(file) is not None
+    if not json_:
+        from spacemap_vtk.cli.again import told
+
+        print("\n".join(told(record, file)))
+        if not opens:
+            print(f"\n{record.scene}", end="")
+    elif not opens:
+        print_json(asdict(record))
+    return not opens
 
 
 def validate(scene: str, /, *, set_: Set = (), quiet: Quiet = False) -> None:

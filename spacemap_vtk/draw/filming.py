@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from contextvars import copy_context
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -31,7 +32,9 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
-from spacemap_vtk.io.formats.pictures import write_png
+from spacemap_vtk.io.formats.pictures import add_record, write_png
+from spacemap_vtk.io.output import write
+from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
 from spacemap_vtk.memory import available, require
 from spacemap_vtk.parallel import core_count
@@ -205,7 +208,7 @@ def _write(
     with ThreadPoolExecutor(2) as pool, _one_cache(kept.folder, count):
         drawn = (_drawn if count == 1 else partial(_drawn_by, count))(scene, job, kept, missing)
         rate = scene.animation.frames_per_second
-        encoding = pool.submit(_encode, file, format_, rate, frames)
+        encoding = pool.submit(copy_context().run, _encode, file, format_, rate, frames)
         try:
             with closing(drawn):
                 for number in steps:
@@ -225,7 +228,10 @@ def _write(
         encoding.result()
     if format_ is None:
         for number in steps:
-            os.replace(kept.path(number), file.with_name(file.name % number))
+            with recorded_at(job.times[number], what="picture", framed=True):
+                png = kept.path(number).read_bytes()
+                write(file.with_name(file.name % number), add_record(png))
+            kept.path(number).unlink()
 
 
 def _encode(

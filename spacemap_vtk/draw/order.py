@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from spacemap_vtk.io.output import (
     whole_file,
     whole_folder,
 )
+from spacemap_vtk.io.provenance import Record, recorded, recorded_at
 from spacemap_vtk.io.registry import DATA, writer, written
 
 if TYPE_CHECKING:
@@ -51,8 +52,9 @@ Lose = Callable[[str], object]
 class Order:
     """What is to be written; one that cannot be carried out is refused when it is made."""
 
-    #: ``"picture"``, ``"film"``, ``"storyboard"``, ``"shapes"`` (of modes), or a key of
-    #: `spacemap_vtk.io.registry.DATA`; empty: the data that the output's ending stands for first.
+    #: ``"picture"``, ``"film"``, ``"storyboard"``, ``"shapes"`` (of modes), ``"plot"``,
+    #: ``"biaxial"`` (tests of the cloth), or a key of `spacemap_vtk.io.registry.DATA`; empty: the
+    #: data that the output's ending stands for first.
     what: str
     #: The file; of numbered frames, and of data in numbered files, with ``%04d`` in it.
     output: Path
@@ -75,10 +77,56 @@ class Order:
     again: bool = False
     #: How far a surface that moves may be from its motion [m]; by default so that nobody sees it.
     tolerance: float | None = None
+    #: Whether a picture is a film's frame: seen from where its film is.
+    framed: bool = False
+    #: Of a plot: a place at rest in m, by default where the first mode moves most, and what of it.
+    point: Sequence[float] = ()
+    quantity: str = "displacement"
+
+    @classmethod
+    def of(cls, told: Mapping[str, Any], output: Path) -> Order:
+        """Return the order that `told` has told, of a file that may be another's."""
+        from spacemap_vtk.draw.camera import Viewpoint
+
+        try:
+            given = dict(told)
+            if given.get("place"):
+                *ends, scale = given["place"]
+                position, focus, up = [(float(x), float(y), float(z)) for x, y, z in ends]
+                given["place"] = Viewpoint(position, focus, up, float(scale))
+            for key in ("times", "point"):
+                given[key] = [float(value) for value in given.get(key, ())]
+            if given.get("size"):
+                width, height = map(int, given["size"])
+                given["size"] = width, height
+            if given.get("tolerance"):
+                given["tolerance"] = float(given["tolerance"])
+            for key in ("panels", "motions"):
+                given[key] = [str(word) for word in given.get(key, ())]
+            return cls(**{**given, "what": str(given["what"]), "output": output})
+        except (TypeError, ValueError, KeyError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"no order that this program knows: {error}") from None
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What is asked for, but for how and whither, as JSON has it."""
+        plain = json.loads(json.dumps(asdict(self), default=str))
+        usual = {each.name: each.default for each in fields(self)}
+        how = ("output", "workers", "again")
+        return {
+            key: value
+            for key, value in plain.items()
+            if key not in how and value not in (usual[key], [])
+        }
 
     def __post_init__(self) -> None:
         if self.what in _STILLS:
             check_output(self.output, written("picture"))
+        elif self.what in _PLOTS:
+            table = {".csv": "table"} if self.what == "biaxial" else {}
+            check_output(self.output, written("plot") | table)
         elif self.what == "film":
             self._check_film()
         else:
@@ -135,6 +183,20 @@ def carry_out(
     order: Order, scene: Scene, tell: Tell, whole: bool = True, lose: Lose | None = None
 ) -> str:
     """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
+    with recorded(_record(order, scene)):
+        return _carry_out(order, scene, tell, whole, lose)
+
+
+def _record(order: Order, scene: Scene) -> Record:
+    from spacemap_vtk.scenes.origin import record_of
+
+    times = list(order.times) or ([scene.view.time] if order.what in ("picture", *DATA) else [])
+    if not order.times and (order.what == "film" or (order.lasts and scene.moves)):
+        times = [scene.animation.start, scene.animation.stop]
+    return record_of(scene, order.told, times[:1] + times[-1:] if len(times) > 1 else times)
+
+
+def _carry_out(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose | None) -> str:
     if order.what == "film":
         return _write_film(order, scene, tell, whole)
     if order.what in _STILLS:
@@ -142,6 +204,12 @@ def carry_out(
         image = _STILLS[order.what](order, scene, tell)
         with _file(order, whole) as file:
             writer(file, "picture").write(file, image)
+        return ""
+    if order.what in _PLOTS:
+        tell(0, 1)
+        with _file(order, whole) as file:
+            _PLOTS[order.what](order, scene, file)
+        tell(1, 1)
         return ""
     if order.what in ("moving", "modes") and not order.numbered:
         return _write_moving(order, scene, tell, whole)
@@ -157,7 +225,8 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
         fill(scene, size)
     time = order.times[0] if order.times else scene.view.time
     tell(0, 1)
-    picture = Picture(scene, [time], size, order.panels, order.place)
+    times = scene.animation.frame_times() if order.framed else [time]
+    picture = Picture(scene, times, size, order.panels, order.place)
     image = picture.draw(time)
     picture.close()
     tell(1, 1)
@@ -185,6 +254,22 @@ _STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
     "storyboard": _storyboard,
     "shapes": _shapes,
 }
+
+
+def _plot(order: Order, scene: Scene, file: Path) -> None:
+    from spacemap_vtk.draw.plots import motion_plot
+
+    motion_plot(scene, file, list(order.point) or None, order.quantity)
+
+
+def _biaxial(_order: Order, scene: Scene, file: Path) -> None:
+    from spacemap_vtk.draw.biaxial_plot import biaxial_plot
+
+    biaxial_plot(scene, file)
+
+
+#: What is a plot, and what draws it.
+_PLOTS: dict[str, Callable[[Order, Scene, Path], None]] = {"plot": _plot, "biaxial": _biaxial}
 
 
 def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
@@ -233,10 +318,11 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
 
     with _file(order, whole) as file:
         if order.numbered:
-            for number, (_, content) in enumerate(series(file.parent)):
+            for number, (time, content) in enumerate(series(file.parent)):
                 for text in format_.loses(content) if format_.loses and not number else ():
                     lose(text)
-                format_.write(file.with_name(file.name % number), content)
+                with recorded_at(time):
+                    format_.write(file.with_name(file.name % number), content)
         else:
             format_.write(file, series(file.parent))
         size = _bytes(file.parent)
@@ -309,7 +395,7 @@ def _file(order: Order, whole: bool) -> Iterator[Path]:
     """Yield the path to write to."""
     if not whole:
         yield order.output
-    elif order.what in _STILLS or (order.what == "film" and not order.numbered):
+    elif order.what in (*_STILLS, *_PLOTS) or (order.what == "film" and not order.numbered):
         with whole_file(order.output) as file:
             yield file
     else:  # data may take other files beside
@@ -326,13 +412,10 @@ def main() -> None:
     """Carry out the order on standard input; whoever ordered makes its files whole."""
     warnings.simplefilter("ignore", SpacemapWarning)  # whoever ordered shows what stages doubt
     try:
-        from spacemap_vtk.draw.camera import Viewpoint
         from spacemap_vtk.scenes.scene import Scene
 
         told = json.loads(sys.stdin.read())
-        given = told["order"]
-        place = given["place"] and Viewpoint(*given["place"])
-        order = Order(**{**given, "output": Path(given["output"]), "place": place})
+        order = Order.of(told["order"], Path(told["order"]["output"]))
         scene = Scene(told["values"], Path(told["base"]))
         # Of its folder the user has never heard.
         with telling_refusals(order.output, order.output.name):

@@ -32,6 +32,8 @@ class MeshSeries(ABC):
                     key="file",
                 )
         self.file = file
+        #: All that it is read from.
+        self.files = [file]
         self.times = times
 
     @abstractmethod
@@ -49,6 +51,7 @@ class FileSeries(MeshSeries):
         for path in (path for paths in self._paths for path in paths):
             if not path.is_file():
                 raise InputError(f"{file} names {path}, which is not there", key="file")
+            self.files.append(path)
 
     def read(self, step: int) -> vtkPointSet:
         paths = self._paths[step]

@@ -145,7 +145,7 @@ def sweep_of(
         raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
     ranges = [range(len(each.values)) for each in axes]
     places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
-    base = _placed(library.values_of(file, file.name), read.parts, file.parent)
+    base = placed(library.values_of(file, file.name), read.parts, file.parent)
     always = [
         *((each.section, each.key, each.values[0]) for each in lists if len(each.values) == 1),
         *fixed,
@@ -163,8 +163,10 @@ def sweep_of(
     return Sweep(axes, _apart(runs), read.title, paired)
 
 
-def _placed(
-    values: Mapping[str, Any], parts: Mapping[str, Parameterised], folder: Path
+def placed(
+    values: Mapping[str, Any],
+    parts: Mapping[str, Parameterised | type[Parameterised]],
+    folder: Path,
 ) -> dict[str, Any]:
     """Return a scene's values with whole paths."""
     found: dict[str, Any] = {}

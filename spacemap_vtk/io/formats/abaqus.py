@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def _lines(analysis: InputDeck) -> Iterator[str]:
 
     model = analysis.model
     yield f"** {' '.join(analysis.title.split())} (spacemap_vtk)"
+    yield from comments("**")
     yield "** Units: m, kg, s, N, Pa; frequencies in 1/s. x is the weft, y the warp, z upwards."
     yield from (f"** Note: {text}." for text in _left_out(analysis))
     yield "*NODE, NSET=ALL"
@@ -143,3 +145,6 @@ def _numbered(rows: NDArray[Any]) -> Iterator[str]:
 
 def _row(values: Any) -> str:
     return ", ".join(f"{value:.13g}" for value in values)
+
+
+tells(".inp")(told_in_comments)

@@ -1,4 +1,8 @@
-"""The middles of yarns as a table (.csv), for spreadsheets and other programs' curves."""
+"""The middles of yarns as a table (.csv), for spreadsheets and other programs' curves.
+
+A table has no comments that every program skips: how it was made stands in a file beside it, as the
+W3C's "CSV on the Web" has it.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -17,6 +22,8 @@ _COLUMNS = "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
 @writes(".csv", label="Table", holds=("yarns",))
 def write_csv(file: Path, surface: MovingSurface) -> None:
     """Write a row for each control point of each yarn's cubic Bézier curves, end to end."""
+    import json
+
     from spacemap_vtk.io.output import write
 
     curves = surface.curves
@@ -29,3 +36,22 @@ def write_csv(file: Path, surface: MovingSurface) -> None:
             x, y, z = next(points)
             rows.append(f"{yarn},{place},{x:.9g},{y:.9g},{z:.9g},{look}")
     write(file, ["\n".join(rows).encode(), b"\n"])
+    if told():
+        about = {"@context": "http://www.w3.org/ns/csvw", "url": file.name, NAME: told()}
+        write(_beside(file), [json.dumps(about, indent=1).encode()])
+
+
+def _beside(file: Path) -> Path:
+    return file.with_name(f"{file.name}-metadata.json")
+
+
+@tells(".csv")
+def told_beside(path: Path) -> str | None:
+    """Find the record in the file that tells of a table."""
+    import json
+
+    try:
+        found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if isinstance(found, str) else None

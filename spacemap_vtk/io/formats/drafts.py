@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -70,7 +71,10 @@ def write_wif(file: Path, draft: Draft) -> None:
     from spacemap_vtk.io.output import write
     from spacemap_vtk.io.wif_writer import format_wif
 
-    write(file, [format_wif(draft)])
+    write(file, [format_wif(draft), *(f"{line}\r\n".encode() for line in comments(";"))])
+
+
+tells(".wif")(told_in_comments)
 
 
 def _dtx_loses(draft: Draft) -> list[str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.provenance import comments, recorded_at, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writer, writes
 
 if TYPE_CHECKING:
@@ -63,11 +64,18 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
     for number, (time, data) in enumerate(steps):
         ending = ".vtp" if data.IsA("vtkPolyData") else ".vtu"
         one = folder / f"{folder.name}_{number:04d}{ending}"
-        writer(one).write(one, data)
+        with recorded_at(time):
+            writer(one).write(one, data)
         name = quoteattr(f"{folder.name}/{one.name}")
         lines.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={name}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+    # No comment of XML's has two of these.
+    record = [line.replace("--", "-\\u002d") for line in comments("    ")]
+    lines += ["  <!--\n", *(f"{line}\n" for line in record), "  -->\n"] if record else []
     write(file, [f"{head}{''.join(lines)}  </Collection>\n</VTKFile>\n".encode()])
+
+
+tells(".pvd")(told_in_comments)
 
 
 @reads(".series", label="ParaView file series", holds="motion")

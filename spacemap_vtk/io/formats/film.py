@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     # One palette for the whole film, of the first frame's colours: palettes of their own make
     # still parts flicker. GIF counts time in hundredths of a second.
     palette = first.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    about: dict[str, Any] = {"comment": f"{NAME}: {told()}".encode()} if told() else {}
     rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     palette.save(
         file,
@@ -74,6 +76,7 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
         duration=max(20, round(100 / rate) * 10),
         loop=0,
         disposal=1,
+        **about,
     )
 
 
@@ -93,11 +96,12 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     fps = Fraction(rate).limit_denominator()
     raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps} -i -"
     kind = "-an -c:v libx264 -crf 10 -pix_fmt yuv420p -y"
-    with TemporaryFile() as told:
+    words = ["-metadata", f"comment={NAME}: {told()}"] if told() else []
+    with TemporaryFile() as said:
         process = subprocess.Popen(
-            [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), str(file)],
+            [get_ffmpeg_exe(), "-v", "error", *raw.split(), *kind.split(), *words, str(file)],
             stdin=subprocess.PIPE,
-            stderr=told,
+            stderr=said,
             start_new_session=True,  # Ctrl-C is not for it: it would end the film there, and well
         )
         assert process.stdin is not None
@@ -115,9 +119,9 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
                 process.stdin.close()
         if process.returncode:
             _try_on(file)
-            told.seek(0)
-            said = " ".join(told.read().decode(errors="replace").split())
-            raise SpacemapError(f"{file.name}: ffmpeg failed: {said[-200:]}")
+            said.seek(0)
+            why = " ".join(said.read().decode(errors="replace").split())
+            raise SpacemapError(f"{file.name}: ffmpeg failed: {why[-200:]}")
 
 
 def _try_on(file: Path) -> None:
@@ -128,3 +132,32 @@ def _try_on(file: Path) -> None:
         torn.write(bytes(2**20))
         torn.flush()
         os.fsync(torn.fileno())
+
+
+@tells(".gif", ".mp4")
+def told_in_film(path: Path) -> str | None:
+    """Find the record in a film's comment."""
+    import re
+    import subprocess
+
+    if path.suffix.lower() == ".gif":
+        from PIL import Image
+
+        try:
+            with Image.open(path) as image:
+                comment = image.info.get("comment", b"").decode("latin-1")
+        except (OSError, ValueError, SyntaxError):
+            return None
+    else:
+        require_encoder(path)
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        words = ["-v", "quiet", "-i", str(path), "-f", "ffmetadata", "-"]
+        found = subprocess.run(
+            [get_ffmpeg_exe(), *words], stdin=subprocess.DEVNULL, capture_output=True
+        )
+        text = re.search(
+            r"^comment=((?:\\.|[^\\\n])*)$", found.stdout.decode(errors="replace"), re.M
+        )
+        comment = re.sub(r"\\(.)", r"\1", text[1]) if text else ""
+    return comment.partition(f"{NAME}: ")[2] or None

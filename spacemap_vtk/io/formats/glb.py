@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         "asset": {
             "version": "2.0",
             "generator": "spacemap_vtk",
-            "extras": dict(moving.about),
+            "extras": {**moving.about, **({NAME: json.loads(told())} if told() else {})},
         },
         "scene": 0,
         "scenes": [{"name": moving.title or "scene", "nodes": [0]}],
@@ -136,3 +137,18 @@ class _Buffer:
 
 def _words(*numbers: int) -> bytes:
     return b"".join(number.to_bytes(4, "little") for number in numbers)
+
+
+@tells(".glb")
+def told_in_glb(path: Path) -> str | None:
+    """Find the record among what the asset has beside."""
+    import json
+
+    with path.open("rb") as stream:
+        head = stream.read(20)
+        text = stream.read(int.from_bytes(head[12:16], "little")) if head[:4] == b"glTF" else b"{}"
+    try:
+        found = json.loads(text)["asset"]["extras"][NAME]
+    except (ValueError, KeyError, TypeError):
+        return None
+    return json.dumps(found)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
     points, rows = surface.points.tolist(), surface.colors / 255.0
     if surface.painted:  # as MeshLab and Blender read them
         points = np.hstack([surface.points, rows]).tolist()
-    lines = ["# by spacemap_vtk; lengths in m", f"mtllib {library.name}"]
+    lines = ["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library.name}"]
     lines += ["v " + " ".join(f"{x:.9g}" for x in point) for point in points]
     if surface.normals is not None:
         lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in surface.normals.tolist()]
@@ -138,3 +139,6 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
         lines += ["f " + " ".join(corner.format(at) for at in face) for face in faces.tolist()]
     write(library, ["\n".join(looks).encode()])
     write(file, ["\n".join(lines).encode(), b"\n"])
+
+
+tells(".obj")(told_in_comments)

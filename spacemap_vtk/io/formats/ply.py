@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, truncated, writes
 
 if TYPE_CHECKING:
@@ -173,6 +174,7 @@ def _head(vertices: int, properties: list[str], faces: int, size: str) -> bytes:
         "ply",
         "format binary_little_endian 1.0",
         "comment by spacemap_vtk",
+        *comments("comment"),
         f"element vertex {vertices}",
         *properties,
         f"element face {faces}",
@@ -207,3 +209,6 @@ def _alike(corners: NDArray[Any], size: str) -> NDArray[Any]:
     faces["count"] = corners.shape[1]
     faces["corners"] = corners
     return faces
+
+
+tells(".ply")(told_in_comments)

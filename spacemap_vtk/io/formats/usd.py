@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
     stage.SetDefaultPrim(root.GetPrim())
     stage.GetRootLayer().customLayerData = {
         key: value for key, value in moving.about.items() if not isinstance(value, list)
-    }
+    } | ({NAME: told()} if told() else {})
     mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
     mesh.CreatePointsAttr(_vectors(moving.points))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(moving.triangles), 3))
@@ -195,3 +196,17 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
         choice.SetVariantSelection(name)
         with choice.GetVariantEditContext():
             UsdGeom.Imageable(stage.GetPrimAtPath(hidden)).MakeInvisible()
+
+
+@tells(".usdc", ".usda")
+def told_in_usd(path: Path) -> str | None:
+    """Find the record among what the layer has beside."""
+    from pxr import Sdf, Tf
+
+    _require(path)
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
+    except Tf.ErrorException:
+        return None
+    found = layer.customLayerData.get(NAME) if layer else None
+    return found if isinstance(found, str) else None

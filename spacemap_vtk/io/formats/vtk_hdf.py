@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
 
     with _Sink(file, "w+") as sink:
         with h5py.File(sink, "w") as made:
+            if told():  # not in the field data: of a text in there VTK's reader dies
+                made[NAME] = told()
             _fill(made, file.name, steps, sink)
         sink.check()
 
@@ -204,3 +207,17 @@ def _cells(place: str, cells: vtkCellArray) -> Iterator[tuple[str, NDArray[Any]]
     yield f"{place}NumberOfConnectivityIds", np.array([len(corners)])
     yield f"{place}Offsets", offsets
     yield f"{place}Connectivity", corners
+
+
+@tells(".vtkhdf")
+def told_in_hdf(path: Path) -> str | None:
+    """Find the record beside the data."""
+    _require(path)
+    import h5py
+
+    try:
+        with h5py.File(path) as made:
+            found = made[NAME][()]
+    except (OSError, KeyError, TypeError, ValueError):
+        return None
+    return found.decode("ascii", "replace") if isinstance(found, bytes) else None

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
 
     writer.SetDataModeToBinary()
     writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
-    writer.SetInputData(data)
+    writer.SetInputData(_with_record(data))
     writer.WriteToOutputStringOn()
     done = writer.Write()
     text = writer.GetOutputString()
@@ -73,3 +74,28 @@ def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
         why = vtkErrorCode.GetStringFromErrorCode(fault)
         raise SpacemapError(f"VTK has not made the {file.suffix.lower()} file: {why}")
     write(file, [made])
+
+
+def _with_record(data: vtkDataSet) -> vtkDataSet:
+    """Return data with the record among its field data: as bytes, for meshio reads no text."""
+    import numpy as np
+
+    from spacemap_vtk.datasets.arrays import add_array
+
+    if not (data.GetFieldData().HasArray(NAME) or told()):
+        return data
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    copy.GetFieldData().RemoveArray(NAME)  # of the file that an object is from
+    if told():
+        add_array(copy.GetFieldData(), NAME, np.frombuffer(told().encode(), np.uint8))
+    return copy
+
+
+@tells(".vtu", ".vtp")
+def told_in_xml(path: Path) -> str | None:
+    """Find the record among the field data."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    array = read_xml(path).GetFieldData().GetArray(NAME)
+    return None if array is None else bytes(vtk_to_numpy(array)).decode("latin-1")

@@ -1,0 +1,225 @@
+"""The command that makes a file anew from its own record, and what `info` tells of one."""
+
+from __future__ import annotations
+
+import shlex
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from spacemap_vtk import __version__
+from spacemap_vtk.cli.options import Quiet, Set, tell_warnings
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io import provenance, registry
+
+if TYPE_CHECKING:
+    from spacemap_vtk.io.provenance import Record
+
+#: The commands for what is ordered; all else is exported.
+_COMMANDS = {
+    **{"picture": "render", "film": "animate", "storyboard": "storyboard"},
+    **{"shapes": "modes", "plot": "plot", "biaxial": "plot --biaxial"},
+}
+
+
+def again(
+    file: Path,
+    /,
+    *,
+    output: Annotated[
+        Path | None,
+        Parameter(
+            name=["--output", "-o"],
+            help="What is written; by default beside the file, as cloth-again.png of cloth.png.",
+        ),
+    ] = None,
+    set_: Set = (),
+    check: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Write nothing, but compare what comes with the file; exit status 1 where it "
+            "differs.",
+            show_default=False,
+        ),
+    ] = False,
+    folder: Annotated[
+        Path | None,
+        Parameter(
+            help="Where the scene's file lay, from which the files that it reads are found; by "
+            "default here, or where the file is."
+        ),
+    ] = None,
+    force: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Without --output: write over what is there.",
+            show_default=False,
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make a file anew from what it says of itself.
+
+    Pictures, films and data hold the scene that they are of, as it was run, and what was asked for;
+    "spacemap info FILE" shows it. The files that a scene reads (a draft, a mesh) are not in there,
+    but their digests are: what is missing, or has changed, is refused. Nothing else is read. With
+    --set the same is made of another scene.
+
+    "spacemap again cloth.png --check", "spacemap again cloth.glb -o more.glb --set weave.ends=20"
+
+    Parameters
+    ----------
+    file : Path
+        What "spacemap" has written, but .stl, .dtx and .txt, which have no room for it.
+    """
+    from spacemap_vtk.scenes.origin import places, scene_of
+
+    record = provenance.record_in(registry.existing(file))
+    if record is None:
+        raise InputError(
+            f"{file}: it does not say how it was made",
+            allowed=f"a file that this program has written: {', '.join(provenance.endings())}",
+        )
+    target = output or file.with_name(f"{file.stem}-again{file.suffix}")
+    if output is None and not check and not force and (there := _in_the_way(target)):
+        raise InputError(f"{there} is there already", cure="Name an --output, or give --force.")
+    scene, inputs = scene_of(record, places(file, folder))
+    if not quiet:
+        for line in told(record, file):
+            print(line)
+        for path in inputs:
+            print(f"reads {path}")
+        print("writes nothing" if check else f"writes {target}", flush=True)
+    if target.resolve() in [path.resolve() for path in inputs]:
+        raise InputError(f"{target} is read for it", key="--output", cure="Choose another name.")
+    for assignment in set_:
+        scene.set(assignment)
+    with tempfile.TemporaryDirectory() as room:
+        made = Path(room) / file.name if check else target
+        with progress(scene, "Making", quiet) as tell:
+            carry_out(Order.of(record.order, made), scene, tell)
+        tell_warnings(scene, quiet)
+        if check and (found := list(differences(file, made))):
+            raise SpacemapError(f"{file}: made anew it is another: {'; '.join(found)}")
+    if check and not quiet:
+        print(f"{file}: made anew it is the same")
+
+
+def told(record: Record, file: Path) -> list[str]:
+    """Return what a record says, for people."""
+    here = "" if record.version == __version__ else f" (this is {__version__})"
+    words = f"spacemap {_COMMANDS.get(str(record.order.get('what')), 'export')}"
+    words += f" {shlex.quote(record.file or 'SCENE')} -o {shlex.quote(file.name)}"
+    once = {"time": record.times[0]} if len(record.times) == 1 else {}
+    for key, value in {**once, **record.order}.items():
+        if isinstance(value, list):
+            value = ("x" if key == "size" else ",").join(map(str, value))
+        if key == "times" and once:
+            continue
+        if key != "what" or words.startswith("spacemap export"):
+            words += f" --{key} {shlex.quote(str(value))}"
+    lines = [f"{file}: made by spacemap_vtk {record.version}{here}", f"as by {words}"]
+    if record.times:
+        lines.append(f"at {' to '.join(f'{time:g}' for time in record.times)} s")
+    return [
+        *lines,
+        *(f"from {name}, sha256 {digest[:16]}…" for name, digest in record.inputs.items()),
+    ]
+
+
+def _in_the_way(target: Path) -> Path | None:
+    """Return what would be written over, of the file and what may come to lie beside it."""
+    beside = (target.with_suffix(".mtl"), target.with_suffix(""))
+    named = target, *beside, target.with_name(f"{target.name}-metadata.json")
+    return next((path for path in named if path.exists()), None)
+
+
+def differences(one: Path, other: Path) -> Iterator[str]:
+    """Yield in words how files differ in what they show; what they say of themselves aside."""
+    if one.read_bytes() == other.read_bytes() and one.suffix.lower() != ".pvd":
+        return
+    ending = one.suffix.lower()
+    holds = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
+    if ending in registry.written("picture"):
+        yield from _pixels(one, other)
+    elif holds:
+        yield from (_steps if holds[0] == "motion" else _arrays)(one, other)
+    else:
+        lines = [_lines(path) for path in (one, other)]
+        count = sum(a != b for a, b in zip(*lines, strict=False))
+        count += abs(len(lines[0]) - len(lines[1]))
+        if count:
+            yield f"{count} of {len(lines[0])} lines differ"
+
+
+def _lines(path: Path) -> list[bytes]:
+    name = provenance.NAME.encode()
+    return [line for line in path.read_bytes().splitlines() if name not in line]
+
+
+def _pixels(one: Path, other: Path) -> Iterator[str]:
+    import numpy as np
+    from PIL import Image
+
+    pixels = []
+    for path in (one, other):
+        with Image.open(path) as image:
+            pixels.append(np.asarray(image.convert("RGBA"), np.int16))
+    if pixels[0].shape != pixels[1].shape:
+        yield "{1} x {0} pixels were {3} x {2}".format(*pixels[1].shape[:2], *pixels[0].shape[:2])
+        return
+    off = np.abs(pixels[0] - pixels[1]).max(axis=2)
+    if off.any():
+        share = np.count_nonzero(off) / off.size
+        yield f"{share:.2%} of the pixels differ, by up to {off.max()} of 255"
+
+
+def _steps(one: Path, other: Path) -> Iterator[str]:
+    from spacemap_vtk.io.series import open_series
+
+    series = open_series(one), open_series(other)
+    if series[0].times != series[1].times:
+        yield "the times are others"
+        return
+    for number, time in enumerate(series[0].times):
+        for text in _compared(*(each.read(number) for each in series)):
+            yield f"at {time:g} s {text}"
+
+
+def _arrays(one: Path, other: Path) -> Iterator[str]:
+    from spacemap_vtk.io.reading import merged, read_blocks
+
+    yield from _compared(*(merged(read_blocks(path), path) for path in (one, other)))
+
+
+def _compared(was: Any, made: Any) -> Iterator[str]:
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    from spacemap_vtk.datasets.arrays import points_of
+
+    if was.GetNumberOfCells() != made.GetNumberOfCells():
+        yield f"{made.GetNumberOfCells()} cells were {was.GetNumberOfCells()}"
+    tables = {"points": (points_of(was), points_of(made))}
+    for kind in ("GetPointData", "GetCellData"):
+        here, there = getattr(was, kind)(), getattr(made, kind)()
+        for k in range(here.GetNumberOfArrays()):
+            name = here.GetArrayName(k)
+            pair = here.GetArray(k), there.GetArray(name)
+            if any(array is None for array in pair):
+                yield f"{name} is missing"
+            else:
+                tables[name] = tuple(map(vtk_to_numpy, pair))
+    for name, (first, second) in tables.items():
+        if first.shape != second.shape:
+            yield f"{name}: {len(second)} rows were {len(first)}"
+        elif not np.array_equal(first, second, equal_nan=first.dtype.kind == "f"):
+            off = np.nanmax(np.abs(first.astype(float) - second.astype(float)))
+            yield f"{name} differ by up to {off:.3g}"

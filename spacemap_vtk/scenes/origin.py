@@ -1,0 +1,141 @@
+"""What a scene's files say of where they come from, and the scene that such a record describes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk import __version__
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io import provenance
+from spacemap_vtk.io.formats.toml import format_scene
+from spacemap_vtk.io.provenance import Record
+from spacemap_vtk.io.series import open_series
+from spacemap_vtk.parameters import Parameter, Parameterised, Real
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.runs import paths_in, placed
+from spacemap_vtk.scenes.scene import Scene
+
+
+def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
+    """Return how what is ordered of a scene comes to be, as the scene is now."""
+    folder = scene.file.parent if scene.file else Path()
+    values: dict[str, Any] = {"title": scene.title}
+    files: dict[Path, None] = {}
+    for name, part in scene.parts.items():
+        # What is connected, or looked at, though the file may not say so.
+        if name not in scene.given and isinstance(part, Stage) and part not in scene.stages:
+            continue
+        said = _said(part, folder)
+        if said or name in scene.given:
+            values[name] = said
+            files |= dict.fromkeys(_files(part.settings, name == scene.motion.section))
+    file = scene.file.name if scene.file else ""
+    text = format_scene(values, f"{file or 'a scene'}, as it was run")
+    inputs = {_named(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
+    return Record(__version__, order, text, file, tuple(times), inputs)
+
+
+def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
+    """Return the scene of a record, and its inputs in the first folder that has them unchanged."""
+    # A scene that names any other file is refused: the record may be a stranger's.
+    folders = list(folders)
+    faults = [_fault(record, folder) for folder in folders]
+    if all(faults):
+        raise InputError(
+            faults[0] or "",
+            cure="Put it back as it was, or say with --folder where the scene's folder is.",
+        )
+    folder = folders[faults.index(None)]
+    import tomllib
+
+    try:
+        values = tomllib.loads(record.scene)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"the scene in its record is damaged: {error}") from None
+    inputs = [folder / name for name in record.inputs]
+    allowed = {_plain(path) for path in inputs}
+    for path in paths_in(placed(values, sections(), folder)):
+        several = any(sign in path.name for sign in "*?[")
+        found = list(path.parent.glob(path.name)) if several else [path]
+        for other in found:
+            if _plain(other) not in allowed:
+                raise InputError(
+                    f"the scene in its record names {other}, which is not among the files that it "
+                    "says were read",
+                    cure='See it with "spacemap info": it was not made by this program.',
+                )
+    return Scene(values, folder / (Path(record.file).name or "scene.toml")), inputs
+
+
+def _fault(record: Record, folder: Path) -> str | None:
+    """Return what is wrong with a record's inputs in a folder; None if they are as they were."""
+    for name, was in record.inputs.items():
+        path = folder / name
+        if not path.is_file():
+            return f"{path}, which was read for it, is not there"
+        if _digest(path, path.stat().st_mtime_ns) != was:
+            return f"{path}, which was read for it, has changed since"
+    return None
+
+
+@lru_cache(100)
+def _digest(path: Path, _changed: int) -> str:
+    return provenance.digest(path)
+
+
+def _files(value: Any, motion: bool) -> Iterator[Path]:
+    """Yield the files that are read for values, of a motion all of its steps'."""
+    for path in paths_in(value):
+        try:
+            found = open_series(path).files if motion else [path]
+        except SpacemapError:
+            continue  # whoever needs it says so
+        yield from (each for each in found if each.is_file())
+
+
+def _said(part: Parameterised, folder: Path) -> dict[str, Any]:
+    """Return what is not as it is by itself, as a scene file has it."""
+    return {
+        key: _written(value, part.parameter(key), folder)
+        for key, value in part.settings.items()
+        if value != part.parameter(key).default
+    }
+
+
+def _written(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
+    if isinstance(value, Parameterised):
+        return _said(value, folder)
+    if isinstance(value, Path):
+        return _named(value, folder)
+    if isinstance(value, (tuple, list)):
+        return [
+            item if isinstance(item, float) else _written(item, parameter, folder) for item in value
+        ]
+    number = getattr(parameter, "component", parameter)
+    if isinstance(value, float) and isinstance(number, Real) and number.unit:
+        # With its unit, where that loses no digit.
+        text = number.text(value)
+        return text if parameter.check(text) == value else value
+    return "auto" if value is None and parameter.automatic else value
+
+
+def _named(path: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # on another drive of Windows
+        return path.as_posix()
+
+
+def _plain(path: Path) -> str:
+    return os.path.normpath(path.absolute())
+
+
+def places(record_file: Path, folder: Path | None) -> list[Path]:
+    """Return the folders where a file's inputs may be."""
+    return [folder] if folder else [Path(), record_file.parent, library.folder()]
