@@ -52,6 +52,7 @@ COMMANDS = {
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
     "bench": ("bench:bench", "Print how long a new time takes, beside a copy of what is written."),
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
+    "serve": ("window:serve", "Show a scene in a browser on this machine, live."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
 for _name, (_function, _help) in COMMANDS.items():

@@ -1,0 +1,1 @@
+"""The live pipeline in a browser: pictures are drawn here, and streamed."""

@@ -1,0 +1,161 @@
+"""A scene's parameters as rows of the page, made of their declarations."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of, told_interval
+from spacemap_vtk.app.fields.span import SliderSpan, span_of
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parameters import Parameter, Parameterised, Real
+from spacemap_vtk.scenes.assignments import value_of
+from spacemap_vtk.scenes.chain import words_of
+from spacemap_vtk.scenes.scene import Scene
+
+#: What each kind of parameter is edited by. No kind that names files is among them: who has the
+#: page sees this scene, and nothing else of the machine.
+_EDITORS = {
+    "real": "number",
+    "integer": "number",
+    "series": "number",
+    "flag": "flag",
+    "choice": "choice",
+    "color": "color",
+    "vector": "text",
+    "pattern": "text",
+    "supports": "text",
+}
+#: What the page has a place of its own for, or what is only of files.
+_ELSEWHERE = ("view.color", "view.size", "view.time", "view.zoom", "view.shadows")
+#: So many of a section's rows are seen at once, beside those that the scene's file has.
+_FIRST = 3
+
+
+class ParameterRows:
+    """The rows, with what is refused of them."""
+
+    def __init__(self) -> None:
+        self._spans: dict[str, SliderSpan] = {}
+        #: What was refused, by key: the text, which stays, and why.
+        self._refused: dict[str, tuple[str | None, str]] = {}
+        #: What the last run has found, by section and name.
+        self.found: dict[str, Mapping[str, Any]] = {}
+        self._there: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
+
+    def of(self, scene: Scene, values: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return a scene's sections with their rows."""
+        self._there.clear()
+        sections = []
+        for section, part in scene.parts.items():
+            if isinstance(part, Stage) and part not in scene.stages:
+                continue
+            rows = self._rows(section, part, values.get(section, ()))
+            if rows:
+                about = (type(part).__doc__ or "").strip().splitlines()[0]
+                name = words_of(type(part).__name__)
+                sections.append({"name": section, "label": name, "about": about, "rows": rows})
+        return sections
+
+    def written(self, key: str, text: str) -> Any:
+        """Return what a line's text stands for in a scene file; None: the default."""
+        parameter = self._there[key][1]
+        return None if text.strip() == "" and parameter.optional else value_of(text)
+
+    def slid(self, key: str, step: int) -> Any:
+        """Return what a step of a slider stands for in a scene file."""
+        real = _number(self._there[key][1])
+        number = self._spans[key].number(step)
+        if real.kind == "integer":
+            return round(number)
+        return real.show(number) if real.unit else number
+
+    def __contains__(self, key: object) -> bool:
+        """Return whether there is such a row."""
+        return key in self._there
+
+    def refuse(self, error: SpacemapError, key: str = "", text: str | None = None) -> bool:
+        """Let a row say why its value is refused; return whether there is that row."""
+        key = key or f"{error.section}.{error.key}"
+        allowed = f"; allowed: {error.allowed}" if error.allowed else ""
+        why = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
+        self._refused[key] = text, why
+        return key in self._there
+
+    def accept(self, key: str = "") -> None:
+        """Forget what was refused: of a row, or in a run."""
+        kept = {k: v for k, v in self._refused.items() if k != key and (key or v[0] is not None)}
+        self._refused = kept
+
+    def _rows(
+        self, section: str, part: Parameterised, written: Collection[str]
+    ) -> list[dict[str, Any]]:
+        found = self.found.get(section, {})
+        feasible, known = feasible_of(part), found or resolved_of(part)
+        rows: list[dict[str, Any]] = []
+        for name, parameter in part.parameters.items():
+            key, component = f"{section}.{name}", getattr(parameter, "component", None)
+            editor = _EDITORS.get(parameter.kind)
+            idle = idle_of(part, name, found)
+            if editor is None or key in _ELSEWHERE or (idle and name not in written):
+                continue
+            if parameter.kind == "series" and not isinstance(component, Real):
+                editor = "text"
+            self._there[key] = part, parameter
+            value = getattr(part, name)
+            interval = feasible.get(name)
+            typed, bad = self._refused.get(key, (None, ""))
+            note = f"does not count: {idle}" if idle else told_interval(parameter, interval)
+            if name in found and not note and found[name] != value:
+                note = f"in force: {parameter.tell(found[name])}"
+            row = {
+                "key": key,
+                "label": parameter.label,
+                "unit": parameter.unit if parameter.kind == "vector" else "",
+                "kind": editor,
+                "text": _text(parameter, value) if typed is None else typed,
+                "automatic": _automatic(parameter, known.get(name)),
+                "help": f"{parameter.help}\n\nAllowed: {parameter.allowed}.",
+                "note": note,
+                "bad": bad,
+                "changed": name in written,
+                "first": bool(bad) or name in written or len(rows) < _FIRST,
+            }
+            if editor == "choice":
+                row["choices"] = list(getattr(parameter, "choices", ()))
+            elif editor == "flag":
+                row["on"] = bool(value)
+            elif editor == "number" and isinstance(value, int | float):
+                row["step"] = self._span(key, parameter, value, interval).step(value)
+            rows.append(row)
+        return rows
+
+    def _span(self, key: str, parameter: Parameter[Any], value: float, interval: Any) -> SliderSpan:
+        # The span stays while the value is inside: a slider that jumps is no ruler.
+        span = self._spans.get(key)
+        if interval is not None or span is None or not span.low <= value <= span.high:
+            self._spans[key] = span = span_of(_number(parameter), value, interval)
+        return span
+
+
+def _number(parameter: Parameter[Any]) -> Real:
+    real = getattr(parameter, "component", parameter)
+    if not isinstance(real, Real):
+        raise InputError("no number", key=parameter.name)
+    return real
+
+
+def _text(parameter: Parameter[Any], value: Any) -> str:
+    if value is None:
+        return ""
+    text = parameter.text(value)
+    if parameter.kind == "vector" and parameter.unit:
+        text = text.removesuffix(f" {parameter.unit}")  # which stands beside the name
+    return text.strip('"')
+
+
+def _automatic(parameter: Parameter[Any], known: Any) -> str:
+    if not parameter.automatic:
+        return ""
+    return parameter.automatic if known is None else f"auto: {parameter.tell(known)}"

@@ -1,0 +1,163 @@
+"""What the browser shows of a scene: frames drawn offscreen, from where the user looks."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.glyphs import cut_of
+from spacemap_vtk.draw.offscreen import Offscreen
+from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
+from spacemap_vtk.scenes.settings import BACKGROUNDS, View
+
+#: JPEG's own measure of what rests, and of what moves.
+_STILL, _MOVING = 92, 75
+#: Pixels on a side that are drawn at least and at most: screens of many get fewer, enlarged.
+_LEAST, _MOST = 64, 2560
+#: Degrees by which a drag across the whole picture turns, as in VTK's windows.
+_TURN = 200.0
+
+
+class Screen:
+    """Draws the latest frame when it is asked for."""
+
+    def __init__(self) -> None:
+        self.window = Offscreen((960, 720))
+        self.shown = SceneView(self.window.renderer, shades=False)
+        self.window.add_in_front(self.shown.loads.through)
+        self.frame: Frame | None = None
+        #: Counts what has changed the picture.
+        self.version = 0
+        #: Whether the camera is being moved: what takes little time is drawn.
+        self.steering = False
+        #: Whether the page is dark, and with it what lies behind a scene that says nothing of it.
+        self.dark = False
+        self._ratio = 1.0
+        self._view = View()
+        #: The preset that the camera was last brought to, and where it stood then.
+        self._aimed: tuple[str | None, Viewpoint] | None = None
+        self._drawn: tuple[int, bytes] = 0, b""
+
+    def show(self, frame: Frame, view: View) -> None:
+        """Take another frame, or another view of it."""
+        first = self.frame is None
+        moved = view.camera != self._view.camera
+        self.frame = frame
+        self._view = view
+        self._refresh()
+        if first or moved:
+            self.aim(view.camera)
+
+    def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
+        """Draw as many pixels as the browser has; they are so many for each of its units."""
+        most = _MOST / max(width, height, 1.0)
+        self._ratio = min(max(ratio, 0.5), 3.0, max(most, 0.1))
+        size = tuple(max(_LEAST, round(side * self._ratio)) for side in (width, height))
+        self.dark = dark
+        self.window.size = size[0], size[1]
+        self.window.render_window.SetSize(*size)
+        self.window.render_window.SetDPI(round(72 * self._ratio))
+        self._refresh()
+        if self._aimed is not None and self._aimed[1][:3] == self._place[:3]:
+            self.aim(self._aimed[0])
+
+    def aim(self, name: str | None) -> None:
+        """Look at the whole from one of `CAMERAS`; None: from where it is seen now."""
+        if self.frame is None:
+            return
+        camera, (width, height) = self.window.camera, self.window.size
+        points = extent_of(self.frame, self._view.loads)
+        aspect = (1.0 - self.shown.room) * width / height
+        aim(camera, points, aspect, name, self._view.zoom if name else 1.0)
+        if name is not None:
+            camera.SetParallelProjection(name == FLAT)
+        self._aimed = name, self._place
+        self.version += 1
+
+    def steer(self, kind: str, x: float, y: float) -> None:
+        """Turn, move or zoom by shares of the picture's width and height, y upwards."""
+        camera = self.window.camera
+        if kind == "turn":
+            camera.Azimuth(-_TURN * x)
+            camera.Elevation(-_TURN * y)
+            camera.OrthogonalizeViewUp()
+        elif kind == "move":
+            width, height = self.window.size
+            tall = 2 * camera.GetDistance() * math.tan(math.radians(camera.GetViewAngle() / 2))
+            if camera.GetParallelProjection():
+                tall = 2 * camera.GetParallelScale()
+            up = np.array(camera.GetViewUp())
+            right = np.cross(camera.GetDirectionOfProjection(), up)
+            by = -(right * x * width / height + up * y) * tall
+            camera.SetPosition(*(camera.GetPosition() + by).tolist())
+            camera.SetFocalPoint(*(camera.GetFocalPoint() + by).tolist())
+        else:
+            factor = min(max(x, 0.1), 10.0)
+            if camera.GetParallelProjection():
+                camera.SetParallelScale(camera.GetParallelScale() / factor)
+            else:
+                camera.Dolly(factor)
+        self.hold(True)
+        self.version += 1
+
+    def hold(self, steering: bool) -> None:
+        """Draw what takes little time while the camera is moved."""
+        if steering != self.steering:
+            self.steering = steering
+            self.shown.move(steering)
+            self.version += 1
+
+    @property
+    def seen(self) -> Seen | None:
+        """What is looked at; None before there is anything."""
+        return None if self._aimed is None else Seen(self._place, self.shown.room, self.window.size)
+
+    @property
+    def picture(self) -> bytes:
+        """What is seen, as a JPEG; drawn again only if that has changed."""
+        if self.frame is not None and self._drawn[0] != self.version:
+            moving = self.steering or self.frame.coarse
+            # Smooth edges cost as much as all the rest in software.
+            self.window.renderer.SetUseFXAA(not moving)
+            self.window.renderer.ResetCameraClippingRange()
+            self.window.render(front=self._view.loads)
+            file = io.BytesIO()
+            image = Image.fromarray(np.ascontiguousarray(self.window.pixels()[..., :3]))
+            quality: dict[str, Any] = {"quality": _MOVING if moving else _STILL}
+            image.save(file, "JPEG", **quality, subsampling=2 if moving else 0)
+            self._drawn = self.version, file.getvalue()
+        return self._drawn[1]
+
+    def close(self) -> None:
+        """Free the window."""
+        self.window.close()
+
+    def _refresh(self) -> None:
+        frame, view = self.frame, self._view
+        if frame is None:
+            return
+        if self.dark and (view.background, view.background_top) == _USUAL:
+            below, above = BACKGROUNDS["Dark"]
+            view = View(**{**view.settings, "background": below, "background_top": above})
+        width, height = self.window.size
+        units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
+        self.shown.fit(view, units, self._ratio, self._ratio * view.line_scale)
+        look = Look(fabric=view.show != "cage", cage=frame.cage is not None)
+        look.cage = look.cage and view.show != "fabric"
+        cut = cut_of(view, frame.surface)
+        self.shown.show(frame, view, look, self.shown.span_of(frame), cut)
+        self.shown.move(self.steering)
+        self.version += 1
+
+    @property
+    def _place(self) -> Viewpoint:
+        return Viewpoint.of(self.window.camera)
+
+
+_USUAL = View().background, View().background_top

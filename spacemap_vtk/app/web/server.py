@@ -1,0 +1,242 @@
+"""Serves a scene to browsers on this machine: trame, behind a token.
+
+What can be asked for lies below ``/TOKEN/``, and wslink wants the token once more in the first
+message of a socket. A request by another name than this machine's own, as a page elsewhere would
+send it whose name has been made to point here, is refused, and so is a socket that another page
+opens. The page may load nothing from elsewhere.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import importlib.util
+import ipaddress
+import os
+import secrets
+import signal
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from spacemap_vtk.app.web.session import TIME_STEPS, Session
+from spacemap_vtk.errors import InputError, MissingLibraryError
+
+#: The packages of the extra ``[web]``, by the name they are imported under.
+PACKAGES = ("trame", "trame_client", "aiohttp")
+_HEADERS = {
+    # Vue makes functions of the page's text: "unsafe-eval" is for that.
+    "Content-Security-Policy": "default-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'self'; form-action 'none'",
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_REFUSED = "Refused: open the whole address that the program has printed, token and all.\n"
+_HERE = Path(__file__).parent
+
+
+def serve(
+    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str], object]
+) -> None:
+    """Serve a scene until Ctrl-C; `told` is given the address as soon as it can be opened."""
+    require_local(host)
+    require_free(host, port)
+    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
+    if missing:
+        raise MissingLibraryError(
+            f"a page in a browser needs {', '.join(missing)}",
+            cure="Run: pip install 'spacemap_vtk[web]'",
+        )
+    asyncio.run(_serve(name, assignments, host, port, told))
+
+
+def require_local(host: str) -> None:
+    """Refuse an address that others than this machine could reach."""
+    with contextlib.suppress(ValueError):
+        if host == "localhost" or ipaddress.ip_address(host).is_loopback:
+            return
+    raise InputError(
+        "others could reach it, and read along",
+        key="--host",
+        value=host,
+        allowed="this machine alone: 127.0.0.1, ::1 or localhost",
+        cure='From another machine: "ssh -L 8080:127.0.0.1:8080 HERE", and --port 8080 here.',
+    )
+
+
+async def _serve(
+    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str], object]
+) -> None:
+    from trame.app import get_server
+
+    # In small letters: trame's script makes all of a socket's address small.
+    token = secrets.token_hex(24)
+    server: Any = get_server("spacemap", client_type="vue3")
+    session = Session(name, assignments, server.state)
+    try:
+        _furnish(server, session, token)
+        server.controller.on_server_bind.add(lambda web: _guard(web.app, session, token))
+        work = asyncio.create_task(session.run())
+        served = asyncio.create_task(_started(server, host, port, token))
+        ready = asyncio.create_task(_ready(server))
+        ended = _ending()
+        await asyncio.wait([served, ready], return_when=asyncio.FIRST_COMPLETED)
+        if served.done():
+            served.result()  # raises what it has ended with
+        at = f"[{host}]" if ":" in host else host
+        told(f"http://{at}:{server.port}/{token}/")
+        await asyncio.wait([ended, served, work], return_when=asyncio.FIRST_COMPLETED)
+        if work.done():
+            work.result()
+        work.cancel()
+        await server.stop()
+        await served
+    finally:
+        session.close()
+
+
+def _furnish(server: Any, session: Session, token: str) -> None:
+    """Give the server its page, and what that can ask for."""
+    from trame_client.module import vue3
+
+    server.enable_module(vue3)
+    server.enable_module(
+        {
+            "scripts": ["page/page.js"],
+            "styles": ["page/page.css"],
+            "vue_use": ["spacemap"],
+            "serve": {"page": str(_HERE / "page")},
+        }
+    )
+    # All below the token; the longest names are looked for first.
+    server.serve = {f"{token}/{name}": folder for name, folder in server.serve.items()}
+    server.serve[token] = vue3.www
+    state = server.state
+    state.trame__title = f"{session.scene.title} · spacemap"
+    state.trame__favicon = "page/icon.svg"
+    state.trame__template_main = (_HERE / "page" / "page.html").read_text(encoding="utf-8")
+    state.trame__template_error = (_HERE / "page" / "over.html").read_text(encoding="utf-8")
+    state.time_steps = TIME_STEPS
+    for name in (
+        *("set", "switch", "slide", "reset", "color", "seek", "go", "play", "cancel"),
+        *("resize", "aim", "steer"),
+    ):
+        server.trigger(name)(getattr(session, name))
+
+
+def _guard(app: Any, session: Session, token: str) -> None:
+    """Let in only who knows the token, by a name of this machine."""
+    from aiohttp import web
+    from trame_client.module import vue3
+
+    @web.middleware
+    async def guarded(request: Any, handler: Any) -> Any:
+        _, first, *rest = request.path.split("/")
+        origin = request.headers.get("Origin")
+        own = origin is None or urlsplit(origin).netloc == request.host
+        known = secrets.compare_digest(first.encode(), token.encode())
+        if not (own and known and _is_local(request.host)):
+            raise web.HTTPForbidden(text=_REFUSED, headers=_HEADERS)
+        if not rest:
+            raise web.HTTPFound(f"/{token}/", headers=_HEADERS)
+        response = await handler(request)
+        if not response.prepared:
+            response.headers.update(_HEADERS)
+        return response
+
+    async def picture(_request: Any) -> Any:
+        drawn = session.screen.picture
+        session.fetched.set()
+        return web.Response(body=drawn, content_type="image/jpeg")
+
+    async def page(_request: Any) -> Any:
+        return web.FileResponse(Path(vue3.www) / "index.html")
+
+    async def launcher(_request: Any) -> Any:
+        # Whom trame's script asks where its socket is, in place of words in the page's address.
+        return web.json_response({"sessionURL": f"ws://USE_HOST/{token}/ws", "secret": token})
+
+    app.middlewares.append(guarded)
+    app.router.add_get(f"/{token}/", page)
+    app.router.add_post(f"/{token}/paraview/", launcher)
+    app.router.add_get(f"/{token}/picture.jpg", picture)
+
+
+def _is_local(host: str) -> bool:
+    name = urlsplit(f"//{host}").hostname or ""
+    with contextlib.suppress(ValueError):
+        return name == "localhost" or ipaddress.ip_address(name).is_loopback
+    return False
+
+
+async def _started(server: Any, host: str, port: int, token: str) -> None:
+    """Serve until the server is stopped."""
+    # trame reads the command line, and has options of the same names as ours.
+    server.cli.set_defaults(
+        ws=f"{token}/ws", authKey=token, host=host, nosignalhandlers=True, server=True
+    )
+    words, sys.argv = sys.argv, sys.argv[:1]
+    try:
+        running = server.start(
+            port=port,
+            host=host,
+            timeout=0,
+            exec_mode="coroutine",
+            open_browser=False,
+            show_connection_info=False,
+            disable_logging=True,
+        )
+    finally:
+        sys.argv = words
+    await running
+
+
+async def _ready(server: Any) -> None:
+    await server.ready
+
+
+def require_free(host: str, port: int) -> None:
+    """Refuse a port that cannot be had; said before anything else is done."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        # As the server will: what has just ended leaves its port behind for a minute.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, os.name == "posix")
+        try:
+            probe.bind((host, port))
+        except (OSError, OverflowError) as error:
+            taken = getattr(error, "errno", 0) == errno.EADDRINUSE
+            raise InputError(
+                "another program listens there" if taken else f"this port cannot be had ({error})",
+                key="--port",
+                value=port,
+                cure="Choose another one, or leave it out: one that is free is found.",
+            ) from None
+
+
+def _ending() -> asyncio.Future[None]:
+    """Return what is done when somebody ends the program."""
+    loop = asyncio.get_running_loop()
+    ended: asyncio.Future[None] = loop.create_future()
+
+    def end() -> None:
+        if not ended.done():
+            ended.set_result(None)
+
+    with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C is raised
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, end)
+    return ended
+
+
+def open_browser(address: str) -> None:
+    """Open the user's browser, if there is a screen for one."""
+    if sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
+        return
+    webbrowser.open(address)

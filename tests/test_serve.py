@@ -1,0 +1,179 @@
+"""A scene in a browser: the command, a browser that opens what it prints, and who is refused."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from browser import Page, browser
+
+from spacemap_vtk.cli.main import main
+
+aiohttp = pytest.importorskip("aiohttp")
+msgpack = pytest.importorskip("msgpack")
+pytest.importorskip("trame")
+
+#: Resolves once the last picture is there, and none has come for a while.
+_QUIET = """new Promise(done => {
+  let last = "", since = performance.now();
+  const look = () => {
+    const image = document.querySelector(".picture img");
+    if (image.src !== last || !image.complete || document.querySelector(".work")) {
+      last = image.src;
+      since = performance.now();
+    }
+    performance.now() - since > 450 ? done(true) : setTimeout(look, 20);
+  };
+  look();
+})"""
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    words = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
+    bare = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "spacemap_vtk", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=bare,
+    )
+    assert process.stdout is not None
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_who_has_no_token_gets_nothing(served):
+    _, address = served
+    here, token = urlsplit(address).netloc, urlsplit(address).path.strip("/")
+    assert len(token) >= 32
+    root, wrong = f"http://{here}/", token[:-1] + ("0" if token[-1] != "0" else "1")
+    name = {"Host": "elsewhere.example:80"}
+    origin = {"Origin": "http://elsewhere.example"}
+
+    async def ask() -> None:
+        async with aiohttp.ClientSession() as client:
+            for path in ("", "index.html", "ws", "picture.jpg", "page/page.js", "vue.global.js"):
+                for where, headers in (
+                    (root + path, {}),
+                    (f"{root}{wrong}/{path}", {}),
+                    (address + path, name),
+                    (address + path, origin),
+                ):
+                    async with client.get(where, headers=headers) as answer:
+                        assert answer.status == 403, where
+                        assert token not in await answer.text()
+            for path in ("ws", f"{wrong}/ws"):
+                with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                    await client.ws_connect(root + path)
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await client.ws_connect(address + "ws", headers=origin)
+            async with client.get(address) as answer:
+                assert answer.status == 200
+                assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+            # Of a socket the token is asked once more, in its first message.
+            for secret, allowed in ((wrong, False), (token, True)):
+                async with client.ws_connect(address + "ws") as socket:
+                    hello = ("system:c0:0", "wslink.hello", [{"secret": secret}])
+                    assert ("result" in await _call(socket, *hello)) == allowed
+                    state = await _call(socket, "rpc:c0:1", "trame.state.get", [])
+                    assert ("result" in state) == allowed
+
+    asyncio.run(ask())
+
+
+async def _call(socket, number, method, args):
+    """Send a message as trame's own script does, and return the answer."""
+    chunking = pytest.importorskip("wslink.chunking")
+    message = msgpack.packb({"wslink": "1.0", "id": number, "method": method, "args": args})
+    for chunk in chunking.generate_chunks(message, 0):
+        await socket.send_bytes(chunk)
+    heard = chunking.UnChunker()
+    heard.set_max_message_size(1 << 30)
+    while (found := heard.process_chunk(await socket.receive_bytes(timeout=20))) is None:
+        pass
+    return found
+
+
+def test_a_taken_port_and_a_public_address_are_refused(served, capsys):
+    port = str(urlsplit(served[1]).port)
+    for option, value, told in (
+        ("--host", "0.0.0.0", "this machine alone"),
+        ("--port", port, "another program listens there"),
+        ("--port", "70000", "cannot be had"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main(["serve", "plain_weave", option, value])
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert f"{option} = " in error
+        assert told in error
+
+
+def test_a_browser_shows_it_live(served):
+    process, address = served
+    with browser(900, 600) as page:
+        page.open(address)
+        page.wait_until("document.querySelector('.picture img')?.naturalWidth > 500")
+        first = _seen(page)
+        assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500  # a cloth, and no plain ground
+        _play(page)
+        before = _seen(page)
+        _type(page, "weave.ends", "3")
+        page.wait_until("document.getElementById('weave.ends').value === '3'")
+        narrower = _changed(page, before)
+        _type(page, "weave.ends", "0")
+        page.wait_until("document.querySelector('.bad .note') !== null")
+        note = page.evaluate("document.querySelector('.bad .note').textContent")
+        assert "out of range; allowed: a whole number at least 1" in note
+        assert np.array_equal(_seen(page), narrower)
+        page.drag((200, 300), (300, 250))
+        _changed(page, narrower)
+        # What it has asked for is all of this address, and nothing went wrong.
+        assert {a for a in page.addresses if not a.startswith((address, "data:"))} == set()
+        assert page.complaints == []
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+        page.wait_until("document.querySelector('#over') !== null")
+    assert process.stdout is not None
+    assert process.stdout.read() == ""
+
+
+def _play(page: Page) -> None:
+    now = "document.getElementById('now').value"
+    assert page.evaluate(now) == "20 ms"
+    page.click("#play")
+    page.wait_until(f"{now} !== '20 ms'")
+    page.click("#play")
+    page.wait_until("document.getElementById('play').textContent.trim() === '▶'")
+
+
+def _type(page: Page, row: str, text: str) -> None:
+    page.evaluate(
+        f"(line => {{ line.focus(); line.value = '{text}'; "
+        f"line.dispatchEvent(new Event('change')); line.blur(); }})"
+        f"(document.getElementById('{row}'))"
+    )
+
+
+def _seen(page: Page):
+    """Return the picture once it changes no more."""
+    page.evaluate(_QUIET)
+    return page.screenshot()[60:500, :500]
+
+
+def _changed(page: Page, before):
+    now = _seen(page)
+    assert np.mean((now != before).any(axis=2)) > 0.05
+    return now
