@@ -18,11 +18,11 @@ from PySide6.QtWidgets import QApplication, QColorDialog  # noqa: E402
 
 from spacemap_vtk.app.draft.draft_painter import Inks, Painting  # noqa: E402
 from spacemap_vtk.app.draft.layout import Layout, Place  # noqa: E402
-from spacemap_vtk.app.draft.shown import shown_of  # noqa: E402
 from spacemap_vtk.filters.weave_source import WeaveSource  # noqa: E402
 from spacemap_vtk.io.wif import read_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+from spacemap_vtk.scenes.shown import shown_of  # noqa: E402
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 

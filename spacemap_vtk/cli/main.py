@@ -39,6 +39,7 @@ COMMANDS = {
     "render": ("draw:render", "Draw a scene, a draft or a mesh at one time."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": ("draw:storyboard", "Draw a motion as the paper's figure 6 does."),
+    "figure": ("figure:figure", "Lay out a page: pictures, draft and cloth, Peirce's sections."),
     "sweep": ("sweeping:sweep", "Run a scene over lists of values: table and contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "convert": ("draw:convert", "Turn a weaver's draft into another format."),

@@ -28,7 +28,7 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
 def composed(
     pixels: NDArray[np.uint8], shade: NDArray[np.float32] | None, behind: Background
 ) -> NDArray[np.uint8]:
-    """Return a picture of a background's size."""
+    """Return a picture of a background's size; with the share covered, over one of that size."""
     # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
     size = pixels.shape[1], pixels.shape[0]
     # Upside down, as OpenGL has it, until it is smaller.
@@ -40,6 +40,20 @@ def composed(
             drawn, Image.merge("RGBX", (light, light, light, Image.new("L", size, 255)))
         )
     small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+    if behind.mode == "RGBA":  # what is behind it is not known yet
+        return _uncovered(np.asarray(small))
     red, green, blue, cover = small.split()
     left = Image.composite(Image.new("RGB", behind.size), behind, cover)
     return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), left))
+
+
+def nothing(size: tuple[int, int]) -> Background:
+    """Return a background for what is laid over something else."""
+    return Image.new("RGBA", size)
+
+
+def _uncovered(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the colours of what is drawn, which were multiplied by how much it covers."""
+    cover = pixels[..., 3:].astype(np.uint16)
+    colors = (pixels[..., :3] * np.uint16(255) + cover // 2) // np.maximum(cover, 1)
+    return np.concatenate([np.minimum(colors, 255), cover], axis=2).astype(np.uint8)

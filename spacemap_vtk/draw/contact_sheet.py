@@ -54,7 +54,7 @@ def contact_sheet(
 
 
 def _axes(sweep: Sweep) -> list[_Axis]:
-    lists = [(_name(sweep, k), [e.label(v) for v in e.values]) for k, e in enumerate(sweep.axes)]
+    lists = [(name_of(sweep, k), [e.label(v) for v in e.values]) for k, e in enumerate(sweep.axes)]
     if sweep.paired and lists:
         names, values = zip(*lists, strict=True)
         axes = [_Axis(names, list(zip(*values, strict=True)))]
@@ -66,7 +66,8 @@ def _axes(sweep: Sweep) -> list[_Axis]:
     return axes
 
 
-def _name(sweep: Sweep, number: int) -> str:
+def name_of(sweep: Sweep, number: int) -> str:
+    """Return what people call that which goes through a list of values."""
     labels = [each.parameter.label for each in sweep.axes]
     return labels[number] if labels.count(labels[number]) == 1 else sweep.axes[number].name
 

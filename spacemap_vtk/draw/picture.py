@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
 from spacemap_vtk.draw.coloring import add_measure, measure
-from spacemap_vtk.draw.compose import Background, composed, gradient
+from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
 from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
@@ -76,6 +76,9 @@ class Picture:
     extent : tuple, optional
         What the camera takes in and the ends of the scale, where that is more than the scene's
         present motion, see `over_motion`.
+    bare : bool
+        Whether it is laid over a page, which has a scale for all: then there is no background and
+        no scale, and pictures have a fourth number, how much of a pixel is covered.
 
     Raises
     ------
@@ -93,9 +96,10 @@ class Picture:
         show: Sequence[str] = (),
         place: Viewpoint | None = None,
         extent: Extent | None = None,
+        bare: bool = False,
     ) -> None:
         prepare_offscreen()  # a machine that cannot draw need not solve
-        self._place = place
+        self._place, self._bare = place, bare
         self.scene = scene
         width, height = size or picture_size(scene)
         demand = width * height, len(times)
@@ -152,7 +156,7 @@ class Picture:
         Returns
         -------
         ndarray of uint8, shape (height, width, 3)
-            Red, green and blue.
+            Red, green and blue; bare ones have a fourth number, how much is covered.
         """
         view, surface, cloth = self.scene.view, None, None
         if self.sheet is None:
@@ -248,14 +252,16 @@ class Picture:
         if view.loads:
             window.add_in_front(shown.loads.through)
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
-        room = 0.0 if self._span is None else scale_share(size)
+        room = 0.0 if self._span is None or self._bare else scale_share(size)
         camera = window.camera
         aspect = (1 - room) * size[0] / size[1]
         aim(camera, extent, aspect, view.camera, view.zoom)
         if self._place is not None:
             self._place.take(camera)
-        look = Look(fabric=panel != "cage", cage=panel != "fabric")
+        look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
         behind = gradient(size, view.background, view.background_top)
+        if self._bare:
+            behind = nothing(size)
         return _Panel(window, shown, look, shaded, behind)
 
     def close(self) -> None:
@@ -290,6 +296,13 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
     if scene.view.ghost:
         clouds.append(_some(rest_of(drawn)))
     return np.concatenate(clouds, dtype=np.float64), natural_span(np.array(ends)) if ends else None
+
+
+def together(extents: Sequence[Extent]) -> Extent:
+    """Return what spans several motions, and the ends of a scale for all of them."""
+    clouds, spans = zip(*extents, strict=True)
+    ends = np.array([span for span in spans if span is not None])
+    return np.concatenate(clouds), natural_span(ends) if ends.size else None
 
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -45,6 +45,8 @@ class Look:
     cage: bool = True
     #: Whether of the fabric only the facets' edges are drawn.
     wireframe: bool = False
+    #: Whether numbers have their scale at the right.
+    scale: bool = True
 
 
 class SceneView:
@@ -118,7 +120,7 @@ class SceneView:
         """Show a frame, its colours' scale from one end of `span` to the other."""
         self._shown = frame, view, look, span
         self._moving = False
-        scaled = look.fabric and span is not None
+        scaled = look.fabric and look.scale and span is not None
         self.room = scale_share(self._size) if scaled else 0.0
         self.renderer.GetActiveCamera().SetWindowCenter(self.room, 0.0)
         for actor in (self.surface, self.sheet, self.light):
@@ -126,6 +128,9 @@ class SceneView:
             actor.bar.VisibilityOff()
         if look.fabric:
             self._show_fabric(frame, view, look, span)
+        if not look.scale:
+            for actor in (self.surface, self.sheet):
+                actor.bar.VisibilityOff()
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
         self.ghost.SetVisibility(ghost)
         if ghost:

@@ -23,8 +23,8 @@ from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.compose import composed, gradient
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.offscreen import Offscreen
-from spacemap_vtk.draw.picture import Picture, over_motion
-from spacemap_vtk.draw.surface_actor import SurfaceActor, natural_span, rgb
+from spacemap_vtk.draw.picture import Picture, over_motion, together
+from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.mechanics.realm import realm
@@ -91,11 +91,8 @@ def motions_board(
         take_motion(scene, name, given)
         extents.append(over_motion(scene, times))
         tell(count, 2 * len(motions))
-    clouds, spans = zip(*extents, strict=True)
-    ends = np.array([span for span in spans if span is not None])
-    extent = np.concatenate(clouds), natural_span(ends) if ends.size else None
     show = "both" if scene.view.show == "side by side" else scene.view.show
-    picture = Picture(scene, times, cell, [show], extent=extent)
+    picture = Picture(scene, times, cell, [show], extent=together(extents))
     rows, labels = [], []
     for count, name in enumerate(motions, 1):
         take_motion(scene, name, given)

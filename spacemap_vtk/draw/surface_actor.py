@@ -61,7 +61,7 @@ class SurfaceActor(vtkActor):
             name, size = unit_of(color, max(map(abs, shown)))
             # The scale reads in its own unit.
             points.AddArray(to_array(values / np.float32(size), "in unit"))
-            self._color_by("in unit", _ramp(RAMP, 256), (shown[0] / size, shown[1] / size))
+            self._color_by("in unit", ramp(), (shown[0] / size, shown[1] / size))
             mapper.SetScalarModeToUsePointFieldData()
             self.bar.SetTitle(scale_title(color, name))
         elif color in CLASSES and cells.GetArray(color) is not None:
@@ -197,8 +197,9 @@ def rgb(color: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-def _ramp(colors: tuple[str, ...], count: int) -> list[str]:
-    stops = np.array([list(bytes.fromhex(color[1:])) for color in colors], dtype=float)
+def ramp(count: int = 256) -> list[str]:
+    """Return the colours of numbers from low to high."""
+    stops = np.array([list(bytes.fromhex(color[1:])) for color in RAMP], dtype=float)
     at = np.linspace(0, len(stops) - 1, count)
     parts = [np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]
     return ["#{:02x}{:02x}{:02x}".format(*(int(c[i]) for c in parts)) for i in range(count)]

@@ -10,7 +10,7 @@ from PySide6.QtCore import QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 
 from spacemap_vtk.app.draft.layout import GAP, Layout, PanelSpan, Place
-from spacemap_vtk.app.draft.shown import Shown
+from spacemap_vtk.scenes.shown import Shown
 
 #: Cells of fewer pixels have no lines between them, and of fewer still no thread to be seen.
 _LINED, _THREADED = 5, 6

@@ -26,7 +26,6 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import DRAFTED, Document
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
-from spacemap_vtk.app.draft.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.app.widgets import column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
@@ -35,6 +34,7 @@ from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_tread
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import draft_filters
 from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
 _SHARE = 0.3

@@ -16,8 +16,8 @@ from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QWidget
 
 from spacemap_vtk.app.draft.draft_painter import Inks, Painting
 from spacemap_vtk.app.draft.layout import Layout, Place, fitting
-from spacemap_vtk.app.draft.shown import Shown
 from spacemap_vtk.app.draft.strokes import Stroke
+from spacemap_vtk.scenes.shown import Shown
 
 #: Pixels of a cell, from the least to the most.
 SIZES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from spacemap_vtk.app.draft.shown import Shown
+from spacemap_vtk.scenes.shown import Shown
 
 #: Pixels round the draft, between its grids (where the numbers stand), of a strip of colours, and
 #: between a strip and its grid.

@@ -7,7 +7,7 @@ from PySide6.QtCore import QPoint, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 
-from spacemap_vtk.app.draft.shown import Shown
+from spacemap_vtk.scenes.shown import Shown
 
 _SIDE, _ROOM = 22, 5
 #: Where a draft has fewer colours, these are offered.

@@ -8,8 +8,8 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.layout import Place
-from spacemap_vtk.app.draft.shown import Shown
 from spacemap_vtk.fabric.loom_edit import threaded, tied, toggled, treadled
+from spacemap_vtk.scenes.shown import Shown
 
 #: What people call the edits, for the undo menu.
 NAMES = {

@@ -121,7 +121,8 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     else:  # the same figure is the same file: no date, and names of its parts not by chance
         key, date = ("Description", "Date") if ending == "svg" else ("Keywords", "CreationDate")
         more["metadata"] = {date: None, **({key: f"{NAME}: {record}"} if record else {})}
-    with rc_context({"svg.hashsalt": NAME}):
+    # Letters stay letters, to be found, read aloud and edited.
+    with rc_context({"svg.hashsalt": NAME, "svg.fonttype": "none", "pdf.fonttype": 42}):
         figure.savefig(made, format=ending, **more)
     write(file, [made.getbuffer()])
 

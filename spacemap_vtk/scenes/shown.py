@@ -1,4 +1,4 @@
-"""What the draft tab shows of a weave, and the scene values that an edit of it becomes."""
+"""What there is to see of a weave as a draft, and the scene values that an edit of it becomes."""
 
 from __future__ import annotations
 

@@ -1,0 +1,172 @@
+"""The command that lays out a page for a publication: figure."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from spacemap_vtk.cli.options import ColorBy, Quiet, listed_times, opened
+from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.registry import writer, written, written_words
+from spacemap_vtk.units import parse_quantity
+
+#: Widths of a page in m that are no mistake, and dots per inch.
+_WIDTHS, _DOTS = (0.04, 1.2), (30.0, 1200.0)
+
+
+def figure(
+    scene: str,
+    /,
+    *,
+    output: Annotated[
+        Path, Parameter(name=["--output", "-o"], help=f"A {written_words('plot')} file.")
+    ],
+    panels: Annotated[
+        str | None,
+        Parameter(
+            help="What stands on the page, from above, separated by commas: pictures, draft, "
+            "cloth, section. By default pictures of what moves, and all else of a still cloth."
+        ),
+    ] = None,
+    times: Annotated[
+        str | None,
+        Parameter(
+            name=["--times", "--time"],
+            help="Times of the pictures in s, with commas between them, as in 0,20ms; by default "
+            "the beginning, a quarter and a half of the first mode's swing.",
+        ),
+    ] = None,
+    set_: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--set",
+            negative="",
+            help="A value of the scene; or several with commas between them, as in "
+            "--set weave.warp_diameter=0.2mm,0.25mm, for a picture of each. Can be given again.",
+            show_default=False,
+        ),
+    ] = (),
+    paired: Annotated[
+        bool,
+        Parameter(
+            name="--zip",
+            negative="",
+            help='Pair these lists, as "sweep" does.',
+            show_default=False,
+        ),
+    ] = False,
+    color: ColorBy = None,
+    cage: Annotated[
+        bool,
+        Parameter(negative="", help="Cages in a row over the pictures.", show_default=False),
+    ] = False,
+    columns: Annotated[int | None, Parameter(help="Pictures in a row.")] = None,
+    end: Annotated[
+        int | None, Parameter(help="The end that is cut along, from 1; by default in the middle.")
+    ] = None,
+    pick: Annotated[
+        int | None, Parameter(help="The pick that is cut along, from 1; by default in the middle.")
+    ] = None,
+    width: Annotated[
+        str, Parameter(help="Of the page: 180mm is two columns of many journals, 88mm is one.")
+    ] = "180mm",
+    dpi: Annotated[float, Parameter(help="Dots per inch of its pictures.")] = 300.0,
+    dark: Annotated[
+        bool, Parameter(negative="", help="Light ink on dark paper.", show_default=False)
+    ] = False,
+    transparent: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="No paper: what the figure is laid on shows through.",
+            show_default=False,
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Lay out a page for a publication.
+
+    Pictures are seen from one place and have one scale of colours; a key below has the axes, a
+    round length (without perspective, or in the plane of the camera's focus) and the colours.
+    Sections and drafts are drawn from the cloth's own curves and matrices, and stay lines and
+    letters in an .svg or a .pdf.
+
+    A swing at three times, coloured: "spacemap figure plain_weave -o swing.pdf"
+
+    A weaver's draft beside its cloth, and Peirce's sections with their dimensions:
+    "spacemap figure cloth.wif -o cloth.svg"
+
+    The sections alone, along the third end and the fifth pick, for one column:
+    "spacemap figure satin_8_3 -o section.pdf --panels section --end 3 --pick 5 --width 88mm"
+
+    Cages over fabrics at four times, for a dark slide: "spacemap figure plain_weave -o slide.png
+    --cage --times 0,20ms,40ms,60ms --dark --transparent"
+
+    Three dampings (rows) at three times (columns): "spacemap figure plain_weave -o damping.pdf
+    --set response.alpha=0,5,50 --times 20ms,60ms,100ms --color displacement"
+
+    Parameters
+    ----------
+    scene : str
+        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
+    """
+    check_output(output, written("plot"))
+    asked_times = () if times is None else listed_times(times)
+    chosen = opened(scene, color=color)
+    if transparent and output.suffix.lower() in (".jpg", ".jpeg"):
+        raise InputError(
+            f"a {output.suffix} has no transparency",
+            key="--transparent",
+            allowed=".png, .svg, .pdf",
+        )
+    if columns is not None and columns < 1:
+        raise InputError(
+            "no number of pictures", key="--columns", value=columns, allowed="1 or more"
+        )
+    from spacemap_vtk.draw.figure_page import PANELS, FigureAsked, figure_of
+    from spacemap_vtk.draw.page import Paper
+    from spacemap_vtk.scenes.runs import sweep_of
+
+    names = [] if panels is None else [word.strip() for word in panels.split(",")]
+    if unknown := [name for name in names if name not in PANELS]:
+        raise InputError(
+            "no such panel",
+            key="--panels",
+            value=unknown[0],
+            allowed=", ".join(f"{name} ({words})" for name, words in PANELS.items()),
+        )
+    paper = Paper(1e3 * _width(width), _dots(dpi), dark, transparent)
+    default = not panels and chosen.moves and chosen.view.color == "own"
+    shown = color or ("displacement" if default else None)
+    fixed = [("view", "color", shown)] if shown else []
+    asked = sweep_of(scene, set_, paired=paired, times=asked_times, fixed=fixed)
+    asked.check()
+    with progress(None, "Drawing", quiet) as tell:
+        made, doubts = figure_of(asked, FigureAsked(names, cage, columns, end, pick), paper, tell)
+        with whole_file(output) as file:
+            writer(file, "plot").write(file, made)
+    for text in () if quiet else doubts:
+        print(f"spacemap: warning: {text}", file=sys.stderr)
+
+
+def _width(text: str) -> float:
+    try:
+        found = parse_quantity(text, "m")
+        if _WIDTHS[0] <= found <= _WIDTHS[1]:
+            return found
+    except InputError:
+        pass
+    raise InputError(
+        "no width of a page", key="--width", value=text, allowed="40mm to 1200mm, with its unit"
+    )
+
+
+def _dots(dpi: float) -> float:
+    if not _DOTS[0] <= dpi <= _DOTS[1]:
+        raise InputError("no resolution", key="--dpi", value=dpi, allowed="30 to 1200")
+    return dpi

@@ -1,0 +1,246 @@
+"""A figure of a scene: its pictures, its cloth beside its draft, sections, on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.draw.camera import Viewpoint, aim
+from spacemap_vtk.draw.contact_sheet import name_of
+from spacemap_vtk.draw.draft_sheet import LARGEST, draft_tile
+from spacemap_vtk.draw.measuring import Measures, axes_seen, draw_key, measures_of
+from spacemap_vtk.draw.page import Paper, Tile, page
+from spacemap_vtk.draw.picture import Extent, Picture, over_motion, together
+from spacemap_vtk.draw.section_drawing import section_tile
+from spacemap_vtk.draw.sheets import swing_times
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.cross_section import cross_section
+from spacemap_vtk.scenes.runs import Run, Sweep
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.shown import shown_of
+from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: What a page can have.
+PANELS = {
+    "pictures": "the scene at each of the times, with each of the values",
+    "draft": "threading, tie-up, treadling and drawdown, as the cloth lies",
+    "cloth": "the cloth's face, flat and still, beside its draft where both are asked for",
+    "section": "the cloth cut along an end and along a pick, with Peirce's dimensions",
+}
+#: Pictures that a page may have; ends and picks of a draft that are still seen.
+_MOST, _SEEN = 60, 160
+#: Height of a picture over its width, at least and at most; of the key below, in mm.
+_FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
+
+Tell = Callable[[int, int], object]
+
+
+@dataclass(frozen=True)
+class FigureAsked:
+    """What a figure is to show."""
+
+    #: Keys of `PANELS`; none: pictures of what moves, of a still cloth all else.
+    panels: Sequence[str] = ()
+    #: Whether cages stand over the pictures, in rows of their own.
+    cage: bool = False
+    #: Pictures in a row; None: as suits them.
+    columns: int | None = None
+    #: Numbers from 1 of the end and the pick that are cut along; None: those in the middle.
+    end: int | None = None
+    pick: int | None = None
+
+
+def figure_of(
+    sweep: Sweep, asked: FigureAsked, paper: Paper, tell: Tell = lambda *_: None
+) -> tuple[Figure, list[str]]:
+    """Return a scene's figure, and what its stages doubt; but pictures, all is of the first run."""
+    scene = sweep.runs[0].scene()
+    panels = asked.panels
+    if not panels:
+        still = not scene.moves and scene.source is scene.weave and len(sweep.runs) == 1
+        panels = ("draft", "cloth", "section") if still else ("pictures",)
+    if not scene.woven and (no := [name for name in panels if name != "pictures"]):
+        raise InputError(
+            f"{sweep.runs[0].file}: an object has no weave",
+            key="--panels",
+            value=no[0],
+            allowed="pictures",
+        )
+    rows: list[list[Tile]] = []
+    scenes = [scene]
+    for name in panels:
+        if name == "pictures":
+            pictures = _Shots(sweep, asked, paper)
+            rows += pictures.rows
+            scenes += pictures.scenes
+        elif name == "section":
+            for family, number in enumerate((asked.end, asked.pick)):
+                yarn = None if number is None else number - 1
+                rows.append([section_tile(cross_section(scene.weave.cloth, family, yarn))])
+        elif name == "draft" or "draft" not in panels:
+            scenes.append(_still(sweep.runs[0]))
+            rows.append(
+                _weave_row(scenes[-1], [each for each in ("draft", "cloth") if each in panels])
+            )
+    made = page(rows, paper, tell)
+    return made, list(dict.fromkeys(text for each in scenes for text in each.warnings))
+
+
+def _still(run: Run) -> Scene:
+    """Return the cloth alone, as much of it as can be seen."""
+    weave = run.whole.get("weave", {})
+    scene = Scene({"title": run.scene().title, "weave": weave}, run.file)
+    ends, picks = scene.weave.cloth.size
+    if max(ends, picks) > _SEEN:
+        scene.weave.configure(ends=min(ends, _SEEN), picks=min(picks, _SEEN))
+        scene.warn(f"of {ends} ends and {picks} picks the first {_SEEN} are drawn")
+    return scene
+
+
+def _weave_row(scene: Scene, kinds: Sequence[str]) -> list[Tile]:
+    """Return draft and cloth side by side, each pick beside its row."""
+    shown = shown_of(scene.weave)
+    ends, picks = shown.size
+    sides = [
+        yarns.position[-1]
+        - yarns.position[0]
+        + threads.mean_spacing(scene.weave.cloth.diameter_sum)
+        for yarns, threads in zip(scene.weave.cloth.yarns, scene.weave.cloth.threads, strict=True)
+    ]
+    shape = sides[1] / sides[0]
+
+    def draw(axes: Axes, paper: Paper) -> None:
+        _blend(scene, paper)
+        place = Viewpoint(
+            (0.0, 0.0, 10 * max(sides)), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), sides[1] / 2
+        )
+        _put(axes, paper, scene, 0.0, "fabric", place=place)
+
+    tiles = []
+    if "draft" in kinds:
+        tiles.append(draft_tile(shown, "Draft: where black, the end lies over the pick"))
+    if "cloth" in kinds:
+        wide = picks / shape
+        words = f"Cloth, {ends} × {picks}, {quantity(sides[0])} × {quantity(sides[1])}"
+        tiles.append(Tile(draw, lambda width: shape * width, words, wide, wide * LARGEST))
+    return tiles
+
+
+class _Shots:
+    """The tiles of a scene's pictures: one camera, one scale of colours, and a key for all."""
+
+    def __init__(self, sweep: Sweep, asked: FigureAsked, paper: Paper) -> None:
+        self._sweep = sweep
+        self.scenes = [run.scene() for run in sweep.runs]
+        first = self.scenes[0]
+        times = sweep.runs[0].times or self._times(first)
+        shots = list(product(range(len(self.scenes)), times))
+        if len(shots) * (1 + asked.cage) > _MOST:
+            raise InputError(
+                f"{len(shots) * (1 + asked.cage)} pictures are too many for a page",
+                allowed=f"up to {_MOST}",
+                cure='Ask for fewer times or values; "spacemap sweep" draws more.',
+            )
+        for scene in self.scenes:
+            _blend(scene, paper)
+        self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
+        self._shape = _shape(self._extent[0], first.view)
+        chosen = first.view.show if first.moves else "fabric"
+        kinds = ["cage", "fabric"] if asked.cage else ["both" if "side" in chosen else chosen]
+        if asked.cage and not first.moves:
+            raise InputError(f"{sweep.runs[0].file}: a scene without a cage", key="--cage")
+        columns = asked.columns or _columns(len(self.scenes), len(times))
+        #: How all are seen, once something is drawn.
+        self._seen: Measures | None = None
+        self.rows: list[list[Tile]] = []
+        for start in range(0, len(shots), columns):
+            some = shots[start : start + columns]
+            for kind in kinds:
+                row = [self._tile(number, time, kind) for number, time in some]
+                # The last row's are no larger than the others.
+                missing = columns - len(row) if start else 0
+                self.rows.append(row + [self._blank()] * missing)
+        self.rows.append([self._key()])
+
+    def _times(self, scene: Scene) -> list[float]:
+        """Return the beginning, a quarter and a half of a swing."""
+        if not scene.moves:
+            return [scene.view.time]
+        found = swing_times(scene)
+        return [found[0], 0.5 * (found[1] + found[2]), found[3]]
+
+    def _tile(self, number: int, time: float, kind: str) -> Tile:
+        def draw(axes: Axes, paper: Paper) -> None:
+            scene = self.scenes[number]
+            self._seen = _put(axes, paper, scene, time, kind, extent=self._extent)
+
+        words = []
+        run = self._sweep.runs[number]
+        for k, (each, value) in enumerate(zip(self._sweep.axes, run.chosen, strict=True)):
+            words.append(f"{name_of(self._sweep, k)} {each.label(value)}")
+        if self.scenes[number].moves:
+            words.append(f"t = {format_quantity(float(f'{time:.4g}'), 's')}")
+        return Tile(draw, lambda width: self._shape * width, ", ".join(words))
+
+    def _blank(self) -> Tile:
+        return Tile(lambda axes, paper: None, lambda width: 0.0, lettered=False)
+
+    def _key(self) -> Tile:
+        def draw(axes: Axes, paper: Paper) -> None:
+            assert self._seen is not None
+            draw_key(axes, paper, self._seen, self.scenes[0].view.color, self._extent[1])
+
+        return Tile(draw, lambda width: _KEY, lettered=False)
+
+
+def _blend(scene: Scene, paper: Paper) -> None:
+    """Let a scene's lines be seen on the paper."""
+    scene.view.configure(background=paper.color, background_top=paper.color)
+
+
+def _columns(runs: int, times: int) -> int:
+    if runs > 1 and 1 < times <= 5:
+        return times
+    count = runs * times
+    return count if count <= 4 else 4 if count % 4 == 0 else 3
+
+
+def _shape(points: NDArray[np.float64], view: View) -> float:
+    """Return how high a picture of points is, over its width."""
+    shape, camera = 1.0, vtkCamera()
+    for _ in range(2):
+        aim(camera, points, 1.0 / shape, view.camera, 1.0)
+        seen = (points - camera.GetPosition()) @ axes_seen(camera)
+        near = 1.0 if camera.GetParallelProjection() else -seen[:, 2:]
+        across, above = np.ptp(seen[:, :2] / near, axis=0)
+        shape = float(np.clip(above / across, _FLATTEST, _TALLEST))
+    return shape
+
+
+def _put(axes: Axes, paper: Paper, scene: Scene, time: float, kind: str, **seen: Any) -> Measures:
+    """Draw a picture into a tile; return how large and which way it is seen."""
+    (_, width), (_, height) = axes.get_xlim(), axes.get_ylim()
+    size = paper.dots(width), paper.dots(height)
+    picture = Picture(scene, [time], size, [kind], bare=True, **seen)
+    image = picture.draw(time)
+    camera = picture.panels[0].window.camera
+    found = measures_of(camera, height)
+    picture.close()
+    axes.imshow(image, extent=(0, width, 0, height), interpolation="none", aspect="auto")
+    return found
+
+
+def quantity(value: float) -> str:
+    """Return a length in three digits with its unit."""
+    return format_quantity(float(f"{value:.3g}"), "m")
