@@ -22,7 +22,8 @@ from spacemap_vtk.errors import SizeError
 #: What takes less [bytes] is not refused: a machine that lacks it runs no program at all, and to
 #: ask takes 1 ms beside another thread, a tenth of a frame while a slider is dragged.
 SMALL = 2**24
-
+#: Bytes of a line of the processor's cache, and of its widest vectors.
+_LINE = 64
 
 #: Names of a control group's files, of version 2 and of version 1: the limit, what is used, and in
 #: memory.stat what of that is of files, which the kernel takes back first.
@@ -112,6 +113,14 @@ def require(
             allowed=f"up to the {free / 2**30:.3g} GiB now free",
             cure=cure(free) if callable(cure) else cure,
         )
+
+
+def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """Return an uninitialised array that begins at a border of 64 bytes: a line of the cache."""
+    kind = np.dtype(dtype)
+    memory = np.empty(count * kind.itemsize + _LINE, np.uint8)
+    begin = -memory.__array_interface__["data"][0] % _LINE
+    return memory[begin : begin + count * kind.itemsize].view(kind)
 
 
 class Recycler:

@@ -221,9 +221,9 @@ class AffineInterpolation:
         def write(block: slice) -> None:
             # "clip" is the mode without a buffered copy; every number is in range
             found = rows.take(self._tetrahedron[block], axis=1, mode="clip")
-            away = points[block].T - found[:3]
+            away = np.ones((4, found.shape[1]))
+            np.subtract(points[block].T, found[:3], out=away[1:])
             terms = found[3:].reshape(-1, 4, found.shape[1])
-            terms[:, 1:] *= away
-            out[block] = terms.sum(axis=1).T
+            out[block] = np.einsum("kan,an->kn", terms, away).T
 
         return write

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
+from spacemap_vtk.fabric.patch_chunks import Chunk, multiply
 
 # How far inside, in parameter, the normal is taken where it is undefined. The area element grows
 # in proportion to the distance from a collapsed edge, so this is also about the share of the
@@ -16,51 +16,64 @@ from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
 _INSIDE = 1e-3
 # Rounding of an area element, next to the square of the patch's size.
 _NOTHING = 1e-12
-# Places that take as long to prepare as to evaluate, which happens again at each step of a motion.
-_FEW = 1000
 
 
-def robust_normals(
-    nets: NDArray[Any],
-    degree: tuple[int, int],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
-    weights: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
-    """Return unit normals, never NaN for finite control points."""
-    # Places last, so that every operation runs over contiguous memory.
-    local = np.ascontiguousarray(np.moveaxis(nets, 0, 2), dtype=np.float64)
-    local = local - local[:1]
-    size = np.abs(local).max(axis=(0, 1))
-    local /= np.where(size > 0, size, 1.0)
-    if weights is not None:
-        weights = np.ascontiguousarray(weights.T)
+class RobustNormals:
+    """Normals of some samples of a chunk's patches, the same ones at each step of a motion."""
 
-    du, dv = _slopes(local, degree, u, v, weights)
-    here = _cross(du, dv)
-    inside = _cross(*_slopes(local, degree, _inwards(u), _inwards(v), weights))
-    length, within = _length(here), _length(inside)
-    clear = length > np.maximum(_NOTHING, _INSIDE * within)
-    if (within > _NOTHING).all():  # as at the poles of caps
-        return (np.where(clear, here, inside) / np.where(clear, length, within)).T
-    # across the longest direction: what has no area may still be a line
-    along = np.where(_length(du) >= _length(dv), du, dv)
-    across = _cross(along, np.eye(3)[:, np.abs(along).argmin(axis=0)])
-    result = np.zeros_like(here)
-    result[2] = 1.0
-    usable = _length(across) > 0
-    result[:, usable] = across[:, usable]
-    half = np.full_like(u, 0.5)
-    middle = _cross(*_slopes(local, degree, half, half, weights))
-    for usable, other in (
-        (_length(middle) > _NOTHING, middle),
-        (within > _NOTHING, inside),
-        (clear, here),
-    ):
-        result[:, usable] = other[:, usable]
-    broken = ~np.isfinite(local).all(axis=(0, 1))
-    result[:, broken] = np.nan
-    return (result / _length(result)).T
+    # They are at few places of the grid, and a patch has several, as at the pole of a cap: each
+    # place is evaluated on each patch, by one product.
+
+    def __init__(
+        self, chunk: Chunk, found: NDArray[np.intp], degree: tuple[int, int], subdivisions: int
+    ) -> None:
+        #: Their places in the chunk, sample after sample.
+        self.found = found
+        sample, patch = np.divmod(found, chunk.patch_count)
+        samples, row = np.unique(sample, return_inverse=True)
+        patches, self._column = np.unique(patch, return_inverse=True)
+        self._nets = np.ascontiguousarray(chunk.net(patches).T)
+        v, u = np.array(np.divmod(samples, subdivisions + 1)) / subdivisions
+        self._bases = _bases(
+            degree, np.concatenate([u, _inwards(u)]), np.concatenate([v, _inwards(v)])
+        )
+        self._places = np.concatenate([row, row + len(u)]) * len(patches)
+        self._places += np.concatenate([self._column, self._column])
+        self._middle = _bases(degree, *np.full((2, 1), 0.5))
+
+    def of(self, points: NDArray[Any], weights: NDArray[Any] | None = None) -> NDArray[np.float64]:
+        """Return unit normals, (n, 3), never NaN for finite control points."""
+        # Places last, so that every operation runs over contiguous memory.
+        local = points.take(self._nets, axis=0).transpose(2, 0, 1).astype(np.float64, order="C")
+        local -= local[:, :1].copy()
+        size = np.abs(local).max(axis=(0, 1))
+        local /= np.where(size > 0, size, 1.0)
+        if weights is not None:
+            weights = weights[self._nets].astype(np.float64)
+        du, dv = _slopes(self._bases, local, weights, self._places)
+        both = _cross(du, dv)
+        (here, inside), (length, within) = (np.split(a, 2, axis=-1) for a in (both, _length(both)))
+        clear = length > np.maximum(_NOTHING, _INSIDE * within)
+        if (within > _NOTHING).all():  # as at the poles of caps
+            return (np.where(clear, here, inside) / np.where(clear, length, within)).T
+        # across the longest direction: what has no area may still be a line
+        du, dv = (np.split(a, 2, axis=-1)[0] for a in (du, dv))
+        along = np.where(_length(du) >= _length(dv), du, dv)
+        across = _cross(along, np.eye(3)[:, np.abs(along).argmin(axis=0)])
+        result = np.zeros_like(here)
+        result[2] = 1.0
+        usable = _length(across) > 0
+        result[:, usable] = across[:, usable]
+        middle = _cross(*_slopes(self._middle, local, weights, self._column))
+        for usable, other in (
+            (_length(middle) > _NOTHING, middle),
+            (within > _NOTHING, inside),
+            (clear, here),
+        ):
+            result[:, usable] = other[:, usable]
+        finite = np.isfinite(local[..., self._column]).all(axis=(0, 1))
+        result[:, ~finite] = np.nan
+        return (result / _length(result)).T
 
 
 def _inwards(t: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,41 +91,35 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def _slopes(
-    nets: NDArray[np.float64],
-    degree: tuple[int, int],
-    u: NDArray[np.float64],
-    v: NDArray[np.float64],
+    bases: NDArray[np.float64],
+    local: NDArray[np.float64],
     weights: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return ``du`` and ``dv``, (3, n), of nets (size, 3, n)."""
-    few = len(u) <= _FEW  # which are the same places at each step of a motion
-    bases = _kept_bases(degree, u.tobytes(), v.tobytes()) if few else _bases(degree, u, v)
+    places: NDArray[np.intp],
+) -> NDArray[np.float64]:
+    """Return ``du`` and ``dv``, (2, 3, n), of nets (3, size, patches) at places of all of them."""
+    used = bases if weights is not None else bases[1:]
+    matrix = used.reshape(-1, bases.shape[2])
+
+    def at_places(nets: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = np.empty((len(nets), len(matrix), nets.shape[2]))
+        multiply(matrix, nets, values)
+        return values.reshape(len(nets) * len(used), -1).take(places, axis=1)
+
     if weights is None:
-        du, dv = (np.einsum("mn,mkn->kn", basis, nets) for basis in bases[1:])
-        return du, dv
-    bases = bases * weights
-    value, du, dv = np.einsum("bmn,mkn->bkn", bases, nets)
-    weight, along_u, along_v = bases.sum(axis=1)
+        return at_places(local).reshape(3, 2, -1).swapaxes(0, 1)
+    value, du, dv = at_places(local * weights).reshape(3, 3, -1).swapaxes(0, 1)
+    weight, along_u, along_v = at_places(weights[None])
     point = value / weight
-    return (du - point * along_u) / weight, (dv - point * along_v) / weight
-
-
-@lru_cache(maxsize=16)
-def _kept_bases(degree: tuple[int, int], u: bytes, v: bytes) -> NDArray[np.float64]:
-    return _bases(degree, np.frombuffer(u), np.frombuffer(v))
+    slopes = np.stack([du - point * along_u, dv - point * along_v])
+    return slopes / weight
 
 
 def _bases(
     degree: tuple[int, int], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return what each control point counts in the value, in du and in dv, (3, size, n)."""
-    (here, along_u), (there, along_v) = (_basis(p, t) for p, t in zip(degree, (u, v), strict=True))
+    """Return what each control point counts in the value, in du and in dv, (3, n, size)."""
+    (here, along_u), (there, along_v) = (
+        (bernstein(p, t), bernstein_derivative(p, t)) for p, t in zip(degree, (u, v), strict=True)
+    )
     terms = (there, here), (there, along_u), (along_v, here)
-    return np.array([(b[:, None] * a[None]).reshape(-1, len(u)) for b, a in terms])
-
-
-def _basis(degree: int, t: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Bernstein polynomials and their derivatives, each (degree + 1, n)."""
-    # The places stand at a few parameters, where they are on a regular grid.
-    few, which = np.unique(t, return_inverse=True)
-    return bernstein(degree, few).T[:, which], bernstein_derivative(degree, few).T[:, which]
+    return np.array([(b[:, :, None] * a[:, None]).reshape(len(u), -1) for b, a in terms])

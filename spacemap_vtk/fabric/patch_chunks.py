@@ -10,6 +10,8 @@ positions, one for the slopes, cross product, normalisation. What the speed hang
   last operation on each writes into the interleaved result.
 - The products are done in blocks of columns, so narrow that OpenBLAS does each in the calling
   thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
+- What is written lies on the borders of 64 bytes (`spacemap_vtk.memory.aligned`): on others each
+  vector that is stored crosses one in two, and a product of two arrays takes twice as long.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative
+from spacemap_vtk.memory import aligned
 from spacemap_vtk.parallel import BLAS_SERIAL
 
 Floats = NDArray[np.floating[Any]]
@@ -40,7 +43,7 @@ class Chunk(NamedTuple):
 
     first: int  # number of the first patch
     rows: slice | NDArray[np.int64]  # the control points in use
-    gather: NDArray[np.unsignedinteger[Any]]  # (control points, patches), places in rows
+    gather: NDArray[np.integer[Any]]  # (control points, patches), places in rows
 
     @property
     def patch_count(self) -> int:
@@ -59,7 +62,9 @@ class Chunk(NamedTuple):
         return places + self.rows.start if isinstance(self.rows, slice) else self.rows[places]
 
 
-def cut_into_chunks(patches: NDArray[np.integer[Any]], rows: int) -> list[Chunk]:
+def cut_into_chunks(
+    patches: NDArray[np.integer[Any]], rows: int, *, narrow: bool = True
+) -> list[Chunk]:
     """Cut patches into chunks; only the last ones are smaller."""
     count, size = patches.shape
     floats = 4 * rows + 2 * rows // 3 + 9 * (size + 1)
@@ -76,9 +81,10 @@ def cut_into_chunks(patches: NDArray[np.integer[Any]], rows: int) -> list[Chunk]
         else:
             part = part - low
         # Narrow: at every step it is read from memory, the rest is in the cache. Not narrower than
-        # 16 bits: compiled loops are made anew for each type.
-        narrow = np.promote_types(np.uint16, np.min_scalar_type(int(part.max())))
-        result.append(Chunk(first, used, np.ascontiguousarray(part.T, narrow)))
+        # 16 bits: compiled loops are made anew for each type. Few are kept as NumPy takes them.
+        kind = np.promote_types(np.uint16, np.min_scalar_type(int(part.max())))
+        kind = kind if narrow else np.dtype(np.intp)
+        result.append(Chunk(first, used, np.ascontiguousarray(part.T, kind)))
     return result
 
 
@@ -102,47 +108,35 @@ class Scratch:
 
     def __init__(self, chunks: list[Chunk], rows: int, size: int) -> None:
         most = max(chunk.patch_count for chunk in chunks)
-        used = max(chunk.row_count for chunk in chunks)
         # Enough for float64; of what float32 leaves unused the system never makes pages.
-        self._used = np.empty(3 * (used + 1))
-        self._places = np.empty((size + 1) * most, np.intp)
-        self._gathered = np.empty(3 * size * most)
-        self._net = np.empty(3 * (size + 1) * most)
-        self._values = np.empty(3 * rows * most)
-        self._normal = np.empty(rows * most)
-        self._length, self._product = np.empty((2, rows // 3 * most))
+        self._places = np.empty(size * most, np.intp)
+        self._gathered = aligned(3 * size * most)
+        self._net = aligned(3 * (size + 1) * most)
+        self._apart = aligned(3 * size * most)
+        self._values = aligned(3 * rows * most)
+        self._normal = [aligned(rows // 3 * most) for _ in range(3)]
+        self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
 
-    def net(self, chunk: Chunk, points: Floats, kind: DTypeLike) -> Floats:
-        """Gather the control points of a chunk, relative to the first of each patch."""
-        places = _part(self._places, chunk.gather.shape, np.intp)
-        places[:] = chunk.gather
-        gathered = _part(self._gathered, (*places.shape, 3), points.dtype)
+    def net(self, chunk: Chunk, table: NDArray[Any], kind: DTypeLike) -> Floats:
+        """Gather what control points have, relative to the first of each patch, which is last."""
+        places: NDArray[Any] = chunk.gather
+        if places.dtype != np.intp:
+            places = _part(self._places, places.shape, np.intp)
+            places[:] = chunk.gather
+        shape = *places.shape, table.shape[1]
+        gathered = _part(self._gathered, shape, table.dtype)
         # "clip" is the mode without a buffered copy; every index is in range
-        np.take(points[chunk.rows], places, axis=0, out=gathered, mode="clip")
-        net = _part(self._net, (len(places) + 1, chunk.patch_count, 3), kind)
-        np.subtract(gathered, gathered[0], out=net[:-1], casting="same_kind")
+        np.take(table[chunk.rows], places, axis=0, out=gathered, mode="clip")
+        net = _part(self._net, (len(places) + 1, *shape[1:]), kind)
         net[-1] = gathered[0]
+        gathered -= gathered[0].copy()  # before it is cast: to do both at once takes longer
+        net[:-1] = gathered
         return net
-
-    def values(self, chunk: Chunk, table: NDArray[Any], origin: Floats, kind: DTypeLike) -> Floats:
-        """Gather control values of a chunk, relative to one origin for all of them."""
-        columns, last = table.shape[1], chunk.row_count
-        used = _part(self._used, (last + 1, columns), kind)
-        used[:-1] = table[chunk.rows]
-        for column, first in zip(used[:-1].T, origin, strict=True):  # a row at a time takes long
-            column -= first
-        used[-1] = origin
-        size = len(chunk.gather)
-        places = _part(self._places, (size + 1, chunk.patch_count), np.intp)
-        places[:-1] = chunk.gather
-        places[-1] = last
-        net = _part(self._net, (*places.shape, columns), kind)
-        return np.take(used, places, axis=0, out=net, mode="clip")
 
     def apart(self, net: Floats) -> Floats:
         """Part the components of a net."""
         size, count, columns = net.shape
-        result = _part(self._gathered, (columns, size - 1, count), net.dtype)
+        result = _part(self._apart, (columns, size - 1, count), net.dtype)
         for column, component in enumerate(result):
             component[:] = net[:-1, :, column]
         return result
@@ -185,9 +179,9 @@ class Scratch:
         samples = slopes.shape[1] // 2
         shape = samples, slopes.shape[2]
         du, dv = slopes[:, :samples], slopes[:, samples:]
-        normal = _part(self._normal, (3, *shape), slopes.dtype)
-        length, product = (
-            _part(part, shape, slopes.dtype) for part in (self._length, self._product)
+        *normal, length, product = (
+            _part(part, shape, slopes.dtype)
+            for part in (*self._normal, self._length, self._product)
         )
         for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             np.multiply(du[y], dv[z], out=normal[x])
@@ -205,7 +199,10 @@ class Scratch:
         np.divide(1, length, out=length)
         for axis in range(3):
             np.multiply(normal[axis], length, out=out[..., axis])
-        return np.flatnonzero(suspect)
+        few = np.flatnonzero(suspect.any(axis=1))  # samples: most often those at poles of caps
+        which, patch = np.nonzero(suspect[few])
+        found: NDArray[np.intp] = few[which] * shape[1] + patch
+        return found
 
 
 def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
@@ -246,13 +243,13 @@ class Bicubic:
         )
         return suspects[:count]
 
-    def interpolate(
-        self, chunk: Chunk, columns: NDArray[Any], origin: Floats, values: Floats
-    ) -> None:
+    def interpolate(self, chunk: Chunk, columns: NDArray[Any], values: Floats) -> None:
         """Write an array of the control points, carried over to the points of a chunk."""
         if columns.shape[1] == 3:  # as places are, each patch from its own first control point
             self.evaluate(chunk, columns, 1.0, values)
             return
+        origin = columns[0].astype(values.dtype)
+        origin[~np.isfinite(origin)] = 0
         self._loops.interpolate(
             np.ascontiguousarray(columns[chunk.rows]),
             origin,

@@ -6,18 +6,18 @@ the speed hangs on), several at once in threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from math import log2
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric.bezier import bernstein, bernstein_derivative, quadrilateral_order
-from spacemap_vtk.fabric.normals import robust_normals
+from spacemap_vtk.fabric.normals import RobustNormals
 from spacemap_vtk.fabric.patch_chunks import (
     Bicubic,
     Chunk,
@@ -28,9 +28,6 @@ from spacemap_vtk.fabric.patch_chunks import (
 )
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
-
-# Normals that a thread evaluates again at once: few calls, and yet work for all threads.
-_MANY_NORMALS = 500
 
 
 class Tessellation:
@@ -108,13 +105,17 @@ class Tessellation:
         compiled = loops("spacemap_vtk.fabric.patch_loops") if many else None
         self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
-        self._chunks = cut_into_chunks(patches[:, order], 3 * (subdivisions + 1) ** 2)
+        samples = (subdivisions + 1) ** 2
+        self._chunks = cut_into_chunks(
+            patches[:, order], 3 * samples, narrow=self.point_count > WORTHWHILE
+        )
         some = self._chunks[:: max(1, len(self._chunks) // 16)]
         nets = [chunk.net(np.array([0, -1])) for chunk in some]
         #: Control points of a few patches, which tell how large they are.
         self._some = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
         #: Of each chunk the normals that were evaluated again last, with what goes with them.
-        self._repaired: dict[int, _Repair] = {}
+        self._repaired: dict[int, RobustNormals] = {}
+        self._kept: tuple[tuple[float, np.dtype[Any]], Floats, Floats] | None = None
 
     def evaluate(
         self,
@@ -160,36 +161,24 @@ class Tessellation:
         rational = None if weights is None else self._checked_weights(weights)
         # Squares of cross products are fourth powers of lengths: micrometres underflow float32.
         scale = _magnitude(points.take(self._some, axis=0))
-        basis = self._basis.copy()
-        basis[1:] /= scale
-        stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
+        stacked, with_origin = self._matrices(scale, kind)
         positions = self._recycler.empty((self.point_count, 3), kind)
         normals = self._recycler.empty((self.point_count, 3), kind)
-        samples = len(stacked) // 3
-        with_origin = _with_ones(stacked[:samples])
+        samples = len(with_origin)
         if points.dtype not in (np.float32, np.float64):
             points = points.astype(np.float64)
         bicubic = self.bicubic if rational is None else None
 
-        unsure: list[list[tuple[Chunk, NDArray[np.intp]]]] = []  # normals, for each thread
-
-        def worker() -> Callable[[Chunk], None]:
-            mine: list[tuple[Chunk, NDArray[np.intp]]] = []
-            unsure.append(mine)
-
-            def do(chunk: Chunk) -> None:
-                surface, across = self._part(positions, chunk), self._part(normals, chunk)
-                if bicubic is not None:
-                    found = bicubic.evaluate(chunk, points, scale, surface, across)
-                else:
-                    found = by_products(chunk, surface, across)
-                if len(found):
-                    mine.append((chunk, found))
-                    if sum(len(places) for _, places in mine) > _MANY_NORMALS:
-                        self._repair(normals, points, rational, mine)
-                        mine.clear()
-
-            return do
+        def do(chunk: Chunk) -> None:
+            surface, across = self._part(positions, chunk), self._part(normals, chunk)
+            if bicubic is not None:
+                found = bicubic.evaluate(chunk, points, scale, surface, across)
+            else:
+                found = by_products(chunk, surface, across)
+            if len(found):
+                with np.errstate(all="ignore"):  # infinite control points
+                    robust = self._robust(chunk, found).of(points, rational)
+                across.reshape(-1, 3)[found] = robust
 
         def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
@@ -204,10 +193,7 @@ class Tessellation:
                     _add_origin(values[:, :samples], net, surface)
                 return scratch.normals(apart, slopes, across, self._corners, scale)
 
-        for_each(self._chunks, worker, self._threads)
-        rest = [some for mine in unsure for some in mine]
-        if rest:
-            self._repair(normals, points, rational, rest)
+        for_each(self._chunks, lambda: do, self._threads)
         return positions, normals
 
     def interpolate(
@@ -245,26 +231,23 @@ class Tessellation:
         rational = None if weights is None else self._checked_weights(weights)
         columns = table if table.ndim == 2 else table[:, None]
         kind = np.dtype(dtype or (np.float32 if table.dtype == np.float32 else np.float64))
-        matrix = self._basis[0].astype(kind)
-        with_origin = _with_ones(matrix)
+        if columns.dtype not in (np.float32, np.float64):
+            columns = columns.astype(kind)
+        matrices, with_origin = self._matrices(1.0, kind)
+        matrix = matrices[: len(with_origin)]
         result = self._recycler.empty((self.point_count, columns.shape[1]), kind)
-        # What is the same at all control points comes out the same at all others, to the last bit.
-        origin = columns[0].astype(kind) if len(columns) else np.zeros(columns.shape[1], kind)
-        origin[~np.isfinite(origin)] = 0
-
         bicubic = self.bicubic if rational is None else None
-        if bicubic is not None and columns.dtype.kind != "f":
-            columns = columns.astype(kind)  # each type more is compiled anew
 
+        # What is the same at all control points comes out the same at all others, to the last bit.
         def do(chunk: Chunk) -> None:
             part = self._part(result, chunk)
             if bicubic is not None:
-                bicubic.interpolate(chunk, columns, origin, part)
+                bicubic.interpolate(chunk, columns, part)
                 return
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 for start in range(0, columns.shape[1], 3):
                     few = slice(start, start + 3)
-                    net = scratch.values(chunk, columns[:, few], origin[few], kind)
+                    net = scratch.net(chunk, columns[:, few], kind)
                     if rational is None:
                         out = part if columns.shape[1] <= 3 else np.empty_like(part[..., few])
                         multiply(with_origin, _flat(net), _flat(out))
@@ -348,49 +331,24 @@ class Tessellation:
         rows = array[chunk.first * samples : (chunk.first + chunk.patch_count) * samples]
         return rows.reshape(samples, chunk.patch_count, -1)
 
-    def _repair(
-        self,
-        normals: Floats,
-        points: NDArray[Any],
-        weights: NDArray[Any] | None,
-        suspects: list[tuple[Chunk, NDArray[np.intp]]],
-    ) -> None:
-        """Evaluate some normals again, with care: many at once, for each call costs 0.3 ms."""
-        these = [self._to_repair(chunk, found) for chunk, found in suspects]
-        _, places, net, u, v = (
-            these[0] if len(these) == 1 else map(np.concatenate, zip(*these, strict=True))
-        )
-        with np.errstate(all="ignore"):  # infinite control points
-            normals[places] = robust_normals(
-                points.take(net, axis=0),
-                self.degree,
-                u,
-                v,
-                None if weights is None else weights[net].astype(np.float64),
-            )
+    def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[Floats, Floats]:
+        """Return B over Bu and Bv of patches of a size, and B with the origin: kept for steps."""
+        kept = self._kept
+        if kept is None or kept[0] != (scale, kind):
+            basis = self._basis.copy()
+            basis[1:] /= scale
+            stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
+            kept = (scale, kind), stacked, _with_ones(stacked[: len(stacked) // 3])
+            self._kept = kept
+        return kept[1:]
 
-    def _to_repair(self, chunk: Chunk, found: NDArray[np.intp]) -> _Repair:
+    def _robust(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
         """Return what is evaluated again: poles of caps are so at each step of a motion."""
         kept = self._repaired.get(chunk.first)
         if kept is None or not np.array_equal(kept.found, found):
-            sample, patch = np.divmod(found, chunk.patch_count)
-            v, u = np.array(np.divmod(sample, self.subdivisions + 1)) / self.subdivisions
-            places = chunk.first * (self.subdivisions + 1) ** 2 + found
-            kept = self._repaired[chunk.first] = _Repair(found, places, chunk.net(patch), u, v)
+            kept = RobustNormals(chunk, found, self.degree, self.subdivisions)
+            self._repaired[chunk.first] = kept
         return kept
-
-
-class _Repair(NamedTuple):
-    """Normals of a chunk that are evaluated again."""
-
-    found: NDArray[np.intp]
-    """Their places in the chunk."""
-    places: NDArray[np.intp]
-    """Their numbers among all."""
-    net: NDArray[np.int64]
-    """The control points of each one's patch, (n, size)."""
-    u: NDArray[np.float64]
-    v: NDArray[np.float64]
 
 
 def _stacked_basis(p: int, q: int, subdivisions: int) -> NDArray[np.float64]:

@@ -139,9 +139,9 @@ class Stage(Algorithm):
             # a thread that has Python's waits for the collector's: both would stand for ever.
             if time is not None:
                 wishes = vtkInformation()
-                wishes.Set(UPDATE_TIME, float(time))
+                UPDATE_TIME.Set(wishes, float(time))
                 for key, value in zip(PIECE, piece or self._requested(), strict=True):
-                    wishes.Set(key, value)
+                    key.Set(wishes, value)
                 done = self.Update(wishes)
             elif piece is not None:
                 done = self.UpdatePiece(*piece)
