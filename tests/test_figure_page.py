@@ -75,6 +75,7 @@ def test_pictures_share_camera_and_scale_and_have_no_paper(tmp_path: Path) -> No
     file = tmp_path / "swing.png"
     more = ("--times=0,20ms", "--dpi=75", "--transparent", "--set=view.show=fabric")
     assert run("figure", "plain_weave", "-o", file, *more, "-q") == 0
+    assert run("again", file, "--check", "-q") == 0
     with Image.open(file) as picture:
         cover = np.asarray(picture)[..., 3] > 128
     assert not cover[:, :4].any()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: The commands for what is ordered; all else is exported.
 _COMMANDS = {
     **{"picture": "render", "film": "animate", "storyboard": "storyboard"},
-    **{"shapes": "modes", "plot": "plot", "biaxial": "plot --biaxial"},
+    **{"shapes": "modes", "plot": "plot", "biaxial": "plot --biaxial", "figure": "figure"},
 }
 
 
@@ -118,12 +118,19 @@ def told(record: Record, file: Path) -> list[str]:
     words = f"spacemap {_COMMANDS.get(str(record.order.get('what')), 'export')}"
     words += f" {shlex.quote(record.file or 'SCENE')} -o {shlex.quote(file.name)}"
     once = {"time": record.times[0]} if len(record.times) == 1 else {}
-    for key, value in {**once, **record.order}.items():
+    asked = {**once, **record.order, **record.order.get("page", {})}
+    words += "".join(f" --set {shlex.quote(str(each))}" for each in asked.pop("lists", ()))
+    asked.pop("page", None)
+    if "width" in asked:
+        asked["width"] = f"{asked['width']:g}mm"
+    for key, value in asked.items():
         if isinstance(value, list):
             value = ("x" if key == "size" else ",").join(map(str, value))
         if key == "times" and once:
             continue
-        if key != "what" or words.startswith("spacemap export"):
+        if value is True:
+            words += f" --{'zip' if key == 'paired' else key}"
+        elif key != "what" or words.startswith("spacemap export"):
             words += f" --{key} {shlex.quote(str(value))}"
     lines = [f"{file}: made by spacemap_vtk {record.version}{here}", f"as by {words}"]
     if record.times:

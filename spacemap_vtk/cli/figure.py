@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import ColorBy, Quiet, listed_times, opened
+from spacemap_vtk.cli.options import ColorBy, Quiet, listed_times, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_output, whole_file
-from spacemap_vtk.io.registry import writer, written, written_words
+from spacemap_vtk.io.registry import written_words
+from spacemap_vtk.scenes.assignments import swept
 from spacemap_vtk.units import parse_quantity
 
 #: Widths of a page in m that are no mistake, and dots per inch.
@@ -115,43 +115,36 @@ def figure(
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
-    check_output(output, written("plot"))
-    asked_times = () if times is None else listed_times(times)
     chosen = opened(scene, color=color)
+    lists = []
+    for assignment in set_:
+        if len(swept(assignment, chosen.parts).values) > 1:
+            lists.append(assignment)
+        else:
+            chosen.set(assignment)
     if transparent and output.suffix.lower() in (".jpg", ".jpeg"):
         raise InputError(
             f"a {output.suffix} has no transparency",
             key="--transparent",
             allowed=".png, .svg, .pdf",
         )
-    if columns is not None and columns < 1:
-        raise InputError(
-            "no number of pictures", key="--columns", value=columns, allowed="1 or more"
-        )
-    from spacemap_vtk.draw.figure_page import PANELS, FigureAsked, figure_of
-    from spacemap_vtk.draw.page import Paper
-    from spacemap_vtk.scenes.runs import sweep_of
-
-    names = [] if panels is None else [word.strip() for word in panels.split(",")]
-    if unknown := [name for name in names if name not in PANELS]:
-        raise InputError(
-            "no such panel",
-            key="--panels",
-            value=unknown[0],
-            allowed=", ".join(f"{name} ({words})" for name, words in PANELS.items()),
-        )
-    paper = Paper(1e3 * _width(width), _dots(dpi), dark, transparent)
-    default = not panels and chosen.moves and chosen.view.color == "own"
-    shown = color or ("displacement" if default else None)
-    fixed = [("view", "color", shown)] if shown else []
-    asked = sweep_of(scene, set_, paired=paired, times=asked_times, fixed=fixed)
-    asked.check()
-    with progress(None, "Drawing", quiet) as tell:
-        made, doubts = figure_of(asked, FigureAsked(names, cage, columns, end, pick), paper, tell)
-        with whole_file(output) as file:
-            writer(file, "plot").write(file, made)
-    for text in () if quiet else doubts:
-        print(f"spacemap: warning: {text}", file=sys.stderr)
+    asked = {
+        **{"lists": lists, "paired": paired, "cage": cage, "columns": columns, "end": end},
+        **{"pick": pick, "width": 1e3 * _width(width), "dpi": _dots(dpi), "dark": dark},
+        "transparent": transparent,
+    }
+    order = Order(
+        "figure",
+        output,
+        () if times is None else listed_times(times),
+        panels=[] if panels is None else [word.strip() for word in panels.split(",")],
+        page={key: value for key, value in asked.items() if value},
+    )
+    if color is None and not panels and chosen.moves and chosen.view.color == "own":
+        chosen.take({"view": {"color": "displacement"}})
+    with progress(chosen, "Drawing", quiet) as tell:
+        carry_out(order, chosen, tell)
+    tell_warnings(chosen, quiet)
 
 
 def _width(text: str) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,8 @@ from spacemap_vtk.draw.section_drawing import section_tile
 from spacemap_vtk.draw.sheets import swing_times
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cross_section import cross_section
-from spacemap_vtk.scenes.runs import Run, Sweep
+from spacemap_vtk.scenes.origin import values_of
+from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.shown import shown_of
@@ -46,12 +48,17 @@ _FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
 Tell = Callable[[int, int], object]
 
 
-@dataclass(frozen=True)
-class FigureAsked:
-    """What a figure is to show."""
+@dataclass(frozen=True, kw_only=True)
+class FigureAsked(Paper):
+    """What a figure is to show, and on what."""
 
     #: Keys of `PANELS`; none: pictures of what moves, of a still cloth all else.
     panels: Sequence[str] = ()
+    #: Of the pictures, in s; none: the beginning, a quarter and a half of a swing.
+    times: Sequence[float] = ()
+    #: ``section.key=value,value``: a picture of each, or of each pair of the first, the second ...
+    lists: Sequence[str] = ()
+    paired: bool = False
     #: Whether cages stand over the pictures, in rows of their own.
     cage: bool = False
     #: Pictures in a row; None: as suits them.
@@ -60,41 +67,72 @@ class FigureAsked:
     end: int | None = None
     pick: int | None = None
 
+    @classmethod
+    def of(
+        cls, page: Mapping[str, Any], panels: Sequence[str], times: Sequence[float]
+    ) -> FigureAsked:
+        """Return what an order asks for, which may be a stranger's."""
+        try:
+            return cls(panels=panels, times=times, **page)
+        except TypeError as error:
+            raise InputError(f"no figure that this program knows: {error}") from None
 
-def figure_of(
-    sweep: Sweep, asked: FigureAsked, paper: Paper, tell: Tell = lambda *_: None
-) -> tuple[Figure, list[str]]:
-    """Return a scene's figure, and what its stages doubt; but pictures, all is of the first run."""
-    scene = sweep.runs[0].scene()
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if unknown := [name for name in self.panels if name not in PANELS]:
+            raise InputError(
+                "no such panel",
+                key="--panels",
+                value=unknown[0],
+                allowed=", ".join(f"{name} ({words})" for name, words in PANELS.items()),
+            )
+        if self.columns is not None and self.columns < 1:
+            raise InputError(
+                "no number of pictures", key="--columns", value=self.columns, allowed="1 or more"
+            )
+
+
+def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) -> Figure:
+    """Return a scene's figure; but for the pictures, all is of the first of several values."""
+    sweep = runs_of(
+        scene,
+        values_of(scene),
+        asked.lists,
+        file=(scene.file or Path("scene")).absolute(),
+        paired=asked.paired,
+        times=asked.times,
+    )
+    sweep.check()
+    first = sweep.runs[0].scene()
     panels = asked.panels
     if not panels:
         still = not scene.moves and scene.source is scene.weave and len(sweep.runs) == 1
         panels = ("draft", "cloth", "section") if still else ("pictures",)
     if not scene.woven and (no := [name for name in panels if name != "pictures"]):
         raise InputError(
-            f"{sweep.runs[0].file}: an object has no weave",
+            f"{scene.title}: an object has no weave",
             key="--panels",
             value=no[0],
             allowed="pictures",
         )
     rows: list[list[Tile]] = []
-    scenes = [scene]
+    drawn = [first]
     for name in panels:
         if name == "pictures":
-            pictures = _Shots(sweep, asked, paper)
-            rows += pictures.rows
-            scenes += pictures.scenes
+            shots = _Shots(sweep, asked)
+            rows += shots.rows
+            drawn += shots.scenes
         elif name == "section":
             for family, number in enumerate((asked.end, asked.pick)):
                 yarn = None if number is None else number - 1
-                rows.append([section_tile(cross_section(scene.weave.cloth, family, yarn))])
+                rows.append([section_tile(cross_section(first.weave.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
-            scenes.append(_still(sweep.runs[0]))
-            rows.append(
-                _weave_row(scenes[-1], [each for each in ("draft", "cloth") if each in panels])
-            )
-    made = page(rows, paper, tell)
-    return made, list(dict.fromkeys(text for each in scenes for text in each.warnings))
+            drawn.append(_still(sweep.runs[0]))
+            rows.append(_weave_row(drawn[-1], [k for k in ("draft", "cloth") if k in panels]))
+    made = page(rows, asked, tell)
+    for text in dict.fromkeys(text for each in drawn for text in each.warnings):
+        scene.warn(text)
+    return made
 
 
 def _still(run: Run) -> Scene:
@@ -140,7 +178,7 @@ def _weave_row(scene: Scene, kinds: Sequence[str]) -> list[Tile]:
 class _Shots:
     """The tiles of a scene's pictures: one camera, one scale of colours, and a key for all."""
 
-    def __init__(self, sweep: Sweep, asked: FigureAsked, paper: Paper) -> None:
+    def __init__(self, sweep: Sweep, asked: FigureAsked) -> None:
         self._sweep = sweep
         self.scenes = [run.scene() for run in sweep.runs]
         first = self.scenes[0]
@@ -153,7 +191,7 @@ class _Shots:
                 cure='Ask for fewer times or values; "spacemap sweep" draws more.',
             )
         for scene in self.scenes:
-            _blend(scene, paper)
+            _blend(scene, asked)
         self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
         self._shape = _shape(self._extent[0], first.view)
         chosen = first.view.show if first.moves else "fabric"

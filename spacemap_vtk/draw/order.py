@@ -53,8 +53,8 @@ class Order:
     """What is to be written; one that cannot be carried out is refused when it is made."""
 
     #: ``"picture"``, ``"film"``, ``"storyboard"``, ``"shapes"`` (of modes), ``"plot"``,
-    #: ``"biaxial"`` (tests of the cloth), or a key of `spacemap_vtk.io.registry.DATA`; empty: the
-    #: data that the output's ending stands for first.
+    #: ``"biaxial"`` (tests of the cloth), ``"figure"``, or a key of
+    #: `spacemap_vtk.io.registry.DATA`; empty: the data that the output's ending stands for first.
     what: str
     #: The file; of numbered frames, and of data in numbered files, with ``%04d`` in it.
     output: Path
@@ -82,6 +82,8 @@ class Order:
     #: Of a plot: a place at rest in m, by default where the first mode moves most, and what of it.
     point: Sequence[float] = ()
     quantity: str = "displacement"
+    #: Of a figure: fields of `spacemap_vtk.draw.figure_page.FigureAsked`.
+    page: Mapping[str, Any] | None = None
 
     @classmethod
     def of(cls, told: Mapping[str, Any], output: Path) -> Order:
@@ -208,7 +210,7 @@ def _carry_out(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose |
     if order.what in _PLOTS:
         tell(0, 1)
         with _file(order, whole) as file:
-            _PLOTS[order.what](order, scene, file)
+            _PLOTS[order.what](order, scene, file, tell)
         tell(1, 1)
         return ""
     if order.what in ("moving", "modes") and not order.numbered:
@@ -256,20 +258,31 @@ _STILLS: dict[str, Callable[[Order, Scene, Tell], Image]] = {
 }
 
 
-def _plot(order: Order, scene: Scene, file: Path) -> None:
+def _plot(order: Order, scene: Scene, file: Path, _tell: Tell) -> None:
     from spacemap_vtk.draw.plots import motion_plot
 
     motion_plot(scene, file, list(order.point) or None, order.quantity)
 
 
-def _biaxial(_order: Order, scene: Scene, file: Path) -> None:
+def _biaxial(_order: Order, scene: Scene, file: Path, _tell: Tell) -> None:
     from spacemap_vtk.draw.biaxial_plot import biaxial_plot
 
     biaxial_plot(scene, file)
 
 
+def _figure(order: Order, scene: Scene, file: Path, tell: Tell) -> None:
+    from spacemap_vtk.draw.figure_page import FigureAsked, figure_of
+
+    made = figure_of(scene, FigureAsked.of(order.page or {}, order.panels, order.times), tell)
+    writer(file, "plot").write(file, made)
+
+
 #: What is a plot, and what draws it.
-_PLOTS: dict[str, Callable[[Order, Scene, Path], None]] = {"plot": _plot, "biaxial": _biaxial}
+_PLOTS: dict[str, Callable[[Order, Scene, Path, Tell], None]] = {
+    "plot": _plot,
+    "biaxial": _biaxial,
+    "figure": _figure,
+}
 
 
 def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:

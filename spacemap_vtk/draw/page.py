@@ -29,7 +29,7 @@ TEXT, SMALL, POINT, _WIDTH = 7.0, 6.0, 25.4 / 72, 0.56
 _MOST = 8192
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Paper:
     """What a figure is drawn on."""
 

@@ -24,9 +24,21 @@ from spacemap_vtk.scenes.scene import Scene
 
 def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
     """Return how what is ordered of a scene comes to be, as the scene is now."""
+    folder, values = scene.file.parent if scene.file else Path(), values_of(scene)
+    files: dict[Path, None] = {}
+    for name, part in scene.parts.items():
+        if name in values:
+            files |= dict.fromkeys(_files(part.settings, name == scene.motion.section))
+    file = scene.file.name if scene.file else ""
+    text = format_scene(values, f"{file or 'a scene'}, as it was run")
+    inputs = {_named(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
+    return Record(__version__, order, text, file, tuple(times), inputs)
+
+
+def values_of(scene: Scene) -> dict[str, Any]:
+    """Return what a file of a scene's folder would say to be that scene, as it is now."""
     folder = scene.file.parent if scene.file else Path()
     values: dict[str, Any] = {"title": scene.title}
-    files: dict[Path, None] = {}
     for name, part in scene.parts.items():
         # What is connected, or looked at, though the file may not say so.
         if name not in scene.given and isinstance(part, Stage) and part not in scene.stages:
@@ -34,11 +46,7 @@ def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) ->
         said = _said(part, folder)
         if said or name in scene.given:
             values[name] = said
-            files |= dict.fromkeys(_files(part.settings, name == scene.motion.section))
-    file = scene.file.name if scene.file else ""
-    text = format_scene(values, f"{file or 'a scene'}, as it was run")
-    inputs = {_named(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
-    return Record(__version__, order, text, file, tuple(times), inputs)
+    return values
 
 
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:

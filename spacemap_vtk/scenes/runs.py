@@ -125,7 +125,23 @@ def sweep_of(
 ) -> Sweep:
     """Return the runs of a scene over what ``--set`` says, each with a list of values."""
     file = library.find(scene).resolve()
-    read = Scene.read(file)
+    values = library.values_of(file, file.name)
+    return runs_of(
+        Scene.read(file), values, assignments, file=file, paired=paired, times=times, fixed=fixed
+    )
+
+
+def runs_of(
+    read: Scene,
+    values: Mapping[str, Any],
+    assignments: Sequence[str],
+    *,
+    file: Path,
+    paired: bool = False,
+    times: Sequence[float] = (),
+    fixed: Sequence[tuple[str, str, Any]] = (),
+) -> Sweep:
+    """Return the runs of a scene that has been read, of values that a file would say."""
     lists = [swept(assignment, read.parts) for assignment in assignments]
     names = [each.name for each in lists]
     for name in names:
@@ -145,7 +161,7 @@ def sweep_of(
         raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
     ranges = [range(len(each.values)) for each in axes]
     places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
-    base = placed(library.values_of(file, file.name), read.parts, file.parent)
+    base = placed(values, read.parts, file.parent)
     always = [
         *((each.section, each.key, each.values[0]) for each in lists if len(each.values) == 1),
         *fixed,
