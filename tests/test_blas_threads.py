@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -18,8 +22,10 @@ def two():
     """Let every library have two threads, whatever the machine and its environment say."""
     with threadpoolctl.threadpool_limits(2):
         blas_threads.known_pools.cache_clear()
+        blas_threads._at_first.clear()
         yield
     blas_threads.known_pools.cache_clear()
+    blas_threads._at_first.clear()
 
 
 def taken() -> dict[str, set[int]]:
@@ -59,3 +65,23 @@ def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
         solve_modes(*matrices, free, 4, stop)
     assert interrupted.value.args == ({"numpy": {1}, "scipy": {1}},)
     assert taken() == {"numpy": {2}, "scipy": {2}}
+
+
+_LATE = """
+from spacemap_vtk.mechanics import blas_threads
+with blas_threads.one():
+    pass
+import scipy.linalg
+from threadpoolctl import threadpool_info
+with blas_threads.one():
+    print({library["num_threads"] for library in threadpool_info()})
+"""
+
+
+def test_what_is_loaded_later_takes_one_thread_too():
+    """Modes from disk need no SciPy; a drag's first solution came upon its two threads."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2"}
+    made = subprocess.run(
+        [sys.executable, "-c", _LATE], env=environment, capture_output=True, text=True, check=True
+    )
+    assert made.stdout == "{1}\n"

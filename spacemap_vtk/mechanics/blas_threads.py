@@ -8,6 +8,7 @@ stand in each other's way: a cube of 95,000 degrees of freedom took 58 s by two 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
@@ -15,6 +16,8 @@ from typing import Any
 
 #: Multiplications from which several threads are quicker than one.
 _MANY = 1e9
+#: Threads of each library when it was met: later it may be limited already.
+_at_first: dict[str, int] = {}
 
 
 def one() -> AbstractContextManager[Any]:
@@ -25,13 +28,13 @@ def one() -> AbstractContextManager[Any]:
     context manager
         In it results do not depend on how many cores there are, but for `several`.
     """
-    pools = known_pools()
+    pools = known_pools(_has_scipys())
     return nullcontext() if pools is None else pools[0].limit(limits=1)
 
 
 def several(work: float) -> AbstractContextManager[Any]:
     """Return a context, within that of `one`, in which a large block is shared among threads."""
-    pools = known_pools() if work > _MANY else None
+    pools = known_pools(_has_scipys()) if work > _MANY else None
     return nullcontext() if pools is None else _lifted(pools[1])
 
 
@@ -46,9 +49,14 @@ def _lifted(pool: dict[Any, int]) -> Iterator[None]:
             library.set_num_threads(1)
 
 
+def _has_scipys() -> bool:
+    """Return whether SciPy's dense algebra is loaded: modes from disk, and figures, need none."""
+    return "scipy.linalg" in sys.modules
+
+
 @cache
-def known_pools() -> tuple[Any, dict[Any, int]] | None:
-    """Return the control of every OpenBLAS, and of SciPy's how many threads it had at first."""
+def known_pools(with_scipys: bool) -> tuple[Any, dict[Any, int]] | None:
+    """Return the control of every OpenBLAS loaded, and of SciPy's how many threads it had first."""
     try:
         from threadpoolctl import ThreadpoolController
     except ImportError:  # ParaView's own Python
@@ -56,4 +64,5 @@ def known_pools() -> tuple[Any, dict[Any, int]] | None:
     # MKL, which Pardiso brings, has threads that wait without a processor.
     found = ThreadpoolController().select(internal_api="openblas")
     scipys = [library for library in found.lib_controllers if "numpy.libs" not in library.filepath]
-    return found, {library: library.num_threads for library in scipys}
+    first = {x: _at_first.setdefault(x.filepath, x.num_threads) for x in scipys}
+    return found, first
