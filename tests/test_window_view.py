@@ -129,7 +129,7 @@ def test_python_works_on_while_software_draws(open_window: Any) -> None:
         ended.set()
         thread.join()
         canvas.interactor = interactor
-    assert len(ticks) == len(drawing) == 10
+    assert len(ticks) == len(drawing) == 20  # once what is there, once the shadows on it
     assert sum(ticks) > 10
     # But not within VTK, whose collector would then wait for Python's lock with one of its own.
     assert sum(drawing) <= 10
@@ -192,9 +192,10 @@ def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
         # Nothing of the inside is in sight: without the far sides it is the same picture ...
         look.BackfaceCullingOff()
         assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() < 5e-4
-        # ... but not without the face of the cut.
+        # ... but not without the face of the cut
         view.scene_view.face.VisibilityOff()
-        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > 2e-2
+        # (of a number the inside has the same colour but where it turns away from us).
+        assert (np.abs(image(window) - solid).max(axis=2) > 8).mean() > 1e-2
         view.scene_view.face.VisibilityOn()
         look.BackfaceCullingOn()
 

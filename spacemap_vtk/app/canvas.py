@@ -20,6 +20,7 @@ from vtkmodules.vtkRenderingCore import (
 )
 
 from spacemap_vtk.draw.camera import front_of, lit_renderer
+from spacemap_vtk.draw.shade_layer import ShadeLayer
 
 # pyvistaqt would take any Qt binding that it finds; this program is written for one.
 os.environ["QT_API"] = "pyside6"
@@ -75,7 +76,11 @@ class Canvas(_Widget):
         self.render_window.AddRenderer(self.renderer)
         #: Draws over all else, if it is to.
         self.front = front_of(self.render_window, self.renderer)
+        self.front.SetLayer(2)
         self.front.DrawOff()
+        #: Draws shadows between, if it is to.
+        self.shade = ShadeLayer(self.render_window, self.renderer, 1)
+        self.render_window.SetNumberOfLayers(3)
         self.interactor: vtkRenderWindowInteractor = self.render_window.GetInteractor()
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # What the mouse turns is drawn when Qt comes to it, once, however many moves came before.
@@ -106,8 +111,11 @@ class Canvas(_Widget):
             # which holds a lock of all threads, needs Python's to free an array, and a thread that
             # has Python's waits for the collector's: both would stand for ever.
             self.interactor.EnableRenderOn()
-            self.interactor.Render()
-            self.wait()
+            if self.shade.on:
+                self._draw_shaded()
+            else:
+                self.interactor.Render()
+                self.wait()
         finally:
             self.interactor.EnableRenderOff()
             self._painting = False
@@ -123,6 +131,24 @@ class Canvas(_Widget):
         state.vtkglDisable(_SCISSOR_TEST)
         state.vtkglBlitFramebuffer(0, 0, *window.GetSize(), *place, _COLOR_BUFFER, _NEAREST)
         state.Pop()
+
+    def _draw_shaded(self) -> None:
+        """Draw what is below, and over it, once it is there, its shadows and what is in front."""
+        # Not while VTK draws: numpy lets go of Python's lock.
+        front = self.front.GetDraw()
+        self.front.DrawOff()
+        self.interactor.Render()
+        self.wait()
+        self.shade.make(self.renderer)
+        self.front.SetDraw(front)
+        self.renderer.DrawOff()
+        self.shade.renderer.DrawOn()
+        try:
+            self.interactor.Render()
+            self.wait()
+        finally:
+            self.shade.renderer.DrawOff()
+            self.renderer.DrawOn()
 
     def close(self) -> bool:
         """Let go of the interactor, which would keep this widget, and free what VTK holds."""

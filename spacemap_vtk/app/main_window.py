@@ -233,6 +233,7 @@ class MainWindow(QMainWindow):
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
         self.tools.colored.connect(self._recolor)
+        self.tools.styled.connect(self._restyle)
         self.tools.backed.connect(self._back)
         self.tools.switched.connect(self._switch)
         self.tools.hung.connect(self._hang)
@@ -273,6 +274,10 @@ class MainWindow(QMainWindow):
 
     def _recolor(self, color: str) -> None:
         self._try(self.document.set, "view", "color", None if color == "own" else color)
+
+    def _restyle(self, style: str) -> None:
+        usual = style == View.parameters["style"].default
+        self._try(self.document.set, "view", "style", None if usual else style)
 
     def _back(self, bottom: str | None, top: str | None) -> None:
         written = {"background": bottom, "background_top": top}

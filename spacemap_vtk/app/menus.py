@@ -117,6 +117,7 @@ class Menus(QObject):
             ("Colour by", [*tools.colorings.values()]),
             ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
             ("Cut open", [tools.clip, *tools.clip_sides]),
+            ("Style", [*tools.styles.values()]),
             ("Background", [*tools.backgrounds.values()]),
         ):
             menu.addMenu(name).addActions(choices)

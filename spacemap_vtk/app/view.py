@@ -80,6 +80,7 @@ class View3D(QWidget):
         #: The preset that the camera was last brought to, and where it stood then.
         self._aimed: tuple[str | None, Viewpoint] | None = None
         self._rest = later(self, self._come_to_rest, _REST)
+        self._calm = later(self, self._shade, _REST)
         #: What was drawn last.
         self._looked_at: Seen | None = None
         #: Whether the camera moves, or has only just.
@@ -138,6 +139,7 @@ class View3D(QWidget):
     def steer(self, held: bool) -> None:
         """Draw what takes little time while the camera is held, and for a moment afterwards."""
         self._held = held
+        self._stir()
         if self.frame is None or self.frame.light is None:
             return
         if not self.steering:
@@ -158,6 +160,25 @@ class View3D(QWidget):
             self.render()
         # Else there will be a frame for what is seen now.
         self.moving.emit(False)
+
+    def _stir(self) -> None:
+        """Leave contact shadows out until nothing has moved for a moment: they take time."""
+        if self.plotter.shade.on:
+            self.plotter.shade.want(0.0, 0.0)
+            self.scene_view.shade(False)
+        self._calm.start()
+
+    def _shade(self) -> None:
+        """Draw contact shadows, as pictures have them."""
+        self.render()  # a camera that has been moved since is told of
+        self._calm.stop()
+        frame, strength = self.frame, self.scene_view.occlusion
+        if frame is None or self._held or self.steering or strength == 0.0:
+            return
+        self.scene_view.shade(True)
+        # A sheet has them in its colours.
+        folds = frame.cloth is None or frame.yarns is not None
+        self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
     def _smooth(self) -> None:
         # Smooth edges cost as much as all the rest in software, so moving pictures go without.
@@ -181,6 +202,7 @@ class View3D(QWidget):
         wanted = frame.generation, view.clip_normal, view.clip_origin
         if wanted != self._cut[0]:
             self._cut = wanted, self._placed(cut_of(view, frame.surface))
+        self._stir()
         self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
         self.scene_view.move(self.steering)
         self._smooth()
@@ -343,7 +365,8 @@ class View3D(QWidget):
             self.picked.emit(found)
 
     def image(self) -> NDArray[np.uint8]:
-        """Return what is seen."""
+        """Return what is seen, once nothing moves."""
+        self._shade()
         return self.plotter.image()
 
     def shut(self) -> None:

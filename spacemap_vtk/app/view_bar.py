@@ -14,6 +14,7 @@ from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
+from spacemap_vtk.scenes.styles import STYLES
 
 #: What can be shown: attribute of `Look` or key of a scene's section ``[view]``, words, key.
 _SHOWN = (
@@ -34,6 +35,8 @@ class ViewBar(QToolBar):
     colored = Signal(str)
     #: Colours at the bottom and at the top, as a scene file has them.
     backed = Signal(object, object)
+    #: A key of `STYLES`.
+    styled = Signal(str)
     #: A key of a scene's section ``[view]``, and whether that is shown.
     switched = Signal(str, bool)
     #: Whether the cage shall hang before anything moves.
@@ -104,6 +107,11 @@ class ViewBar(QToolBar):
             action(self, f"Clip across {axis}", self._clipped_across, data=tuple(normal.tolist()))
             for axis, normal in zip("xyz", -np.eye(3), strict=True)
         ]
+        self.styles: dict[str, QAction] = {}
+        styles, group = self._menu("Style", "What it looks like"), QActionGroup(self)
+        for name, style in STYLES.items():
+            self.styles[name] = action(group, style.label, self._styled, data=name, checkable=True)
+        styles.addActions([*self.styles.values()])
         self.backgrounds: dict[str, QAction] = {}
         backgrounds = self._menu("Background", "What lies behind")
         for name, colors in BACKGROUNDS.items():
@@ -122,6 +130,7 @@ class ViewBar(QToolBar):
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)
+        self.styles[scene.view.style].setChecked(True)
         for name, shown in self.shown.items():
             if name in scene.view.parameters:
                 shown.setChecked(getattr(scene.view, name))
@@ -142,6 +151,7 @@ class ViewBar(QToolBar):
             *self.keys.looks,
             self.clip,
             *self.clip_sides,
+            *self.styles.values(),
             *self.backgrounds.values(),
         ]
 
@@ -176,6 +186,9 @@ class ViewBar(QToolBar):
 
     def _clipped_across(self) -> None:
         self.clipped.emit(tuple(self.sender().data()), None)
+
+    def _styled(self) -> None:
+        self.styled.emit(self.sender().data())
 
     def _backed(self) -> None:
         self.backed.emit(*self.sender().data())

@@ -16,6 +16,7 @@ from spacemap_vtk.cli.options import (
     Quiet,
     Set,
     Size,
+    Styled,
     Time,
     Times,
     To,
@@ -47,6 +48,7 @@ def render(
     time: Time = None,
     size: Size = None,
     color: ColorBy = None,
+    style: Styled = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -58,7 +60,7 @@ def render(
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     order = Order("picture", output)
-    chosen = opened(scene, set_, time=time, size=size, color=color)
+    chosen = opened(scene, set_, time=time, size=size, color=color, style=style)
     _carry_out(order, chosen, "Drawing", quiet)
 
 
@@ -75,6 +77,7 @@ def animate(
     ],
     size: Size = None,
     color: ColorBy = None,
+    style: Styled = None,
     workers: Annotated[
         int | None,
         Parameter(
@@ -113,7 +116,7 @@ def animate(
         raise InputError(
             "no number of processes", key="--workers", value=workers, allowed="at least 1"
         )
-    chosen = opened(scene, set_, size=size, color=color)
+    chosen = opened(scene, set_, size=size, color=color, style=style)
     order.size = chosen.view.size if size else None
     order.workers, order.again = workers, again
     try:

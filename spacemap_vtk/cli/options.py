@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.styles import STYLES
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -56,6 +57,10 @@ ColorBy = Annotated[
     str | None,
     Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}."),
 ]
+Styled = Annotated[
+    str | None,
+    Parameter(name="--style", help=f"What it looks like: {', '.join(STYLES)}."),
+]
 Quiet = Annotated[
     bool,
     Parameter(
@@ -78,6 +83,7 @@ def opened(
     time: str | None = None,
     size: str | None = None,
     color: str | None = None,
+    style: str | None = None,
     start: str | None = None,
     stop: str | None = None,
     fps: str | None = None,
@@ -90,8 +96,8 @@ def opened(
         What the user wrote for SCENE.
     assignments : sequence of str
         What followed each ``--set``.
-    time, size, color : str, optional
-        What followed ``--time``, ``--size`` and ``--color``.
+    time, size, style, color : str, optional
+        What followed ``--time``, ``--size``, ``--color`` and ``--style``.
     start, stop, fps : str, optional
         What followed ``--from``, ``--to`` and ``--fps``.
 
@@ -124,6 +130,9 @@ def opened(
     if color is not None:
         with _naming("--color"):
             scene.take({"view": {"color": color}})
+    if style is not None:
+        with _naming("--style"):
+            scene.view.style = style
     if size is not None:
         try:
             scene.view.size = size.lower().split("x")

@@ -163,3 +163,22 @@ def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: 
     camera.SetFocalPoint(across, above, camera.GetFocalPoint()[2])
     camera.SetParallelProjection(True)
     camera.SetParallelScale(half / zoom)
+
+
+def metres_from(camera: vtkCamera, depths: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return how far from a camera is what OpenGL has these depths of; nan where nothing is."""
+    near, far = camera.GetClippingRange()
+    if camera.GetParallelProjection():
+        distance = near + depths * (far - near)
+    else:
+        distance = near * far / (far - depths * (far - near))
+    distance[depths >= 1.0] = np.nan
+    return distance.astype(np.float32)
+
+
+def pixels_of(camera: vtkCamera, height: int) -> float:
+    """Return how many pixels of a picture's height a metre has at the camera's focus."""
+    half = camera.GetDistance() * np.tan(np.radians(camera.GetViewAngle() / 2))
+    if camera.GetParallelProjection():
+        half = camera.GetParallelScale()
+    return float(height / (2 * half))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
 from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_ragged
 from spacemap_vtk.draw.glyphs import Cut
-from spacemap_vtk.draw.surface_actor import Span, SurfaceActor
+from spacemap_vtk.draw.surface_actor import STUDIO, Span, SurfaceActor
+from spacemap_vtk.scenes.styles import WHITE, Style
 
 Ints = NDArray[np.int64]
 
@@ -28,7 +30,7 @@ _BESIDE = 1e-6
 #: How far before the plane a face is drawn, as a share of the whole's diagonal.
 _BEFORE = 2e-4
 #: How bright a face is, as a share of its colour: a little darker than what light falls on.
-_BRIGHT = 0.78
+BRIGHT = 0.78
 
 
 class CutFaceActor(SurfaceActor):
@@ -36,11 +38,11 @@ class CutFaceActor(SurfaceActor):
 
     def __init__(self) -> None:
         super().__init__()
-        look = self.GetProperty()
-        look.SetAmbient(_BRIGHT)
-        look.SetDiffuse(0.0)
-        look.SetSpecular(0.0)
         self.SetPickable(False)
+
+    def _wear(self, style: Style, point: float) -> None:
+        bright = (BRIGHT**2,) * 3 if style.lamps else WHITE
+        super()._wear(replace(style.of_numbers, sky=bright, earth=bright, facing=0.0), point)
 
     def fill(
         self,
@@ -49,11 +51,12 @@ class CutFaceActor(SurfaceActor):
         color: str,
         plain: Sequence[int],
         span: Span | None,
+        style: Style = STUDIO,
     ) -> None:
         """Draw the face, if there is one."""
         face = None if cut is None else cut_face(surface, cut)
         if cut is not None and face is not None and face.GetNumberOfCells():
-            self.show(face, color, plain, span)
+            self.show(face, color, plain, span, style=replace(style, outline=0.0))
             # Before the plane that the mouse takes hold of, which lies in the same place.
             way = np.array(cut[0]) / np.linalg.norm(cut[0])
             self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())

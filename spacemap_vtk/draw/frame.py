@@ -18,6 +18,9 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
 
+#: Depth of an object's folds as a share of its diagonal.
+_OBJECT_RELIEF = 0.03
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -35,6 +38,8 @@ class Frame:
     painting: vtkImageData | None = None
     #: Whether nothing but the surface's outside can be seen, which faces the way its polygons do.
     closed: bool = False
+    #: How deep its folds are in m: of a fabric, a yarn's diameter.
+    relief: float = 0.0
     #: What acts on the cage; None where that is not known.
     arrows: Arrows | None = None
     #: Whether the surface is coarser than the scene asks for.
@@ -80,9 +85,17 @@ def frame_of(
         scene.view.color,
         scene.painting,
         closed=scene.woven and scene.weave.caps and cloth is None,
+        relief=relief_of(scene),
         arrows=arrows_of(scene, time) if loads else None,
         cloth=cloth,
     )
+
+
+def relief_of(scene: Scene) -> float:
+    """Return how deep a scene's folds are in m, by which contact shadows are made."""
+    if scene.woven:
+        return float(max(np.max(yarns.diameter) for yarns in scene.weave.cloth.yarns))
+    return _OBJECT_RELIEF * float(scene.source.GetOutputDataObject(0).GetLength())
 
 
 def arrows_of(scene: Scene, time: float) -> Arrows | None:

@@ -12,7 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.draw.camera import front_of, lit_renderer
+from spacemap_vtk.draw.camera import front_of, lit_renderer, metres_from
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 
@@ -74,13 +74,7 @@ class Offscreen:
         width, height = self.size
         self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
         z = vtk_to_numpy(self._depth).reshape(height, width)[::-1]
-        near, far = self.camera.GetClippingRange()
-        if self.camera.GetParallelProjection():
-            distance = near + z * (far - near)
-        else:
-            distance = near * far / (far - z * (far - near))
-        distance[z >= 1.0] = np.nan
-        return distance.astype(np.float32)
+        return metres_from(self.camera, z)
 
     def close(self) -> None:
         """Free the window."""

@@ -12,11 +12,11 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import VIEW_ANGLE, Viewpoint, aim
+from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of
 from spacemap_vtk.draw.coloring import add_measure, measure
 from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
-from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of
+from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -32,8 +32,6 @@ Image = NDArray[np.uint8]
 #: Points that span a motion, (n, 3), and the ends of its scale.
 Extent = tuple[NDArray[np.float64], Span | None]
 
-#: Depth of an object's folds as a share of its diagonal; a fabric's is the yarn's diameter.
-_OBJECT_RELIEF = 0.03
 #: A pixel of the picture is the mean of a block of drawn ones, this many wide and high. Two show
 #: yarns in shadows, which know one depth for each, as well as with four of OpenGL's samples in
 #: each, and in a third of the time; so do three without shadows, and four a cage's thin lines.
@@ -111,7 +109,7 @@ class Picture:
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         room, self._span = extent or over_motion(scene, times, sheet)
-        self._relief = _relief(scene)
+        self._relief = relief_of(scene)
         # The last panel takes the pixels that do not divide evenly.
         widths = [width // len(panels)] * len(panels)
         widths[-1] += width - sum(widths)
@@ -222,11 +220,8 @@ class Picture:
         signs: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
         """Return by what each pixel's light is to be multiplied."""
-        camera = window.camera
-        half = camera.GetDistance() * np.tan(np.radians(VIEW_ANGLE / 2))
-        if camera.GetParallelProjection():
-            half = camera.GetParallelScale()
-        shade = contact_shade(depth, self._relief, self._relief / (2 * half / len(depth)))
+        pixels = self._relief * pixels_of(window.camera, len(depth))
+        shade = contact_shade(depth, self._relief, pixels, self.scene.view.look.occlusion)
         if signs is not None:
             # A sign is no thing in the room: it neither casts a shadow nor stands in one.
             shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
@@ -237,7 +232,7 @@ class Picture:
     ) -> _Panel:
         view = scene.view
         # A colour that stands for a number must be found again in the scale.
-        shaded = view.shadows and panel != "cage" and self._span is None
+        shaded = view.shadows and panel != "cage" and self._span is None and view.look.occlusion > 0
         block, samples = _BLOCK, _SAMPLES
         if panel == "fabric" and shaded:
             samples = 0
@@ -259,7 +254,7 @@ class Picture:
         if self._place is not None:
             self._place.take(camera)
         look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
-        behind = gradient(size, view.background, view.background_top)
+        behind = gradient(size, view.look.below, view.look.above)
         if self._bare:
             behind = nothing(size)
         return _Panel(window, shown, look, shaded, behind)
@@ -311,11 +306,3 @@ def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
 
 def _points(data: vtkPointSet) -> NDArray[np.float64]:
     return vtk_to_numpy(data.GetPoints().GetData())
-
-
-def _relief(scene: Scene) -> float:
-    """Return the size of the scene's relief in m, by which its contact shadows are made."""
-    if scene.woven:
-        cloth = scene.weave.cloth
-        return float(max(np.max(cloth.warp.diameter), np.max(cloth.weft.diameter)))
-    return _OBJECT_RELIEF * scene.source.GetOutputDataObject(0).GetLength()

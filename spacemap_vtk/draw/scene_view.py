@@ -25,6 +25,7 @@ from spacemap_vtk.draw.glyphs import (
     SupportActor,
     moved_points,
 )
+from spacemap_vtk.draw.lighting import OutlineActor
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import (
     Span,
@@ -56,10 +57,10 @@ class SceneView:
 
     def __init__(self, renderer: vtkRenderer, shades: bool) -> None:
         self.renderer = renderer
-        # Whether the caller shades what is drawn, as pictures are.
-        self._shades = shades
+        #: Whether the caller shades what is drawn, as pictures are.
+        self.shades = shades
         self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
-        self.sheet, self.light = SheetActor(), SurfaceActor()
+        self.sheet, self.light, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
         for actor in (*self.solids, *self.signs, self.ghost):
             renderer.AddActor(actor)
@@ -79,7 +80,7 @@ class SceneView:
     @property
     def solids(self) -> list[vtkActor]:
         """The things of the scene's room: they cast shadows."""
-        return [self.surface, self.sheet, self.light, self.face]
+        return [self.surface, self.sheet, self.light, self.outline, self.face]
 
     @property
     def signs(self) -> list[vtkActor]:
@@ -89,14 +90,15 @@ class SceneView:
     def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
         """Take a view's colours; a scale fits a size of so many pixels, lines count in points."""
         self._size, self._point = size, point
-        set_background(self.renderer, view.background, view.background_top)
+        below, above = view.look.below, view.look.above
+        set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self.cage.GetProperty().SetLineWidth(LINE * point)
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self.supports.GetProperty().SetPointSize(DOT * point)
-        self.sheet.behind(view.background, view.background_top)
+        self.sheet.behind(below, above)
         for drawn in (self.surface, self.sheet):
-            fit_scale(drawn.bar, size, view.background, pixels)
+            fit_scale(drawn.bar, size, below, pixels)
 
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only time passes, they never come nearer."""
@@ -126,6 +128,7 @@ class SceneView:
         for actor in (self.surface, self.sheet, self.light):
             actor.VisibilityOff()
             actor.bar.VisibilityOff()
+        self.outline.VisibilityOff()
         if look.fabric:
             self._show_fabric(frame, view, look, span)
         if not look.scale:
@@ -151,7 +154,7 @@ class SceneView:
             self.surface.bar.VisibilityOff()
         solid = look.fabric and not look.wireframe
         cut = self.cut if solid else None
-        self.face.fill(frame.surface, cut, frame.color, view.object_color, span)
+        self.face.fill(frame.surface, cut, frame.color, view.object_color, span, view.look)
 
     def cut_open(self, cut: Cut | None) -> None:
         """Cut what is shown open with another plane, or show the whole."""
@@ -160,7 +163,7 @@ class SceneView:
             self._plane.SetOrigin(*cut[1])
         if (cut is None) != (self.cut is None):
             # Loads are never cut, see `LoadActor`.
-            for actor in (*self.solids[:3], self.ghost, self.cage, self.supports):
+            for actor in (*self.solids[:4], self.ghost, self.cage, self.supports):
                 if cut is None:
                     actor.GetMapper().RemoveAllClippingPlanes()
                 else:
@@ -170,11 +173,25 @@ class SceneView:
             frame, view, look, span = self._shown
             yarns = frame.surface if frame.cloth is None else frame.yarns
             solid = look.fabric and not look.wireframe and yarns is not None and not self._moving
-            self.face.fill(
-                yarns or frame.surface, cut if solid else None, frame.color, view.object_color, span
-            )
+            surface, cut_here = yarns or frame.surface, cut if solid else None
+            self.face.fill(surface, cut_here, frame.color, view.object_color, span, view.look)
             if view.loads:
                 self.loads.show(frame.arrows, cut)
+
+    @property
+    def occlusion(self) -> float:
+        """How deep contact shadows are; 0 where there are none."""
+        if self._shown is None:
+            return 0.0
+        _, view, look, span = self._shown
+        # A colour that stands for a number must be found again in the scale.
+        wanted = view.shadows and look.fabric and not look.wireframe and span is None
+        return view.look.occlusion if wanted else 0.0
+
+    def shade(self, on: bool) -> None:
+        """Let a sheet have the shadows of its yarns in its colours, or not."""
+        self.shades = on
+        self.sheet.shade(self.occlusion if on else 0.0)
 
     def hide(self) -> None:
         """Show nothing until the next frame."""
@@ -227,17 +244,28 @@ class SceneView:
     ) -> None:
         around = frame.surface if frame.around is None else frame.around
         # As its yarns would be: only pictures shade them.
-        shaded = view.shadows and span is None and self._shades
-        self.sheet.show_sheet(around, cloth, frame.color, span, shaded)
+        self.sheet.show_sheet(around, cloth, frame.color, span, view.look)
+        self.sheet.shade(self.occlusion if self.shades else 0.0)
         self._dress(self.sheet, look)
 
     def _show_surface(
         self, actor: SurfaceActor, frame: Frame, view: View, look: Look, span: Span | None
     ) -> None:
-        actor.show(frame.surface, frame.color, view.object_color, span, frame.painting)
+        colors = frame.color, view.object_color, span, frame.painting
+        # Of what has no round edges, only `OutlineActor` draws lines.
+        actor.show(frame.surface, *colors, view.look, self._point * frame.closed)
         # Nobody sees the far sides of closed yarns, and they cost as much as the near ones.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
         self._dress(actor, look)
+        style = view.look
+        lined = style.outline > 0.0 and not look.wireframe
+        lined &= frame.surface.GetPointData().GetNormals() is not None
+        self.outline.SetVisibility(lined)
+        if lined:
+            pixels = max(1.0, (0.5 if frame.closed else 1.0) * style.outline * self._point)
+            most = style.outline_share * frame.relief
+            size = self.renderer.GetRenderWindow().GetSize()
+            self.outline.show(frame.surface, style, pixels, size, most)
 
     def _dress(self, actor: SurfaceActor, look: Look) -> None:
         actor.VisibilityOn()

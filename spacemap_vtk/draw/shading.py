@@ -8,6 +8,8 @@ Graph. 25, 2006). The result depends on no driver.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,15 +23,26 @@ STRIP = 64
 
 
 def contact_shade(
-    depth: NDArray[np.float32], diameter: float, diameter_pixels: float
+    depth: NDArray[np.float32],
+    diameter: float,
+    diameter_pixels: float,
+    strength: float = 1.0,
+    thin: int = 0,
 ) -> NDArray[np.float32]:
-    """Return the factor by which each pixel keeps its light."""
+    """Return the factor by which each pixel keeps its colour; lines up to 2 `thin` cast nothing."""
     height, width = depth.shape
     there = np.isfinite(depth)
     filled = np.where(there, depth, np.float32(0.0))
-    coarse = [_reduced(part, _COARSER) for part in (filled, there.astype(np.float32))]
+    casting = [filled, there.astype(np.float32)]
+    if thin:
+        far = _widened(np.where(there, depth, np.float32(np.inf)), thin)
+        stays = np.isfinite(far)
+        casting = [np.where(stays, far, np.float32(0.0)), stays.astype(np.float32)]
+        there &= _widened(stays, thin)  # lines alone
+    coarse = [_reduced(part, _COARSER) for part in casting]
     coarser, shades = _COARSER, []
-    for radius, darkness in SCALES:
+    for radius, deepest in SCALES:
+        darkness = strength * deepest
         spread = radius * diameter_pixels
         while spread >= 2 * _LEAST * coarser:
             coarse, coarser = [_reduced(part, 2) for part in coarse], 2 * coarser
@@ -48,6 +61,23 @@ def contact_shade(
             part *= np.clip(kept, least, np.float32(1.0), out=kept)
         part[~there[rows]] = 1.0
     return light
+
+
+def softened(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return an image whose edges are as soft as smooth lines are."""
+    for _ in range(2):
+        image = np.ascontiguousarray(image.T)
+        image[1:-1] = 0.25 * (image[:-2] + image[2:]) + 0.5 * image[1:-1]
+    return image
+
+
+def _widened(image: NDArray[Any], radius: int) -> NDArray[Any]:
+    """Return what is largest about each pixel."""
+    for _ in range(2):
+        image = np.ascontiguousarray(image.T)
+        for _ in range(radius):
+            image[1:-1] = np.maximum(np.maximum(image[:-2], image[2:]), image[1:-1])
+    return image
 
 
 def strips(height: int) -> list[slice]:

@@ -2,8 +2,7 @@
 
 The sheet is lit as its yarns would be. A tube's half that is seen holds normals all round its axis,
 so that its mean light is not that of a plane: it is summed up over the part of the half that its
-neighbour does not hide, at each vertex, for tubes of both families, on top and between others. The
-lights stand as `spacemap_vtk.draw.camera` has them, in the camera's coordinates.
+neighbour does not hide, at each vertex, for tubes of both families, on top and between others.
 """
 
 from __future__ import annotations
@@ -17,11 +16,12 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyDa
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
-from spacemap_vtk.draw.camera import LIGHTS
-from spacemap_vtk.draw.surface_actor import FAMILIES, YARNS, Span, SurfaceActor, rgb
+from spacemap_vtk.draw.lighting import FUNCTIONS, light_up
+from spacemap_vtk.draw.surface_actor import FAMILIES, STUDIO, YARNS, Span, SurfaceActor, rgb
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.styles import Style
 
 #: Layers of `spacemap_vtk.fabric.faces.layers`, as the shader calls them.
 _LAYERS = ("warpOver", "weftOver", "warpUnder", "weftUnder")
@@ -30,27 +30,23 @@ _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec3 warpMC;
 in vec3 weftMC;
-out vec4 lightVS[4];  // what the colour is multiplied by, and what shines white
+out vec4 lightVS[4];  // the root of what falls on it, and what shines white
 out vec4 coverVS;  // of warp and weft, on top and between
 out vec2 tiltVS;
 out float heightVS;
 """
 
 _VERTEX_FUNCTIONS = """
-const int LIGHTS = {count};
-const vec3 towards[LIGHTS] = vec3[LIGHTS]({towards});
-const vec3 lights[LIGHTS] = vec3[LIGHTS]({lights});
-
 // The mean light of tubes along an axis; and what they cover.
 vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope, out float covered)
-{{
+{
   vec4 sum = vec4(0.0);
   float weights = 0.0;
   covered = 0.0;
   vec3 run = along - dot(along, eye) * eye, across = eye - dot(eye, along) * along;
   float wide = aspect / cover * max(dot(across, up) / length(across), 0.05);
   for (int way = -1; way <= 1; way += 2)
-  {{
+  {
     vec3 axis = normalize(along + float(way) * tan(slope) * up);
     vec3 normal = normalize(up - dot(up, axis) * axis);
     vec3 seen = eye - dot(eye, axis) * axis;
@@ -73,22 +69,17 @@ vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope
     weights += weight;
     const int SAMPLES = 12;
     for (int k = 0; k < SAMPLES; ++k)
-    {{
+    {
       float x = 0.5 * whole - part * (float(k) + 0.5) / float(SAMPLES);
       float first = 2.0 * (x + flat_);
       float sine = clamp(first < s ? first : max(s, 2.0 * (x - flat_)), -1.0, 1.0);
       vec3 n = sqrt(1.0 - sine * sine) * seen + sine * aside;
-      for (int l = 0; l < LIGHTS; ++l)
-      {{
-        float fall = max(dot(n, towards[l]), 0.0);
-        float shine = max(dot(2.0 * fall * n - towards[l], eye), 0.0);
-        shine = fall > 0.0 ? specular * pow(shine, 18.0) : 0.0;
-        sum += weight * vec4(0.9 * fall * lights[l], shine * lights[l].g) / float(SAMPLES);
-      }}
-    }}
-  }}
-  return vec4(vec3(0.22), 0.0) + sum / weights;
-}}
+      vec4 light = lit(n, eye);
+      sum += weight * vec4(sqrt(light.rgb), light.a) / float(SAMPLES);
+    }
+  }
+  return sum / weights;
+}
 """
 
 _VERTEX = """
@@ -123,8 +114,12 @@ _FRAGMENT = """
   vec4 texels[4] = vec4[4](
     texture(warpOver, tcoordVCVSOutput, 2.5), texture(weftOver, tcoordVCVSOutput, 2.5),
     texture(warpUnder, tcoordVCVSOutput, 2.5), texture(weftUnder, tcoordVCVSOutput, 2.5));
-  for (int k = 0; k < 4; ++k)  // black yarns shine, too
-    texels[k] = vec4(lightVS[k].rgb * diffuseColor * texels[k].rgb, lightVS[k].a * texels[k].a);
+  for (int k = 0; k < 4; ++k)  // each is multiplied by its share
+  {
+    vec4 light = vec4(lightVS[k].rgb * lightVS[k].rgb, lightVS[k].a);
+    vec3 hue = diffuseColor * texels[k].rgb / max(texels[k].a, 1e-3);
+    texels[k].rgb = texels[k].a * seen(hue, light, lined);
+  }
   int top = gl_FrontFacing ? 0 : 2;  // what lies under on one face lies on top on the other
   // Contact shadows are the deeper, the rarer a family lies on top.
   float often = texture(warpOver, tcoordVCVSOutput, 5.0).a;
@@ -138,7 +133,7 @@ _FRAGMENT = """
     + under.x * (1.0 - k.y) * between.x * texels[2 - top]
     + under.y * (1.0 - k.x) * between.y * texels[3 - top];
   float open = dot(q, (1.0 - k) * (1.0 - between.yx));
-  gl_FragData[0] = vec4(yarns.rgb + yarns.a + open * mix(below, above, heightVS), 1.0);
+  gl_FragData[0] = vec4(yarns.rgb + open * mix(below, above, heightVS), 1.0);
 """
 
 
@@ -147,20 +142,18 @@ class SheetActor(SurfaceActor):
 
     def __init__(self) -> None:
         super().__init__()
-        self.GetProperty().SetDiffuse(1.0)  # the shader multiplies colours by what falls on tubes
         mapper = self.GetMapper()
-        mapper.SetVBOShiftScaleMethod(0)  # the shader turns directions as it does places
         for name in ("warp", "weft"):
             where = vtkDataObject.FIELD_ASSOCIATION_POINTS
             mapper.MapDataArrayToVertexAttribute(f"{name}MC", name, where, -1)
         shader = self.GetShaderProperty()
         for tag, text in (
-            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _functions()),
+            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + FUNCTIONS + _VERTEX_FUNCTIONS),
             ("//VTK::TCoord::Impl", _VERTEX),
         ):
             shader.AddVertexShaderReplacement(tag, True, text, False)
         for tag, text in (
-            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS),
+            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS + FUNCTIONS),
             ("//VTK::Light::Impl", _FRAGMENT),
             ("//VTK::TCoord::Impl", ""),
         ):
@@ -175,10 +168,16 @@ class SheetActor(SurfaceActor):
         uniforms.SetUniform3f("above", [part / 255 for part in above])
 
     def show_sheet(
-        self, sheet: vtkPolyData, cloth: Cloth, color: str, span: Span | None, shaded: bool
+        self,
+        sheet: vtkPolyData,
+        cloth: Cloth,
+        color: str,
+        span: Span | None,
+        style: Style = STUDIO,
     ) -> None:
         """Draw a cloth's sheet, where it has been moved to."""
-        self.show(sheet, color if COLORINGS[color].scaled else "own", (255, 255, 255), span)
+        shown = color if COLORINGS[color].scaled else "own"
+        self.show(sheet, shown, (255, 255, 255), span, style=style)
         if self._shown == (cloth, color):
             return
         self._shown = cloth, color
@@ -187,14 +186,22 @@ class SheetActor(SurfaceActor):
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
         slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
         vertex.SetUniform4f("slopes", slopes)
-        vertex.SetUniformf("specular", self.GetProperty().GetSpecular())
-        fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
-        fragment.SetUniformf("shaded", float(shaded))
         for name, pixels in zip(
             _LAYERS, layers(cloth.drawdown, *_colors(cloth, color), cloth.layers), strict=True
         ):
             self.GetProperty().RemoveTexture(name)  # or VTK warns that there is one
             self.GetProperty().SetTexture(name, _texture(pixels))
+
+    def shade(self, depth: float) -> None:
+        """Have the contact shadows of yarns, so deep."""
+        self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
+
+    def _light(self, surface: vtkPolyData) -> None:
+        pass  # by shaders of its own
+
+    def _wear(self, style: Style, point: float) -> None:
+        super()._wear(style, point)
+        light_up(self.GetShaderProperty().GetVertexCustomUniforms(), style, point)
 
 
 def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:
@@ -283,15 +290,3 @@ def _texture(pixels: NDArray[np.uint8]) -> vtkTexture:
     texture.RepeatOff()
     texture.EdgeClampOn()
     return texture
-
-
-def _functions() -> str:
-    def vectors(rows: NDArray[np.float64]) -> str:
-        return ", ".join("vec3({:.6f}, {:.6f}, {:.6f})".format(*row) for row in rows)
-
-    places = np.array([place for place, _, _ in LIGHTS], float)
-    towards = places / np.linalg.norm(places, axis=1, keepdims=True)
-    lights = np.array([intensity * np.array(color) for _, intensity, color in LIGHTS])
-    return _VERTEX_FUNCTIONS.format(
-        count=len(LIGHTS), towards=vectors(towards), lights=vectors(lights)
-    )

@@ -13,8 +13,10 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.draw.coloring import SHOWN, unit_of
+from spacemap_vtk.draw.lighting import light_by_shader, light_up
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
+from spacemap_vtk.scenes.styles import STYLES, Style
 
 #: Colours of warp and weft where families are told apart; of yarns; of these, and of what is free
 #: and what is jammed; of numbers from low on.
@@ -24,6 +26,7 @@ CLASSES = {"family": FAMILIES, "yarn": YARNS, "jammed": ("#b9c4cf", "#c8372d")}
 RAMP = ("#2c1e5c", "#3b528b", "#21908d", "#5dc963", "#fde725")
 
 Span = tuple[float, float]
+STUDIO = STYLES["studio"]
 
 
 class SurfaceActor(vtkActor):
@@ -32,12 +35,11 @@ class SurfaceActor(vtkActor):
     def __init__(self) -> None:
         super().__init__()
         self._mapper = vtkPolyDataMapper()
+        # Shaders compare lengths with those of the room, and outlines share what OpenGL has.
+        self._mapper.SetVBOShiftScaleMethod(0)
         self.SetMapper(self._mapper)
-        look = self.GetProperty()
-        look.SetAmbient(0.22)
-        look.SetDiffuse(0.9)
-        look.SetSpecular(0.12)
-        look.SetSpecularPower(18.0)
+        self._worn: tuple[Style, float] | None = None
+        self._by_shader = False
         self._table = vtkLookupTable()
         self.bar = scale_bar()
         self.bar.SetLookupTable(self._table)
@@ -49,8 +51,10 @@ class SurfaceActor(vtkActor):
         plain: Sequence[int] = (185, 196, 207),
         span: Span | None = None,
         picture: vtkImageData | None = None,
+        style: Style = STUDIO,
+        point: float = 1.0,
     ) -> Span | None:
-        """Draw a surface."""
+        """Draw a surface; a point, in which lines are measured, is so many pixels."""
         mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
         numbers = points.GetArray(SHOWN)
         shown: Span | None = None
@@ -74,7 +78,27 @@ class SurfaceActor(vtkActor):
         self._paint(picture if shown is None and color == "own" else None)
         self.bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
+        self._light(surface)
+        worn = style if shown is None else style.of_numbers, point
+        if worn != self._worn:
+            self._worn = worn
+            self._wear(*worn)
         return shown
+
+    def _light(self, surface: vtkPolyData) -> None:
+        """Let the style's light fall on a surface; lines and dots have no side that it falls on."""
+        faced = surface.GetPointData().GetNormals() is not None
+        faced |= (
+            surface.GetNumberOfPolys() + surface.GetNumberOfStrips() == surface.GetNumberOfCells()
+        )
+        if faced != self._by_shader:
+            self._by_shader = faced
+            self.GetShaderProperty().ClearAllFragmentShaderReplacements()
+            if faced:
+                light_by_shader(self)
+
+    def _wear(self, style: Style, point: float) -> None:
+        light_up(self.GetShaderProperty().GetFragmentCustomUniforms(), style, point)
 
     def _paint(self, picture: vtkImageData | None) -> None:
         former = self.GetTexture()

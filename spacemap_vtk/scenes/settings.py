@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.styles import STYLES, Style
 
 #: Of a picture, where nobody says.
 USUAL_SIZE = 1280, 960
@@ -17,9 +19,9 @@ MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
 LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
-#: Backgrounds to choose from: the colours at the bottom and at the top; None is the default.
+#: Backgrounds to choose from: the colours at the bottom and at the top; None is the style's.
 BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
-    "Light": (None, None),
+    "Of the style": (None, None),
     "White": ("#ffffff", "#ffffff"),
     "Dark": ("#1b222b", "#36424f"),
     "Black": ("#000000", "#000000"),
@@ -98,12 +100,22 @@ class View(Parameterised):
         automatic="the middle of the fabric or object at rest",
         when={"clip_normal": ()},
     )
-    background = Color("#ffffff", "Colour of the background, at the bottom.")
-    background_top = Color("#dfe6ee", "Colour of the background, at the top.")
+    style = Choice(
+        "studio",
+        "What it looks like. studio: cloth in warm and cool light. paper: quiet, on white, to be "
+        "printed. schematic: flat colours, black lines. blueprint: white lines on blue.",
+        list(STYLES),
+    )
+    background = Color(
+        None, "Colour of the background, at the bottom.", automatic="as the style has it"
+    )
+    background_top = Color(
+        None, "Colour of the background, at the top.", automatic="as the style has it"
+    )
     cage_color = Color(
         None,
         "Colour of the cage's edges.",
-        automatic="dark, or light on a dark background",
+        automatic="as the style has it, or dark, or light on a dark background",
         when=_CAGE,
     )
     support_color = Color(
@@ -116,11 +128,23 @@ class View(Parameterised):
     )
 
     @property
+    def look(self) -> Style:
+        """The style, with the background that is asked for."""
+        style = STYLES[self.style]
+        below = style.below if self.background is None else self.background
+        above = style.above if self.background_top is None else self.background_top
+        return replace(style, below=below, above=above)
+
+    @property
     def line_color(self) -> tuple[int, int, int]:
         """Colour of the cage's edges, red, green and blue to 255: one that can be seen."""
         if self.cage_color is not None:
             return self.cage_color
-        return LINES_ON_DARK if is_dark(self.background) else LINES
+        look = self.look
+        dark = is_dark(look.below)
+        if look.ink is not None and is_dark(look.ink) != dark:
+            return look.ink
+        return LINES_ON_DARK if dark else LINES
 
 
 def is_dark(color: Sequence[int]) -> bool:

@@ -142,7 +142,7 @@ class Screen:
         frame, view = self.frame, self._view
         if frame is None:
             return
-        if self.dark and (view.background, view.background_top) == _USUAL:
+        if self.dark and (view.style, view.background, view.background_top) == _USUAL:
             below, above = BACKGROUNDS["Dark"]
             view = View(**{**view.settings, "background": below, "background_top": above})
         width, height = self.window.size
@@ -160,4 +160,4 @@ class Screen:
         return Viewpoint.of(self.window.camera)
 
 
-_USUAL = View().background, View().background_top
+_USUAL = View().style, View().background, View().background_top

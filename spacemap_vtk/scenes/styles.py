@@ -1,0 +1,132 @@
+"""How what is drawn looks: grounds, inks, light, cloth, shadows; a style is one declaration.
+
+Light adds up in linear space, of which what is seen is the root (a gamma of 2): a yarn of the
+colour c shows c √L under the light L, and √(c² L + W) where it reflects W of it white.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+RGB = tuple[int, int, int]
+Light3 = tuple[float, float, float]
+
+WHITE: Light3 = (1.0, 1.0, 1.0)
+
+
+class Lamp(NamedTuple):
+    """A light, which stands where the camera does and looks with it."""
+
+    #: From the middle of what is seen, in the camera's coordinates: it looks along -z, y is up.
+    place: Light3
+    strength: float
+    color: Light3 = WHITE
+
+
+@dataclass(frozen=True)
+class Style:
+    """What a surface, the lines about it and what lies behind look like."""
+
+    label: str
+    #: Colours of the background, at the bottom and at the top.
+    below: RGB
+    above: RGB
+    #: Colour of a cage's edges; None: dark, or light on a dark background.
+    ink: RGB | None = None
+    #: Width of the line round each yarn in points, its colour, and how much of a yarn's diameter it
+    #: takes at most on either side of the edge.
+    outline: float = 0.0
+    outline_ink: RGB = (0, 0, 0)
+    outline_share: float = 0.04
+    #: Light from all sides, from above and from below: alone it shows colours as they are.
+    sky: Light3 = WHITE
+    earth: Light3 = WHITE
+    lamps: tuple[Lamp, ...] = ()
+    #: How far light goes round what it falls on, as it does between fibres.
+    wrap: float = 0.0
+    #: White that fibres reflect: how much, and how narrow its highlight is.
+    gloss: float = 0.0
+    gloss_power: float = 8.0
+    #: Light that fibres which stand out catch at a yarn's rim.
+    sheen: float = 0.0
+    #: How much less is seen of what turns away from the eye, of any colour alike.
+    facing: float = 0.0
+    #: How much of a colour stays; the rest is of the colour `tint`, as bright.
+    colored: float = 1.0
+    tint: tuple[Light3, Light3] = ((0.0, 0.0, 0.0), WHITE)
+    #: How deep contact shadows are, and the shadow on the ground.
+    occlusion: float = 0.0
+    shadow: float = 0.0
+
+    @property
+    def of_numbers(self) -> Style:
+        """The same for colours that stand for numbers: those of their scale where they face us."""
+        return replace(
+            self,
+            sky=WHITE,
+            earth=WHITE,
+            lamps=(),
+            gloss=0.0,
+            sheen=0.0,
+            facing=0.6 if self.lamps else 0.0,
+            colored=1.0,
+            occlusion=0.0,
+        )
+
+
+#: The styles, the usual one first.
+STYLES = {
+    "studio": Style(
+        "Studio",
+        below=(255, 255, 255),
+        above=(223, 230, 238),
+        sky=(0.34, 0.37, 0.41),
+        earth=(0.20, 0.18, 0.16),
+        # A warm key raking from the upper left shows the crowns of the yarns, a cool fill from the
+        # right opens the shadows, and a rim from behind parts the cloth from what is behind it.
+        lamps=(
+            Lamp((-0.8, 0.95, 0.9), 0.68, (1.0, 0.95, 0.86)),
+            Lamp((1.0, 0.1, 0.6), 0.18, (0.78, 0.89, 1.0)),
+            Lamp((0.35, 0.7, -0.6), 0.12, (0.95, 0.97, 1.0)),
+        ),
+        wrap=0.25,
+        gloss=0.035,
+        gloss_power=6.0,
+        sheen=0.16,
+        occlusion=0.8,
+        shadow=0.42,
+    ),
+    "paper": Style(
+        "Paper",
+        below=(255, 255, 255),
+        above=(255, 255, 255),
+        ink=(70, 74, 80),
+        outline=0.8,
+        outline_ink=(60, 60, 62),
+        outline_share=0.03,
+        sky=(0.72, 0.72, 0.72),
+        earth=(0.5, 0.5, 0.5),
+        lamps=(Lamp((-0.6, 0.9, 1.0), 0.42),),
+        wrap=0.5,
+        occlusion=0.5,
+        shadow=0.22,
+    ),
+    "schematic": Style(
+        "Schematic",
+        below=(255, 255, 255),
+        above=(255, 255, 255),
+        ink=(0, 0, 0),
+        outline=1.6,
+    ),
+    "blueprint": Style(
+        "Blueprint",
+        below=(22, 62, 122),
+        above=(22, 62, 122),
+        ink=(214, 230, 250),
+        outline=1.4,
+        outline_ink=(236, 244, 255),
+        colored=0.0,
+        tint=((0.05, 0.17, 0.38), (0.30, 0.50, 0.78)),
+    ),
+}

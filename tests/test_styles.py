@@ -1,0 +1,69 @@
+"""Styles: each is another look, and each of its promises is seen in pixels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from spacemap_vtk.draw import form
+from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.styles import STYLES
+
+WEAVE = {"ends": 4, "picks": 4, "warp_color": "#2850a0", "weft_color": "#f0c820"}
+
+
+def drawn(style: str, side: int = 160, **weave: Any) -> NDArray[np.uint8]:
+    view = {"style": style, "camera": "front"}
+    scene = Scene({"weave": {**WEAVE, **weave}, "surface": {"subdivisions": 3}, "view": view})
+    picture = Picture(scene, [0.0], (side, side))
+    image = picture.draw(0.0).copy()
+    picture.close()
+    return image
+
+
+def share(image: NDArray[np.uint8], color: Any) -> float:
+    return float((np.abs(image.astype(int) - color).max(axis=2) <= 1).mean())
+
+
+def test_each_style_is_another_picture_on_its_own_ground() -> None:
+    images = {name: drawn(name) for name in STYLES}
+    for name, image in images.items():
+        below, above = STYLES[name].below, STYLES[name].above
+        assert np.abs(image[-1, 0].astype(int) - below).max() <= 2
+        assert np.abs(image[0, 0].astype(int) - above).max() <= 2
+    names = list(images)
+    for k, name in enumerate(names):
+        for other in names[k + 1 :]:
+            assert np.abs(images[name].astype(int) - images[other]).mean() > 4
+
+
+def test_schematic_is_flat_and_lined() -> None:
+    image = drawn("schematic")
+    # Most of what is drawn is of one of the two colours, all but the lines, which are black.
+    cloth = 1.0 - share(image, (255, 255, 255))
+    assert share(image, (0x28, 0x50, 0xA0)) + share(image, (0xF0, 0xC8, 0x20)) > 0.75 * cloth
+    assert 0.005 < share(image, (0, 0, 0)) < 0.1
+
+
+def test_afar_a_sheet_has_lines_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    many = {"ends": 32, "picks": 32, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
+    fine = drawn("blueprint", 320, **many)[80:240, 80:240].mean(axis=(0, 1))
+    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    scene = Scene({"weave": {**WEAVE, **many}, "view": {"style": "blueprint", "camera": "front"}})
+    picture = Picture(scene, [0.0], (48, 48))
+    afar = picture.draw(0.0)[12:36, 12:36].mean(axis=(0, 1))
+    picture.close()
+    assert picture.sheet is not None
+    assert np.abs(afar - fine).max() < 8
+
+
+def test_an_unknown_style_is_refused_with_the_list() -> None:
+    with pytest.raises(InputError) as refused:
+        Scene({"weave": {}, "view": {"style": "stuido"}})
+    for word in ("view.style", "stuido", *STYLES):
+        assert word in str(refused.value)
