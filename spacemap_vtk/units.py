@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Iterable
 
 from spacemap_vtk.errors import InputError
 
@@ -98,6 +100,14 @@ def parse_quantity(text: str, unit: str) -> float:
 def _example(unit: str) -> str:
     units = UNITS.get(unit)
     return "a number" if not units else "a number, or one with a unit of " + ", ".join(units)
+
+
+def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
+    """Write numbers with as many decimals each as give the least that many digits."""
+    numbers = list(values)
+    least = min((abs(number) for number in numbers if number), default=1.0)
+    decimals = min(max(digits - 1 - math.floor(math.log10(least)), 0), 6)
+    return [f"{number:.{decimals}f}" for number in numbers]
 
 
 def format_quantity(value: float, unit: str) -> str:

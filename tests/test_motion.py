@@ -225,7 +225,7 @@ def test_resonance_without_damping_has_no_steady_state():
     with pytest.raises(InputError, match="no steady state"):
         steady(stiffness, half, 2 * math.pi)
     saw = tf.periodic([0.0, 2.0], [0.0, 1.0], steady=True)
-    with pytest.raises(InputError, match="mode 0 has no steady state"):
+    with pytest.raises(InputError, match="mode 1 has no steady state"):
         ModalMotion(stiffness, half, [Drive(np.ones(1), saw)])
     # From rest both grow linearly: x = t / 2Ω for the sine.
     at = 1000.25

@@ -85,7 +85,7 @@ def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     assert solver is not None
     cage = copied(solver.output)
     frequencies = array_of(cage.GetFieldData(), "frequencies", "")
-    assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies)]
+    assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
     for found, share in zip(told["played"], (0.0, 0.1), strict=True):
         add_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
         assert farthest(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9

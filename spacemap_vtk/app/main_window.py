@@ -73,7 +73,7 @@ class MainWindow(QMainWindow):
         self.errors = ErrorBar()
         self.errors.told = self.document.drafts.told
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
-        self.modes = ModesTab()
+        self.modes = ModesTab(self.document, self.engine)
         self.tabs = QTabWidget()
         self.tabs.setDocumentMode(True)
         # Its line is white in the dark.
@@ -228,6 +228,7 @@ class MainWindow(QMainWindow):
         self.view.picks_changed.connect(self.plots.show_points)
         self.plots.cleared.connect(self.view.forget_picks)
         self.director.drawn.connect(self.plots.follow)
+        self.director.drawn.connect(self.modes.response.follow)
         self.draft.held.connect(self.director.hold)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -21,7 +22,11 @@ from PySide6.QtWidgets import (
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.job import Swing
+from spacemap_vtk.app.plots.curves import Spectrum
+from spacemap_vtk.app.response_plot import ResponsePlot
 from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
@@ -29,11 +34,19 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
+from spacemap_vtk.units import aligned
 
-_HEADINGS = ("Mode", "Frequency", "Damping", "Regime")
-_LEFT = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-_SIDES = (_RIGHT, _RIGHT, _RIGHT, _LEFT)
+_HEADINGS = ("Mode", "Hz", "Damping", "Mass")
+_SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+_MASS = _HEADINGS.index("Mass")
+_TIPS = (
+    "",
+    "Frequency without damping",
+    "Damping ratio, where the mode swings: 1 and more is overdamped",
+    "Effective mass along the axis of which the mode moves most, of the mass that can move",
+)
+#: Below this share a mode moves no mass as a whole.
+_NONE = 0.005
 #: Seconds that a swing takes on the screen, whatever its frequency.
 _PERIOD = 1.2
 _TICK = 15
@@ -67,13 +80,14 @@ class ModesTab(QWidget):
     #: A `Swing` to show; None for the motion.
     swung = Signal(object)
 
-    def __init__(self) -> None:
+    def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
         self.table = QTableWidget(0, len(_HEADINGS))
         self.table.setObjectName("modes")
         self.table.setHorizontalHeaderLabels(_HEADINGS)
-        for place, side in enumerate(_SIDES):
-            self.table.horizontalHeaderItem(place).setTextAlignment(side)
+        for place, tip in enumerate(_TIPS):
+            self.table.horizontalHeaderItem(place).setTextAlignment(_SIDE)
+            self.table.horizontalHeaderItem(place).setToolTip(tip)
         self.table.verticalHeader().hide()
         header = self.table.horizontalHeader()
         # Not ResizeToContents, which would measure all rows anew at every single cell.
@@ -94,10 +108,23 @@ class ModesTab(QWidget):
         self.back = QPushButton("Back to the motion")
         self.back.setEnabled(False)
         self.hint = note(_HINTS[0])
+        #: What all modes do together, and what each moves.
+        self.response = ResponsePlot(document, engine)
+        self.response.chosen.connect(self._chosen)
+        self.response.found.connect(self._show_masses)
         #: What swings: a sheet, with its mass and bending length, or tetrahedra.
         self.sheet = note(name="note")
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
-        column(self, self.hint, self.sheet, (self.table, 1), below, self.back, margins=(6, 6, 6, 6))
+        column(
+            self,
+            self.hint,
+            self.sheet,
+            (self.table, 1),
+            self.response,
+            below,
+            self.back,
+            margins=(6, 6, 6, 6),
+        )
         self._known: Any = None
         self._mode: int | None = None
         self._begun = 0.0
@@ -107,6 +134,10 @@ class ModesTab(QWidget):
         self.table.cellClicked.connect(self._clicked)
         self.table.currentCellChanged.connect(self._moved)
         self.back.clicked.connect(self.stop)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self.response.seen()
 
     @property
     def mode(self) -> int | None:
@@ -133,24 +164,48 @@ class ModesTab(QWidget):
         rates = damping.alphas(values), damping.beta
         lost = 0.0 if cage is None or array is None else rounding_of(cage)
         ratios, kinds = damping_ratio(values, *rates), regime(values, *rates, lost)
-        for number, (value, ratio, kind) in enumerate(zip(values, ratios, kinds, strict=True)):
-            texts = (
-                str(number),
-                f"{math.sqrt(max(value, 0.0)) / (2 * math.pi):.4g} Hz",
-                f"{ratio:.3g}" if math.isfinite(ratio) else "–",
-                str(kind),
-            )
-            for place, text in enumerate(texts):
-                item = QTableWidgetItem(text)
-                item.setTextAlignment(_SIDES[place])
+        frequencies = np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
+        self.response.frequencies = frequencies
+        spectrum = self.response.spectrum
+        swinging = [number for number, kind in enumerate(kinds) if kind == "underdamped"]
+        told = dict(zip(swinging, aligned(ratios[swinging], 3), strict=True))
+        columns = (
+            range(1, len(values) + 1),
+            aligned(frequencies),
+            [told.get(number, kind) for number, kind in enumerate(kinds)],
+            [""] * len(values),
+        )
+        for number, cells in enumerate(zip(*columns, strict=True)):
+            for place, cell in enumerate(cells):
+                item = QTableWidgetItem(str(cell))
+                item.setTextAlignment(_SIDE)
                 self.table.setItem(number, place, item)
-            # In a narrow window its end is cut off.
-            item.setToolTip(text)
+        if spectrum is not None:
+            self._show_masses(spectrum)
+        self._fit()
+        if self._mode is not None and self._mode >= len(values):
+            self.stop()
+
+    def _fit(self) -> None:
         # Not the last one, which takes the room that is left.
         for place in range(self.table.columnCount() - 1):
             self.table.resizeColumnToContents(place)
-        if self._mode is not None and self._mode >= len(values):
-            self.stop()
+
+    def _show_masses(self, spectrum: Spectrum) -> None:
+        """Write the effective masses, which are computed after the frame."""
+        if len(spectrum.shares) != self.table.rowCount():
+            return  # of other modes: theirs are on the way
+        sums = spectrum.shares.cumsum(axis=0)
+        for number, (share, total) in enumerate(zip(spectrum.shares, sums, strict=True)):
+            axis = int(np.argmax(share))
+            item = self.table.item(number, _MASS)
+            item.setText(f"{share[axis]:.0%} {'xyz'[axis]}" if share[axis] >= _NONE else "–")
+            lines = (
+                f"{x}: {a:.1%}, with those above {b:.1%}"
+                for x, a, b in zip("xyz", share, total, strict=True)
+            )
+            item.setToolTip("Effective mass, of what can move\n" + "\n".join(lines))
+        self._fit()
 
     def show_turns(self, turns: bool) -> None:
         """Let amplitudes be angles, or not: where turning stretches, there is no large one."""
@@ -171,13 +226,22 @@ class ModesTab(QWidget):
 
     def release(self) -> None:
         """Let nothing swing any more; something else is shown."""
-        self._mode = None
+        self._choose(None)
         self._timer.stop()
         self.table.clearSelection()
         self.back.setEnabled(False)
 
+    def _choose(self, mode: int | None) -> None:
+        self._mode = self.response.mode = mode
+        self.response.update()
+
+    def _chosen(self, mode: int) -> None:
+        """Let a mode swing that was clicked in the plot."""
+        self.table.setCurrentCell(mode, 0)
+        self.table.cellClicked.emit(mode, 0)
+
     def _clicked(self, row: int, _column: int) -> None:
-        self._mode = row
+        self._choose(row)
         self._begun = time.perf_counter()
         self.back.setEnabled(True)
         self._timer.start()
@@ -185,7 +249,7 @@ class ModesTab(QWidget):
     def _moved(self, row: int, *_: int) -> None:
         """Let the arrow keys go from one swinging mode to the next."""
         if self._mode is not None and row >= 0:
-            self._mode = row
+            self._choose(row)
 
     def _tick(self) -> None:
         if self._mode is not None:

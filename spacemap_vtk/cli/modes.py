@@ -13,7 +13,7 @@ from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import written_words
-from spacemap_vtk.units import parse_quantity
+from spacemap_vtk.units import aligned, parse_quantity
 
 
 def modes(
@@ -80,12 +80,13 @@ def modes(
     )
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
-    for number, mode in enumerate(figures["modes"]):
+    frequencies = aligned(mode["frequency_hz"] for mode in figures["modes"])
+    for number, (mode, frequency) in enumerate(zip(figures["modes"], frequencies, strict=True), 1):
         ratio = mode["damping_ratio"]
         shares = zip(mode["effective_mass_share"], mode["cumulative_mass_share"], strict=True)
         table.add_row(
             str(number),
-            f"{mode['frequency_hz']:.5g}",
+            frequency,
             "–" if not math.isfinite(ratio) else f"{ratio:.3g}",
             mode["regime"],
             *(f"{100 * share:.1f}" for pair in shares for share in pair),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: all of them are in the table's file.
 _FIRST = (
     *("sag", "drape coefficient", "warp crimp [", "weft crimp [", "areal mass", "cover ["),
-    *("mode 0 [", "largest displacement", "largest rotation", "thickness"),
+    *("mode 1 [", "largest displacement", "largest rotation", "thickness"),
     *("least clearance", "deformed clearance", "sheet bending length"),
 )
 #: Sentences that are told of all runs.

@@ -123,7 +123,7 @@ def mode_shapes(scene: Scene, tell: Tell) -> MovingSurface:
     add_array(data, "displacement", hung)
     still, rows = _still(scene, _below(scene, stage, cage))
     targets, normals = _carried(scene, stage, shapes, still, rows, "modes", cage)
-    labels = [f"mode {k} {mode['frequency_hz']:.4g} Hz" for k, mode in enumerate(figures)]
+    labels = [f"mode {k} {mode['frequency_hz']:.4g} Hz" for k, mode in enumerate(figures, 1)]
     seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
     swing = np.sin(2 * np.pi * seconds / _PERIOD)
     clips = [

@@ -157,7 +157,7 @@ def mode_sheet(scene: Scene, tell: Callable[[int, int], object]) -> NDArray[np.u
         left, top = number % columns * _CELL[0], number // columns * (_CELL[1] + _LABEL)
         sheet.paste(Image.fromarray(drawing.shape(number)), (left, top))
         middle, line = left + _CELL[0] / 2, top + _CELL[1]
-        title = f"mode {number}: {mode['frequency_hz']:.4g} Hz"
+        title = f"mode {number + 1}: {mode['frequency_hz']:.4g} Hz"
         pen.text((middle, line + 6), title, _INK, ImageFont.load_default(19), anchor="ma")
         pen.text((middle, line + 28), _note(mode), _FAINT, ImageFont.load_default(14), anchor="ma")
         tell(number + 1, len(shapes))

@@ -71,7 +71,7 @@ class DampingRatio(Series):
     """A damping ratio for all modes, one for each, or the name of a text file with these."""
 
     each = (
-        "one for each mode from mode 0 on, the last for all that follow; or the name of a text "
+        "one for each mode from the first on, the last for all that follow; or the name of a text "
         "file with one ratio in each line"
     )
 

@@ -380,7 +380,9 @@ class ModalSolver(FittedCage):
         if worst <= ROUNDING:
             return
         poor = np.flatnonzero(rounding > (LOST if worst > LOST else ROUNDING))
-        which = f"mode {poor[0]}" if len(poor) == 1 else f"modes {poor[0]} to {poor[-1]}"
+        which = (
+            f"mode {poor[0] + 1}" if len(poor) == 1 else f"modes {poor[0] + 1} to {poor[-1] + 1}"
+        )
         digits = int(-math.log10(worst))
         told = f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} hold"
         if worst > LOST:

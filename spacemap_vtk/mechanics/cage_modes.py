@@ -147,6 +147,13 @@ class CageModes:
         """What the effective masses of all modes sum to, (3,) in kg."""
         return self.model.movable_mass
 
+    @property
+    def mass_shares(self) -> FloatArray:
+        """Effective masses as shares of what can move along x, y and z, (n, 3)."""
+        masses, movable = self.effective_masses, self.movable_mass
+        # A cage held along an axis everywhere has nothing to move along it.
+        return np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
+
     def vector(
         self,
         action: str,

@@ -362,7 +362,7 @@ def _verify(
     if wrong.any():
         worst = int(np.argmax(wrong))
         raise SolverError(
-            f"mode {worst} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
+            f"mode {worst + 1} leaves a residual of {residual[worst] / size[worst]:.2g}, above "
             f"{RESIDUAL:g}",
             cure="Look for badly shaped tetrahedra in the cage and for moduli many powers of ten "
             "apart, or ask for fewer modes",

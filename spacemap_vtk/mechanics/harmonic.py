@@ -58,8 +58,8 @@ def steady(stiffness: FloatArray, half: FloatArray, omega: float) -> ComplexArra
     inverse = (root - omega) * (root + omega) + 2j * half * omega
     if (inverse == 0).any():
         raise InputError(
-            f"mode {int(np.argmax(inverse == 0))} is driven at its own frequency without damping; "
-            "there is no steady state",
+            f"mode {int(np.argmax(inverse == 0)) + 1} is driven at its own frequency without "
+            "damping; there is no steady state",
             cure="Give damping, or start from rest",
         )
     return np.asarray(1.0 / inverse)

@@ -130,7 +130,7 @@ class Repeated:
         least = 1e-20 * np.minimum(1.0, self._stiffness * self._period**2)
         if (lost := driven & (determinant <= least)).any():
             raise InputError(
-                f"mode {int(np.argmax(lost))} has no steady state under the periodic load",
+                f"mode {int(np.argmax(lost)) + 1} has no steady state under the periodic load",
                 cure="Give damping, or start from rest",
             )
         safe = np.where(driven, determinant, 1.0)

@@ -165,7 +165,7 @@ def motion_figures(swing: dict[str, Any] | None) -> list[Figure]:
 def mode_figures(figures: dict[str, Any]) -> list[Figure]:
     """Return the numbers of the first modes, of those of `report.modes`, and the cage's mass."""
     found = [Figure("mass", "mass", "", figures["mass"], "kg")]
-    for number, mode in enumerate(figures["modes"][:_FIRST]):
+    for number, mode in enumerate(figures["modes"][:_FIRST], 1):
         found.append(Figure(f"mode_{number}", "", "", mode["frequency_hz"], "Hz"))
         ratio = mode["damping_ratio"]
         if math.isfinite(ratio):

@@ -79,16 +79,14 @@ def modes(scene: Scene) -> dict[str, Any]:
     eigenvalues, rounding = cage.eigenvalues, cage.eigenvalue_rounding
     damping = mover.damping if isinstance(mover, Damped) else Damping()
     rates = damping.alphas(eigenvalues), damping.beta
-    masses, movable = cage.effective_masses, cage.movable_mass
-    # A cage held along an axis everywhere has nothing to move along it.
-    shares = np.divide(masses, movable, out=np.zeros_like(masses), where=movable > 0)
+    shares = cage.mass_shares
     columns = {
         "eigenvalue": eigenvalues,
         "frequency_hz": np.sqrt(eigenvalues) / (2 * math.pi),
         "damping_ratio": damping_ratio(eigenvalues, *rates),
         "regime": regime(eigenvalues, *rates, rounding),
         "digits": [int(-math.log10(max(share, 1e-15))) for share in rounding],
-        "effective_mass": masses,
+        "effective_mass": cage.effective_masses,
         "effective_mass_share": shares,
         "cumulative_mass_share": shares.cumsum(axis=0),
     }
@@ -101,7 +99,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "dof": cage.model.pencil.size,
         **sheet_figures(sheet_in(grid)),
         "mass": float(cage.nodal_mass.sum()),
-        "movable_mass": movable.tolist(),
+        "movable_mass": cage.movable_mass.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
         "hung": _hung(scene.modal, cage.model),

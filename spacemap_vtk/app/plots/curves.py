@@ -9,19 +9,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.pick import Point
 from spacemap_vtk.datasets.arrays import array_of, points_of, tetrahedra_of
+from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.draw.plots import ASIDE, NO_FREQUENCIES, frequencies_near, tip
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 
 FloatArray = NDArray[np.float64]
 
+#: What stages are that say how a scene moves.
+_MOVING = ROLES[: ROLES.index("crimp")]
 #: Times of a curve, and how many are computed before the engine looks for other work.
 SAMPLES, CHUNK = 1500, 60
 
@@ -59,6 +63,12 @@ class Curves:
     modes: FloatArray
     #: What is missing, and why.
     note: str = ""
+
+
+def moving(document: Document) -> str:
+    """Return another word for another way in which a scene moves."""
+    stages = (stage for stage in document.scene.stages if stage.role in _MOVING)
+    return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
 
 def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
@@ -99,7 +109,45 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
             energies[part] = model.energies(times[part])
             yield
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
-    answers = np.zeros((len(places), len(frequencies), 3))
+    answers = yield from _answers(response, weights, frequencies)
+    points = np.array(places).reshape(-1, 3)
+    return Curves(wish.key, points, times, motion, energies, frequencies, answers, natural, note)
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """What the modes do together, and what each moves."""
+
+    #: (f,) In Hz; empty where the response is not known.
+    frequencies: FloatArray
+    #: (f,) Amplitude of the displacement [m] where the first mode moves most.
+    response: FloatArray
+    #: (n, 3) Share of the mass that can move along x, y and z, that a mode moves.
+    shares: FloatArray
+
+
+def spectrum_of(scene: Scene) -> Generator[None, None, Spectrum | None]:
+    """Compute the frequency response and the effective masses; pauses likewise."""
+    yield
+    solver, mover = scene.stage("solver"), scene.stage("mover")
+    if solver is None:
+        return None
+    modes = ModesReader().read(solver.output)
+    yield
+    response = None if mover is None else mover.motion
+    frequencies, answers = np.zeros(0), np.zeros((1, 0, 3))
+    if isinstance(response, Response):
+        natural = np.sqrt(np.maximum(modes.eigenvalues, 0.0)) / (2 * np.pi)
+        frequencies = frequencies_near(natural.tolist())
+        weight = point_weights(response.points, response.cells, tip(scene))
+        answers = yield from _answers(response, [weight], frequencies)
+    return Spectrum(frequencies, np.linalg.norm(answers[0], axis=1), modes.mass_shares)
+
+
+def _answers(
+    response: Response | None, weights: list[FloatArray], frequencies: FloatArray
+) -> Generator[None, None, FloatArray]:
+    answers = np.zeros((len(weights), len(frequencies), 3))
     for number, weight in enumerate(weights):
         if response is None:
             break
@@ -111,8 +159,7 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
                 answer = response.frequency_response(weight, frequencies[part])
             answers[number, part] = abs(answer)
             yield
-    points = np.array(places).reshape(-1, 3)
-    return Curves(wish.key, points, times, motion, energies, frequencies, answers, natural, note)
+    return answers
 
 
 def _read(reader: Stage, wish: Wish) -> Generator[None, None, Curves]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PySide6.QtCore import QEvent, Signal
-from PySide6.QtGui import QShowEvent
+from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QMenu,
@@ -22,12 +22,11 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.pick import Pick
-from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of
+from spacemap_vtk.app.plots.curves import Curves, Spectrum, Wish, curves_of, moving
 from spacemap_vtk.app.widgets import column, later, note, row
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.base import ROLES
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import name_filter, writer, written
 
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
 
 #: Milliseconds without another change until curves are computed.
 _REST = 250
-#: What stages are that say how a scene moves.
-_MOVING = ROLES[: ROLES.index("crimp")]
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
 #: What is saved of a point over time, with its unit.
@@ -157,6 +154,11 @@ class PlotsTab(QWidget):
             self.canvas.setVisible(self.curves is not None)
         self._later()
 
+    def hideEvent(self, event: QHideEvent) -> None:
+        super().hideEvent(event)
+        if self.curves is None or self.curves.key != self._key:
+            self._key = ""  # another tab's work pushes these curves aside
+
     def changeEvent(self, event: QEvent) -> None:
         """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange:
@@ -168,12 +170,10 @@ class PlotsTab(QWidget):
             self.rest.start()
 
     def wish(self) -> Wish:
-        values, animation = self._document.values, self._document.scene.animation
+        animation = self._document.scene.animation
         start, stop = animation.start, max(animation.stop, animation.start + 1e-9)
         points = tuple(pick.rest for pick in self.points)
-        stages = (s for s in self._document.scene.stages if s.role in _MOVING)
-        moving = {stage.section: values.get(stage.section) for stage in stages}
-        key = repr((moving, points, start, stop))
+        key = repr((moving(self._document), points, start, stop))
         return Wish(key, points, start, stop)
 
     def _ask(self) -> None:
@@ -193,6 +193,8 @@ class PlotsTab(QWidget):
             self._ready(None)
 
     def _ready(self, result: Any) -> None:
+        if isinstance(result, Spectrum) or not self.isVisible():
+            return  # what the tab of modes has asked for
         if isinstance(result, BaseException):
             self.failed.emit(result)
             self.hint.setText(_HINT)
