@@ -34,7 +34,7 @@ def vanishing(path: Path) -> Iterator[Path]:
     # Where Python code that VTK calls is interrupted, VTK exits: no "finally" is reached then.
     last = partial(_remove, path)
     atexit.register(last)
-    with _ended_by_exceptions():
+    with ended_by_exceptions():
         try:
             yield path
         finally:
@@ -67,7 +67,8 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def _ended_by_exceptions() -> Iterator[None]:
+def ended_by_exceptions() -> Iterator[None]:
+    """Let a signal that ends the program do so by an exception."""
     answered = []
     if threading.current_thread() is threading.main_thread():
         answered = [each for each in ENDING if signal.getsignal(each) == signal.SIG_DFL]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, Signal
+from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, QTimer, Signal
 from PySide6.QtWidgets import QFileDialog, QProgressDialog, QWidget
 
 from spacemap_vtk.app.ask_file import ended
@@ -26,9 +26,12 @@ from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
 from spacemap_vtk.scenes.face import picture_size
 
+#: Milliseconds that a process which is ended has for ending its own.
+_PATIENCE = 3000
+
 
 class Exports(QObject):
-    """What the menu "Export" does. The work is a child process: cancelling ends it at once."""
+    """What the menu "Export" does. The work is a child process, which cancelling ends."""
 
     #: The file that was written, with what there is to tell of it.
     written = Signal(str)
@@ -134,17 +137,22 @@ class Exports(QObject):
         return self._process is not None
 
     def cancel(self) -> None:
-        """End the work at once; nothing of it stays."""
-        if self._process is not None:
+        """End the work; nothing of it stays."""
+        process = self._process
+        if process is not None:
             self._error = Cancelled("the export was stopped")
-            self._process.kill()
+            # Asked first: processes of its own, which draw and encode, it ends itself.
+            process.terminate()
+            QTimer.singleShot(_PATIENCE, process, process.kill)
 
     def stop(self) -> None:
         """Cancel, and wait until the process has ended."""
         process = self._process
         if process is not None:
             self.cancel()
-            process.waitForFinished(5000)
+            if not process.waitForFinished(_PATIENCE):
+                process.kill()
+                process.waitForFinished(_PATIENCE)
 
     def _drawn(self, kind: str, filters: str, proposal: str) -> None:
         scene, view = self._document.scene, self._view

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
-from spacemap_vtk.app.interrupt import Interrupt
+from spacemap_vtk.app.interrupt import Interrupt, Interrupted
 from spacemap_vtk.app.job import Job, Pull, Swing
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
@@ -225,7 +226,9 @@ class Pipeline:
         progressed = self._progressed
 
         def tell(caller: Stage, event: str) -> None:
-            progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
+            # A blow that falls here VTK would print, and lose: the next one falls elsewhere.
+            with suppress(Interrupted):
+                progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
         self._started(section)
         stage.SetAbortExecute(0)

@@ -29,6 +29,7 @@ from spacemap_vtk.io.output import (
 )
 from spacemap_vtk.io.provenance import Record, recorded, recorded_at
 from spacemap_vtk.io.registry import DATA, writer, written
+from spacemap_vtk.vanishing import ended_by_exceptions
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
@@ -431,7 +432,7 @@ def main() -> None:
         order = Order.of(told["order"], Path(told["order"]["output"]))
         scene = Scene(told["values"], Path(told["base"]))
         # Of its folder the user has never heard.
-        with telling_refusals(order.output, order.output.name):
+        with ended_by_exceptions(), telling_refusals(order.output, order.output.name):
             if order.what != "draft":
                 scene.check()
             told = carry_out(
