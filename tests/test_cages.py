@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -224,7 +225,8 @@ def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
     one = pv.Plane(i_size=1.0, j_size=1.0)
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
     shape = outline(crossed, polygons_of(crossed))
-    points, triangles = envelope(shape, 0.1)
+    low, high = shape[0].min(axis=0), shape[0].max(axis=0)
+    points, triangles = envelope(low, high, partial(touched, *shape), 0.1)
     skin = pv.PolyData.from_regular_faces(points, triangles)
     assert skin.is_manifold
     away = pv.PolyData(shape[0]).compute_implicit_distance(skin)["implicit_distance"]

@@ -81,9 +81,9 @@ def test_the_estimate_is_what_a_run_takes(
 def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # A cage that follows the yarns needs all of them, others do with pieces.
-    cage = {"method": "carved"}
-    scene = Scene({"weave": {"ends": 60, "picks": 60}, "cage": cage, "response": {}})
+    # How far yarns are from one another is found of all of them, other colours of pieces.
+    view = {"color": "clearance"}
+    scene = Scene({"weave": {"ends": 60, "picks": 60}, "view": view, "response": {}})
     size = picture_bytes(scene, 640 * 480)
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: int(0.7 * size))
     with pytest.raises(SizeError) as caught:

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw import form
+from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet, sides_seen
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.surface_actor import scale_share
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES
 from spacemap_vtk.scenes.scene import Scene
@@ -94,14 +97,70 @@ def test_a_sheet_shows_what_rides_along(
     assert Sheet.of(scene) is None
 
 
+def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A satin of ends that hardly bend: they lie on top, of picks with all the crimp.
+    sizes = {"ends": 16, "picks": 16, "warp_diameter": 2.2e-4, "weft_diameter": 2.4e-4}
+    values: dict[str, Any] = {
+        "weave": {**sizes, "pattern": "satin 8/3", "warp_crimp": 0.02},
+        "cage": {"divisions": [2, 2, 1]},
+        "response": {"gravity": [0.0, -9.8, 0.0]},
+        "yarns": {},
+        "view": {"color": "crimp"},
+    }
+
+    def middle(side: int, z: float) -> tuple[NDArray[np.float64], Picture]:
+        place = Viewpoint((0.0, 0.0, z), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        picture = Picture(Scene(values), [0.01], (side, side), ["fabric"], place)
+        image = picture.draw(0.01).astype(np.float64)
+        picture.close()
+        column = round(side * (1 - scale_share((side, side))) / 2)
+        wide = side // 6
+        image = image[side // 3 : -side // 3, column - wide : column + wide]
+        return image.mean(axis=(0, 1)), picture
+
+    fine = [middle(480, z) for z in (0.036, -0.036)]
+    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    afar = [middle(48, z) for z in (0.036, -0.036)]
+    for (wanted, whole), (seen, picture) in zip(fine, afar, strict=True):
+        assert whole.sheet is None
+        assert picture.sheet is not None
+        assert picture.pieces is None
+        # The scale is that of all crossings, whose colours are seen.
+        assert picture._span == whole._span
+        assert np.abs(seen - wanted).max() < 8
+    assert np.abs(fine[0][0] - fine[1][0]).max() > 16
+
+
+def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Such an open net that none of the sheet's corners is in a hexahedron with a yarn in it.
+    apart = {"warp_spacing": 3e-3, "weft_spacing": 3e-3, "warp_diameter": 3e-4}
+    values: dict[str, Any] = {
+        "weave": {"ends": 9, "picks": 9, **apart, "weft_diameter": 3e-4},
+        "cage": {"method": "carved", "divisions": [36, 36, 1], "fill": False},
+        "modal": {"elements": "sheet", "youngs_modulus": "1 MPa"},
+        "response": {"gravity": [2.0, -9.8, 4.0]},
+        "warp": {"outside": "error"},
+    }
+    scene = Scene(values)
+    scene.update(0.05)
+    bounds = scene.polygons.GetBounds()
+    monkeypatch.setattr(form, "_MANY_PATCHES", 0)
+    scene = Scene(values)
+    sheet = Sheet.of(scene)
+    assert sheet is not None
+    assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
+    assert (
+        len(points_of(scene.source.output))
+        < len(points_of(Scene(values).weave.update().output)) / 9
+    )
+
+
 def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(form, "_MANY_PATCHES", 0)
     _, near = drawn({}, 200)
     assert near.pieces is not None
     _, told = drawn({}, 90, surface={"subdivisions": 1})
     assert told.sheet is None  # who says how many facets gets them
-    scene = Scene({"weave": {}, "cage": {"method": "carved"}, "response": {}})
-    assert Sheet.of(scene) is None
 
 
 def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 from weaves import woven
 
-from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource
+from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource, connect
+from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.fabric.cloth import Cloth
@@ -86,6 +88,27 @@ def test_one_process_can_go_through_the_pieces(pieces: int, spline: bool) -> Non
             np.concatenate([piece["yarn"] for piece in found if piece]), kind="stable"
         )
         np.testing.assert_allclose(joined[order], values[rows], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("weave", "cage"),
+    [
+        ({"weft_diameter": [2e-4, 3e-4]}, {"divisions": (60, 60, 4), "padding": 0.1}),
+        ({"axis": "spline", "warp_spacing": 2e-3}, {"divisions": (90, 60, 2)}),
+    ],
+)
+def test_a_cage_is_carved_round_all_yarns_of_a_cloth_of_which_one_is_there(
+    weave: dict[str, Any], cage: dict[str, Any]
+) -> None:
+    grids = []
+    for piece in (Piece(), Piece(3, 33)):
+        source = WeaveSource(ends=18, picks=15, pattern="twill 2/2", **weave)
+        stage = connect(source, TetraCage(method="carved", fill=False, **cage))
+        grids.append(stage.update(piece=piece).output)
+    whole, carved = grids
+    np.testing.assert_array_equal(tetrahedra_of(carved), tetrahedra_of(whole))
+    np.testing.assert_allclose(points_of(carved), points_of(whole), rtol=0, atol=1e-15)
+    assert len(points_of(whole)) < 0.99 * np.prod(np.array(cage["divisions"]) + 1)
 
 
 def test_one_piece_has_nothing_that_the_whole_has_not() -> None:

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.draw import form, pieces
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -43,6 +46,7 @@ def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         ("fabric", {"view": {"color": "displacement"}}),
         ("fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}),
         ("fabric", {"yarns": {}}),
+        ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
     ],
 )
 def test_pieces_make_the_picture_of_the_whole(
@@ -60,6 +64,34 @@ def test_pieces_make_the_picture_of_the_whole(
     # A scale's ends are those of the sheet; edges of lines stand in half shadows.
     assert np.mean(apart > 4) < (0.03 if show == "both" or "view" in sections else 0.01)
     assert np.abs(parts.mean(axis=(0, 1)) - whole.mean(axis=(0, 1))).max() < 0.3
+
+
+def arrays_of(stage: Stage | None) -> list[NDArray[np.float64]]:
+    assert isinstance(stage, CrimpInterchange)
+    cells = stage.output.GetCellData()
+    return [vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "crimp")]
+
+
+def test_crossings_of_pieces_do_what_those_of_the_whole_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Yarns are as long as their crossings say from selvedge to selvedge: no part of them knows it.
+    weave = {**VALUES["weave"], "warp_diameter": [2.5e-4, 2e-4, 3e-4]}
+    sections = {"weave": weave, "yarns": {}, "view": {"color": "crimp"}}
+    corner = Viewpoint((0.0025, 0.0025, 0.004), (0.0025, 0.0025, 0.0), (0.0, 1.0, 0.0))
+    _, picture = picture_of(corner, **sections)
+    yarns, crimp = arrays_of(picture.scene.stage("crimp"))
+    assert len(np.unique(crimp)) > 100
+    span = picture._span
+    in_pieces(monkeypatch)
+    _, picture = picture_of(corner, **sections)
+    assert picture._span == span
+    assert picture.sheet is not None
+    assert picture.sheet.crossings is not None
+    assert np.array_equal(np.unique(picture.sheet.crossings), np.unique(crimp))
+    assert picture.pieces is not None
+    own, found = arrays_of(picture.pieces._stages[1])
+    assert 100 < len(found) < 500
+    for yarn in np.unique(own):
+        assert np.isin(found[own == yarn], crimp[yarns == yarn]).all()
 
 
 def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:

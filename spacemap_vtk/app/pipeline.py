@@ -112,7 +112,7 @@ class Pipeline:
         if sheet is not None:
             drawn = sheet.moved
             if scene.moves:
-                drawn = sheet.ride(scene.deformed_cage if cage is None else cage)
+                drawn = sheet.ride(scene.deformed_cage if cage is None else cage, coarse)
             if coarse:
                 drawn = thinned(drawn, sheet.cells, _MOVING_CELLS)
         else:
@@ -124,9 +124,9 @@ class Pipeline:
                 self._update(scene, surface, job.time, WHOLE)
             drawn = surface.GetOutputDataObject(0)
             self._require_drawn(drawn)
-        cloth = None if sheet is None else sheet.cloth
+        cloth, crossings = (None, None) if sheet is None else (sheet.cloth, sheet.crossings)
         frame = replace(
-            frame_of(scene, job.time, drawn, cage, loads=swing is None, cloth=cloth),
+            frame_of(scene, job.time, drawn, cage, swing is None, cloth, crossings),
             values=job.values,
             coarse=coarse and (surface is self._coarse or sheet is not None),
             swing=None if swing is None else getattr(swing, "mode", -1),

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
@@ -119,6 +120,13 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         layer_gap=gap if gap < inf else None,
         middle=(middle[0], middle[1]),
     )
+
+
+def cloth_arrays(data: vtkDataObject) -> dict[str, NDArray[Any]]:
+    """Return what says which cloth a data set is made of, by name: the arrays are shared."""
+    field = data.GetFieldData()
+    names = [field.GetArrayName(index) for index in range(field.GetNumberOfArrays())]
+    return {n: vtk_to_numpy(field.GetArray(n)) for n in names if n.startswith(_PREFIX)}
 
 
 def pass_cloth(source: vtkDataObject, target: vtkDataObject) -> None:

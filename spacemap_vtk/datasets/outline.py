@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,15 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkTriangleFilter
 
-from spacemap_vtk.cage.carve import grown, touched
+from spacemap_vtk.cage.carve import grown
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.errors import GeometryError
 
-Outline = tuple[NDArray[np.float64], NDArray[np.int64]]
+Floats = NDArray[np.float64]
+Outline = tuple[Floats, NDArray[np.int64]]
+#: Which hexahedra an object touches, as of `spacemap_vtk.cage.carve.touched`: of a lattice that
+#: begins somewhere, has some spacing, and so many divisions.
+Touch = Callable[[Floats, Floats, Sequence[int]], NDArray[np.bool_]]
 
 #: Voxels along the longest side of an envelope.
 _MOST_VOXELS = 160
@@ -43,18 +48,16 @@ def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
     return points, triangles
 
 
-def envelope(shape: Outline, distance: float) -> Outline:
-    """Return a closed surface round an object, at a distance."""
+def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outline:
+    """Return a closed surface round an object of some bounds, at a distance."""
     # The object is put into voxels, what it encloses is filled, and the surface is where the
     # distance to these voxels has the wanted value: open, self-intersecting and non-manifold
     # objects have an envelope like any other.
-    points, triangles = shape
-    low, high = points.min(axis=0), points.max(axis=0)
     voxel = max(distance / 1.5, float((high - low).max()) / _MOST_VOXELS)
     room = distance + 3 * voxel
     counts = np.ceil((high - low + 2 * room) / voxel).astype(np.int64)
     origin = low - room
-    solid = grown(touched(points, triangles, origin, np.full(3, voxel), counts.tolist()), 0, True)
+    solid = grown(touch(origin, np.full(3, voxel), counts.tolist()), 0, True)
     # what touches a voxel is at most half a diagonal from its middle
     reach = distance + 0.9 * voxel
     from scipy import ndimage  # with all it brings: a tenth of a second

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
@@ -31,6 +34,18 @@ _MOST_QUADS = 500_000_000
 _CHORD, _MOST_SIDES = 0.3, 12
 #: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
 _CELLS = 240
+#: More crossings take longer to be solved than a picture of the window that moves may take.
+_MANY_CROSSINGS = 50_000
+
+
+class _SheetWarp(BarycentricWarp):
+    """Moves a sheet, of which some may lie outside though no yarn does."""
+
+    follows: bool = False
+
+    def _tell(self, text: str) -> None:
+        if not self.follows:
+            super()._tell(text)
 
 
 class Sheet:
@@ -44,20 +59,17 @@ class Sheet:
             self.cloth: Cloth = scene.weave.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
         self._flat = self.moved = sheet_of(self.cloth, self.cells)
-        self._warp = BarycentricWarp()
+        #: What the colours show at each crossing, (2 or 1, picks, ends); None: nothing of them.
+        self.crossings: NDArray[Any] | None = None
+        #: The array that they are of.
+        self._array: str | None = None
+        self._warp = _SheetWarp()
 
     @classmethod
     def of(cls, scene: Scene, fits: bool = True) -> Sheet | None:
         """Return a scene's sheet; None where its yarns fit into memory, or all of them must."""
         if not scene.woven or scene.source is not scene.weave or not _rides(scene):
             return None
-        if any(stage is scene.cage for stage in scene.stages) and scene.cage.method in (
-            "carved",
-            "tetwild",
-        ):
-            return None  # a cage that follows the yarns
-        if COLORINGS[scene.view.color].array in CrimpInterchange.provides:
-            return None  # what each crossing does
         try:
             patches = estimate_counts(scene.weave.cloth).patches
         except SpacemapError:
@@ -75,7 +87,16 @@ class Sheet:
     @property
     def one(self) -> Piece:
         """A piece of one yarn, of which the stages above know what they ask of all."""
-        return Piece(0, sum(self.cloth.size))
+        # but for a cage that fills the surface of all yarns
+        cage = self._scene.cage
+        filled = self._follows and cage.method == "tetwild" and cage.inflate == 0.0
+        return WHOLE if filled else Piece(0, sum(self.cloth.size))
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the cage follows the yarns, so that what lies between them may be outside."""
+        cage = self._scene.cage
+        return cage.method in ("carved", "tetwild") and any(cage is s for s in self._scene.stages)
 
     def update(self, time: float) -> vtkPolyData:
         """Return the sheet at a time [s]."""
@@ -83,18 +104,51 @@ class Sheet:
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
         return self.ride(scene.deformed_cage) if scene.moves else self.moved
 
-    def ride(self, cage: vtkUnstructuredGrid) -> vtkPolyData:
+    def ride(self, cage: vtkUnstructuredGrid, coarse: bool = False) -> vtkPolyData:
         """Return the sheet where a cage takes it."""
-        self._warp.configure(**self._scene.warp.settings)
+        self._cross(cage, coarse)
+        settings = dict(self._scene.warp.settings)
+        self._warp.follows = self._follows
+        if self._follows and settings["outside"] == "error":
+            settings["outside"] = "extrapolate"
+        self._warp.configure(**settings)
         self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
         return self.moved
+
+    def _cross(self, cage: vtkUnstructuredGrid, coarse: bool) -> None:
+        """Find what crossings do, where that is shown; while many move, it may be of before."""
+        scene, crimp = self._scene, self._crimp
+        if crimp is None:
+            self.crossings = self._array = None
+            return
+        name = COLORINGS[scene.view.color].array
+        if coarse and self.cloth.drawdown.size > _MANY_CROSSINGS and name == self._array:
+            return
+        self._array = name
+        with scene.naming_file():
+            self.crossings = crimp.at_crossings(name, scene.source.output, cage)
+        for text in crimp.warnings:
+            scene.warn(text)
+
+    def lend_crossings(self, stages: Sequence[Stage], part: Share) -> None:
+        """Let stages of some of its yarns take what crossings do from the whole, if it is shown."""
+        for stage in stages:
+            if isinstance(stage, CrimpInterchange):
+                stage.borrow(self._crimp, part)
+
+    @property
+    def _crimp(self) -> CrimpInterchange | None:
+        """What knows the crossings that colours show."""
+        crimp, name = self._scene.stage("crimp"), COLORINGS[self._scene.view.color].array
+        shown = isinstance(crimp, CrimpInterchange) and name in CrimpInterchange.provides
+        return crimp if shown else None
 
 
 def _rides(scene: Scene) -> bool:
     """Return whether colours show what a sheet has: no numbers of yarns beside one another."""
     of_cage = {name for stage in scene.stages if stage.makes == "cage" for name in stage.arrays}
-    of_cage |= scene.warp.arrays.keys()
+    of_cage |= scene.warp.arrays.keys() | CrimpInterchange.provides.keys()
     color = scene.view.color
     return color in ("own", "family", "yarn") or COLORINGS[color].array in of_cage
 

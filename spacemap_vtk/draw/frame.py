@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
@@ -54,6 +55,8 @@ class Frame:
     warnings: tuple[str, ...] = ()
     #: The cloth whose sheet the surface is; None where its yarns are drawn.
     cloth: Cloth | None = None
+    #: Of a sheet, what its colours show at each crossing, (2 or 1, picks, ends).
+    crossings: NDArray[Any] | None = None
     #: Of a sheet, the yarns that are seen near, and the sheet where these are not.
     yarns: vtkPolyData | None = None
     around: vtkPolyData | None = None
@@ -72,6 +75,7 @@ def frame_of(
     cage: vtkUnstructuredGrid | None = None,
     loads: bool = True,
     cloth: Cloth | None = None,
+    crossings: NDArray[Any] | None = None,
 ) -> Frame:
     """Return what a scene's last update has made, or what is given in place of that."""
     if cage is None and scene.moves:
@@ -88,6 +92,7 @@ def frame_of(
         relief=relief_of(scene),
         arrows=arrows_of(scene, time) if loads else None,
         cloth=cloth,
+        crossings=crossings,
     )
 
 

@@ -74,6 +74,8 @@ class NearYarns:
                 return CROWD
             self.part = part
             self._scene.weave.lend(self._weave, yarns_in(self._sheet, *part))
+        if self.part is not None:
+            sheet.lend_crossings(self.stages, yarns_in(sheet, *self.part))
         sides = sides_seen((float(np.max(t.diameter)) for t in threads), scale)
         self._surface.choose(max(1, min(sides, isqrt(_MOST_QUADS // self._patches))))
         if cage is not None and self._cage != (cage, cage.GetMTime()):

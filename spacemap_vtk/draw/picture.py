@@ -24,6 +24,7 @@ from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
@@ -156,12 +157,12 @@ class Picture:
         ndarray of uint8, shape (height, width, 3)
             Red, green and blue; bare ones have a fourth number, how much is covered.
         """
-        view, surface, cloth = self.scene.view, None, None
-        if self.sheet is None:
+        view, sheet, surface, cloth, crossings = self.scene.view, self.sheet, None, None, None
+        if sheet is None:
             self.scene.update(time)
         else:
-            surface, cloth = self.sheet.update(time), self.sheet.cloth
-        frame = frame_of(self.scene, time, surface, loads=view.loads, cloth=cloth)
+            surface, cloth, crossings = sheet.update(time), sheet.cloth, sheet.crossings
+        frame = frame_of(self.scene, time, surface, None, view.loads, cloth, crossings)
         return np.concatenate([self._drawn(panel, frame) for panel in self.panels], axis=1)
 
     def _drawn(self, panel: _Panel, frame: Frame) -> Image:
@@ -284,6 +285,8 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
         if arrows is not None:
             clouds.append(arrows.reach)
         numbers = measure(drawn, scene.view.color)
+        if sheet is not None and COLORINGS[scene.view.color].scaled and sheet.crossings is not None:
+            numbers = sheet.crossings
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
         if scene.moves:

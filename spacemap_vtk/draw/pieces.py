@@ -64,6 +64,7 @@ class DrawnPieces:
         cloth, first = cropped(self._cloth, part), self._stages[0]
         assert isinstance(first, WeaveSource)
         self._scene.weave.lend(first, part)
+        sheet.lend_crossings(self._stages, part)
         patches = estimate_counts(cloth).patches
         count = ceil(self.count * patches / estimate_counts(self._cloth).patches)
         columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))

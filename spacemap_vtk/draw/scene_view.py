@@ -35,6 +35,7 @@ from spacemap_vtk.draw.surface_actor import (
     scale_share,
 )
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 
 
@@ -103,9 +104,12 @@ class SceneView:
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only time passes, they never come nearer."""
         numbers = frame.surface.GetPointData().GetArray(SHOWN)
-        if numbers is None:
+        values = frame.crossings if COLORINGS[frame.color].scaled else None
+        if numbers is not None:
+            values = vtk_to_numpy(numbers)
+        if values is None:
             return None
-        low, high = natural_span(vtk_to_numpy(numbers))
+        low, high = natural_span(values)
         if self.span is not None and self.span[0] == (frame.values, frame.swing):
             low, high = min(low, self.span[1][0]), max(high, self.span[1][1])
         self.span = (frame.values, frame.swing), (low, high)
@@ -244,7 +248,7 @@ class SceneView:
     ) -> None:
         around = frame.surface if frame.around is None else frame.around
         # As its yarns would be: only pictures shade them.
-        self.sheet.show_sheet(around, cloth, frame.color, span, view.look)
+        self.sheet.show_sheet(around, cloth, frame.color, span, view.look, frame.crossings)
         self.sheet.shade(self.occlusion if self.shades else 0.0)
         self._dress(self.sheet, look)
 

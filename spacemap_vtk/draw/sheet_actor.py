@@ -8,6 +8,7 @@ neighbour does not hide, at each vertex, for tubes of both families, on top and 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,17 @@ from vtkmodules.vtkRenderingCore import vtkTexture
 
 from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
 from spacemap_vtk.draw.lighting import FUNCTIONS, light_up
-from spacemap_vtk.draw.surface_actor import FAMILIES, STUDIO, YARNS, Span, SurfaceActor, rgb
+from spacemap_vtk.draw.surface_actor import (
+    CLASSES,
+    FAMILIES,
+    STUDIO,
+    YARNS,
+    Span,
+    SurfaceActor,
+    natural_span,
+    ramp,
+    rgb,
+)
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -158,7 +169,8 @@ class SheetActor(SurfaceActor):
             ("//VTK::TCoord::Impl", ""),
         ):
             shader.AddFragmentShaderReplacement(tag, True, text, False)
-        self._shown: tuple[Cloth, str] | None = None
+        self._shown: tuple[Any, ...] | None = None
+        self._crossings: NDArray[Any] | None = None
         self.behind((255, 255, 255), (255, 255, 255))
 
     def behind(self, below: Sequence[int], above: Sequence[int]) -> None:
@@ -174,20 +186,33 @@ class SheetActor(SurfaceActor):
         color: str,
         span: Span | None,
         style: Style = STUDIO,
+        crossings: NDArray[Any] | None = None,
     ) -> None:
         """Draw a cloth's sheet, where it has been moved to."""
-        shown = color if COLORINGS[color].scaled else "own"
-        self.show(sheet, shown, (255, 255, 255), span, style=style)
-        if self._shown == (cloth, color):
+        scaled = COLORINGS[color].scaled
+        numbers = crossings if scaled else None
+        worn = style if numbers is None else style.of_numbers
+        self.show(sheet, color if scaled else "own", (255, 255, 255), span, style=worn)
+        if numbers is not None:
+            span = span or natural_span(numbers)
+            self.scale(color, span)
+            self.GetMapper().SetScalarVisibility(False)  # they are in the texture
+            self.bar.SetVisibility(True)
+        wanted = cloth, color, None if numbers is None else span
+        if self._shown == wanted and self._crossings is crossings:
             return
-        self._shown = cloth, color
+        self._shown, self._crossings = wanted, crossings
         warp, weft = tubes(cloth)
         vertex = self.GetShaderProperty().GetVertexCustomUniforms()
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
         slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
         vertex.SetUniform4f("slopes", slopes)
+        if crossings is None:
+            colors = _colors(cloth, color)
+        else:
+            colors = _of_crossings(crossings, color, wanted[2])
         for name, pixels in zip(
-            _LAYERS, layers(cloth.drawdown, *_colors(cloth, color), cloth.layers), strict=True
+            _LAYERS, layers(cloth.drawdown, *colors, cloth.layers), strict=True
         ):
             self.GetProperty().RemoveTexture(name)  # or VTK warns that there is one
             self.GetProperty().SetTexture(name, _texture(pixels))
@@ -273,6 +298,21 @@ def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uin
     numbers = np.repeat([0, 1], cloth.size) if color == "family" else np.arange(ends + picks)
     chosen = palette.astype(np.uint8)[numbers % len(palette)]
     return chosen[:ends], chosen[ends:]
+
+
+def _of_crossings(
+    crossings: NDArray[Any], color: str, span: Span | None
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the colours of ends and picks at each crossing."""
+    if span is None:
+        palette, numbers = CLASSES[color], crossings
+    else:
+        palette = tuple(ramp())
+        low, high = span
+        numbers = np.clip((crossings - low) * (len(palette) / (high - low)), 0, len(palette) - 1)
+    table = np.array([list(bytes.fromhex(c[1:])) for c in palette], np.uint8)
+    found = table[numbers.astype(np.uint8)]
+    return found[0], found[-1]
 
 
 def _texture(pixels: NDArray[np.uint8]) -> vtkTexture:

@@ -62,12 +62,10 @@ class SurfaceActor(vtkActor):
         if numbers is not None:
             values = vtk_to_numpy(numbers)
             shown = span or natural_span(values)
-            name, size = unit_of(color, max(map(abs, shown)))
             # The scale reads in its own unit.
+            size = self.scale(color, shown)
             points.AddArray(to_array(values / np.float32(size), "in unit"))
-            self._color_by("in unit", ramp(), (shown[0] / size, shown[1] / size))
             mapper.SetScalarModeToUsePointFieldData()
-            self.bar.SetTitle(scale_title(color, name))
         elif color in CLASSES and cells.GetArray(color) is not None:
             colors = CLASSES[color]
             count = int(cells.GetArray(color).GetRange()[1]) + 1
@@ -84,6 +82,13 @@ class SurfaceActor(vtkActor):
             self._worn = worn
             self._wear(*worn)
         return shown
+
+    def scale(self, color: str, span: Span) -> float:
+        """Let the scale say what numbers mean; return its unit."""
+        name, size = unit_of(color, max(map(abs, span)))
+        self._color_by("in unit", ramp(), (span[0] / size, span[1] / size))
+        self.bar.SetTitle(scale_title(color, name))
+        return size
 
     def _light(self, surface: vtkPolyData) -> None:
         """Let the style's light fall on a surface; lines and dots have no side that it falls on."""

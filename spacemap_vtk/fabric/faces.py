@@ -73,8 +73,8 @@ def layers(
     ----------
     drawdown : (picks, ends) ndarray of bool
         True: the end lies over the pick.
-    warp, weft : (n, 3) ndarray of uint8
-        Colours of the ends and of the picks; or one for all.
+    warp, weft : (n, 3) or (picks, ends, 3) ndarray of uint8
+        Colours of the ends and of the picks, or one for all; or of both at each crossing.
     double : Layers, optional
         Of a double weave: on each face the crossings of the cloth behind lie in the shade.
 
@@ -91,13 +91,12 @@ def layers(
     >>> over.tolist(), under.tolist()
     ([[[255, 0, 0, 255], [0, 0, 0, 0]]], [[[0, 0, 255, 255], [0, 0, 0, 0]]])
     """
-    picks, ends = drawdown.shape
-    columns, rows = (
-        np.column_stack([np.broadcast_to(colors, (count, 3)), np.full(count, 255, np.uint8)])
-        for colors, count in ((warp, ends), (weft, picks))
+    of_warp, of_weft = (
+        np.concatenate([colors, np.full_like(colors[..., :1], 255)], axis=-1)
+        for colors in (warp, weft if weft.ndim == 3 else weft[:, None])
     )
     over = drawdown[..., None]
-    made = columns * over, rows[:, None] * ~over, columns * ~over, rows[:, None] * over
+    made = of_warp * over, of_weft * ~over, of_warp * ~over, of_weft * over
     if double is not None:
         # what lies on top on a face is seen on that one; a pixel's alpha is no light
         for behind, two in ((~double.above, made[:2]), (double.above, made[2:])):

@@ -46,6 +46,8 @@ from spacemap_vtk.fabric.joined import Joined, Said
 CLOSEST = pi / (2.0 * sqrt(3.0))
 #: A yarn shorter than its length by more than this share of it is slack.
 _SLACK = 1e-9
+#: Crossings that are solved in one go: what they take meanwhile is some ten megabytes.
+_BLOCK = 50_000
 
 
 class YarnMechanics(NamedTuple):
@@ -176,44 +178,18 @@ class Interchange:
             Continuous in the stretch, finite for every finite stretch.
         """
         cells, asked, back = self._alike(stretch)
-        held, h, d = self._find(cells, asked)
-        heights = np.stack([h, d - h])
-        room, length = cells.asked(held)
-        gap = bend(room, heights, d)
-        over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
-        axis = cells.spacing + cells.floats
-        crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
-        contact = 2.0 * cells.contact * (cells.full - d)
-        # at the least D what presses is more than what resists
-        at = np.flatnonzero(d <= cells.floor)
-        if self._stretches and len(at):
-            free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
-            taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
-            contact[at] = 2.0 * np.maximum(slopes(free, *taken).press(), 0.0)
-        state = CrimpState(
-            *(
-                self._laid(array, back)
-                for array in (
-                    0.5 * heights,
-                    d,
-                    gap.theta,
-                    np.where(cells.loose, 0.0, crimp),
-                    np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
-                    contact,
-                    over < -_SLACK * cells.whole,
-                    held > asked,
-                    held,
-                )
-            )
+        found = []
+        for begin in range(0, asked.shape[1], _BLOCK):
+            here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
+            found.append(self._solved(some(cells, here), asked[:, here]))
+        *fields, grown, slack = (
+            self._laid(np.concatenate(parts, axis=-1), back) for parts in zip(*found, strict=True)
         )
+        state = CrimpState(*fields)
         if self._joined is None:
             return state
-        slack = np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0)
-        grown, spare, floor = (
-            self._laid(array, back) for array in (gap.length - cells.length, slack, cells.floor)
-        )
-        said = Said(grown, state.stretch, spare)
-        height = self._joined.heights(state.height, 0.5 * floor, said)
+        floor = 0.5 * self._laid(cells.floor, back)
+        height = self._joined.heights(state.height, floor, Said(grown, state.stretch, slack))
         return state._replace(height=height, distance=2.0 * height.sum(axis=0))
 
     def forces(self, stretch: ArrayLike) -> Forces:
@@ -281,6 +257,36 @@ class Interchange:
     def kinds(self) -> int:
         """How many crossings there are that differ from each other."""
         return len(self._kinds[0])
+
+    def _solved(self, cells: Crossings, asked: Array) -> tuple[NDArray[Any], ...]:
+        """Return the fields of `CrimpState`, and what `Said` has of lengths and slack."""
+        held, h, d = self._find(cells, asked)
+        heights = np.stack([h, d - h])
+        room, length = cells.asked(held)
+        gap = bend(room, heights, d)
+        over = np.where(cells.loose, cells.spacing * (held - 1.0), gap.length - length)
+        axis = cells.spacing + cells.floats
+        crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
+        contact = 2.0 * cells.contact * (cells.full - d)
+        # at the least D what presses is more than what resists
+        at = np.flatnonzero(d <= cells.floor)
+        if self._stretches and len(at):
+            free = some(cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at)
+            taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
+            contact[at] = 2.0 * np.maximum(slopes(free, *taken).press(), 0.0)
+        return (
+            0.5 * heights,
+            d,
+            gap.theta,
+            np.where(cells.loose, 0.0, crimp),
+            np.where(over > _SLACK * cells.whole, over / cells.whole, 0.0),
+            contact,
+            over < -_SLACK * cells.whole,
+            held > asked,
+            held,
+            gap.length - cells.length,
+            np.maximum(-over / cells.whole, 0.0) + (held - asked).max(axis=0),
+        )
 
     def _alike(self, stretch: ArrayLike) -> tuple[Crossings, Array, NDArray[np.int64] | slice]:
         """Return crossings, their stretches, and which of them each one of the cloth is."""

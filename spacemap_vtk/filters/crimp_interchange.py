@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,13 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
-from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_of
+from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_arrays, cloth_of
 from spacemap_vtk.datasets.geometry_cache import Geometry
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.axes import ALL
+from spacemap_vtk.fabric.axes import ALL, Share
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
-from spacemap_vtk.fabric.interchange import CrimpState, Interchange
+from spacemap_vtk.fabric.interchange import CrimpState, Interchange, YarnMechanics
 from spacemap_vtk.fabric.partition import share_of
 from spacemap_vtk.fabric.recrimp import Recrimp
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
@@ -33,6 +33,8 @@ _STRAIN = 0.01
 _SPARE = 0.02
 #: How far points may be from those of their cloth, over its size: the precision of float32.
 _APART = 1e-5
+#: Crossings whose slopes are prepared in one go: some hundred megabytes.
+_BLOCK = 250_000
 
 
 class CrimpInterchange(YarnParameters):
@@ -76,6 +78,9 @@ class CrimpInterchange(YarnParameters):
     output_type = SAME_AS_INPUT
 
     _kept: _Woven | None = None
+    _crossed: _Crossed | None = None
+    #: The crossings of a whole cloth, and which of them are those of the input.
+    _lent: tuple[_Crossed, Share] | None = None
     #: Of what has been told: an animation would say it again with every frame's numbers.
     _told: set[str] | None = None
 
@@ -84,16 +89,14 @@ class CrimpInterchange(YarnParameters):
         output.ShallowCopy(inputs[0])
         if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # a process with nothing to do
+        lent = self._lent
+        whole, part = lent or (self._crossings(*inputs), ALL)
         kept = self._prepared(inputs[0], inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "CrimpInterchange, on port 1,")
-        slopes = kept.slopes.at(field)
-        rings, ends = len(kept.recrimp.feet), kept.recrimp.warp_rings
-        # a unit vector along a warp yarn becomes the second, along a weft yarn the first
-        stretch = np.sqrt(np.einsum("anc,anc->an", slopes[::-1, rings:], slopes[::-1, rings:]))
-        stretch = stretch.reshape(2, *kept.cloth.drawdown.shape)
-        state = kept.crossings.solve(stretch)
-        along = np.concatenate([slopes[1, :ends], slopes[0, ends:rings]])
-        normal = np.cross(slopes[0, :rings], slopes[1, :rings])
+        state, stretch = whole.at(field).cropped(part)
+        slopes, ends = kept.slopes.at(field), kept.recrimp.warp_rings
+        along = np.concatenate([slopes[1, :ends], slopes[0, ends:]])
+        normal = np.cross(slopes[0], slopes[1])
         size = np.sqrt(np.einsum("rc,rc->r", normal, normal))
         normal /= np.where(size > 0.0, size, 1.0)[:, None]
         data = output.GetPointData()
@@ -103,19 +106,55 @@ class CrimpInterchange(YarnParameters):
         weights = kept.recrimp.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
-        shown = {
-            "crimp": state.crimp,
-            "yarn_strain": state.strain,
-            "contact_force": np.stack([state.contact, state.contact]),
-            "jammed": state.jammed,
-        }
-        if not self.inextensible:
-            shown["yarn_tension"] = kept.tension * state.strain
-        for name, values in shown.items():
-            kind = np.uint8 if name == "jammed" else np.float32
-            by_patch = values.astype(kind).ravel()[kept.recrimp.crossing]
-            add_array(output.GetCellData(), name, by_patch)
-        self._tell_of(state, stretch, kept.crimp)
+        for name in self.arrays.keys() - {FOOT, OFFSET}:
+            values = _shown(name, state, whole.tension)
+            if len(values) == 1:
+                values = np.concatenate([values, values])
+            add_array(output.GetCellData(), name, values.ravel()[kept.recrimp.crossing])
+        if lent is None:
+            self._tell_of(state, stretch, whole.crimp)
+
+    def at_crossings(
+        self, name: str, weave: vtkPointSet, cage: vtkUnstructuredGrid
+    ) -> NDArray[np.float32 | np.uint8]:
+        """Return what an array that is provided holds at all crossings; lays no yarn.
+
+        Parameters
+        ----------
+        name : str
+            Of an array of cells.
+        weave : vtkPointSet
+            A weave, or one piece of it.
+        cage : vtkUnstructuredGrid
+            With its displacement.
+
+        Returns
+        -------
+        ndarray of float32, or of uint8 for ``"jammed"``, shape (2 or 1, picks, ends)
+            Of warp and weft, or of what is the same of both.
+        """
+        whole = self._crossings(weave, cage)
+        field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
+        now = whole.at(field)
+        self._tell_of(*now, whole.crimp)
+        return _shown(name, now.state, whole.tension)
+
+    def borrow(self, whole: CrimpInterchange | None, part: Share = ALL) -> None:
+        """Take the crossings from another stage's last update, whose cloth is the whole.
+
+        Parameters
+        ----------
+        whole : CrimpInterchange or None
+            With the same settings, and the same cage; None: from nowhere.
+        part : Share, optional
+            Slices: the input is made where these yarns cross.
+        """
+        lent = None
+        if whole is not None and whole._crossed is not None:
+            lent = whole._crossed, part
+        if self._lent != lent:
+            self._lent = lent
+            self.Modified()
 
     def _tell_of(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
         """Tell what jams, what hangs slack, and what has to strain."""
@@ -154,31 +193,39 @@ class CrimpInterchange(YarnParameters):
         self._told.add(kind)
         self.warn(text)
 
+    def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Crossed:
+        """Return the crossings of the whole cloth that a weave is, or is a piece of."""
+        kept, settings = self._crossed, tuple(self.settings.values())
+        if kept is None or not kept.serves(settings, weave, cage):
+            cloth = cloth_of(weave)
+            if cloth is None:
+                raise InputError(
+                    "the data on port 0 do not say what cloth they are",
+                    allowed="a weave, from WeaveSource or from a file of what it made",
+                    cure="Leave [yarns] out: other objects have no yarns that could trade crimp",
+                )
+            if cloth.axis != "arcs":
+                raise InputError(
+                    f'axes by "{cloth.axis}" hold no distance between yarns that could be kept',
+                    allowed='axis = "arcs" of [weave]',
+                )
+            arrays = cloth_arrays(weave)
+            kept = self._crossed = _Crossed(settings, arrays, cloth, self.yarns(cloth), cage)
+        return kept
+
     def _prepared(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _Woven:
         kept = self._kept
         settings = *self.settings.values(), *self.piece
         if kept is not None and kept.settings == settings and kept.serves(weave, cage):
             return kept
-        cloth = cloth_of(weave)
-        if cloth is None:
-            raise InputError(
-                "the data on port 0 do not say what cloth they are",
-                allowed="a weave, from WeaveSource or from a file of what it made",
-                cure="Leave [yarns] out: other objects have no yarns that could trade crimp",
-            )
-        if cloth.axis != "arcs":
-            raise InputError(
-                f'axes by "{cloth.axis}" hold no distance between yarns that could be kept',
-                allowed='axis = "arcs" of [weave]',
-            )
         count = weave.GetNumberOfPoints()
         require(
             estimate_bytes(count),
             f"to let the yarns of {count} points keep their length",
             cure="Use fewer ends and picks, or leave [yarns] out.",
         )
-        yarns = self.yarns(cloth)
-        crossed = Interchange(cloth, yarns)
+        cloth = cloth_of(weave)
+        assert cloth is not None
         share = ALL if self.piece.of == 1 else share_of(cloth, self.piece.number, self.piece.of)
         recrimp = Recrimp(cloth, share)
         points = points_of(weave)
@@ -189,22 +236,14 @@ class CrimpInterchange(YarnParameters):
                 "the points on port 0 are not where their cloth has been woven",
                 cure="Connect WeaveSource itself, and move what comes after the warp",
             )
-        ends, picks = (yarns.position for yarns in cloth.yarns)
-        crossings = np.zeros((cloth.drawdown.size, 3))
-        crossings[:, 0], crossings[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
-        places = np.concatenate([recrimp.feet, crossings])
         precision = points.dtype.type
-        tension = np.asarray(yarns.tension, np.float64)
+        vertices = points_of(cage).astype(np.float64)
         self._kept = _Woven(
             settings=settings,
             weave=Geometry(weave),
             cage=Geometry(cage),
-            cloth=cloth,
             recrimp=recrimp,
-            crossings=crossed,
-            crimp=crossed.solve(np.ones((2, *cloth.drawdown.shape))).crimp,
-            tension=tension if tension.ndim == 3 else tension.reshape(2, 1, 1),
-            slopes=PlaneSlopes(places, points_of(cage).astype(np.float64), elements_of(cage)),
+            slopes=PlaneSlopes(recrimp.feet, vertices, elements_of(cage)),
             foot=to_array(feet.astype(precision, copy=False), FOOT),
             precision=precision,
         )
@@ -228,20 +267,91 @@ def estimate_bytes(points: int) -> int:
     return points * (24 + 24 + 1000 // 12)
 
 
+class _Now(NamedTuple):
+    """Crossings at a time."""
+
+    state: CrimpState
+    stretch: Floats
+    """(2, picks, ends) Of space along warp and weft."""
+
+    def cropped(self, part: Share) -> _Now:
+        """Return those of some yarns."""
+        ends, picks = part
+        fields: Any = (values[..., picks, ends] for values in self.state)
+        return _Now(CrimpState(*fields), self.stretch[:, picks, ends])
+
+
+class _Crossed:
+    """The crossings of a whole cloth in a cage: what depends on these and the yarns alone."""
+
+    def __init__(
+        self,
+        settings: tuple[Any, ...],
+        arrays: dict[str, NDArray[Any]],
+        cloth: Cloth,
+        yarns: YarnMechanics,
+        cage: vtkUnstructuredGrid,
+    ) -> None:
+        self._settings, self._arrays, self._cage = settings, arrays, Geometry(cage)
+        self._interchange = Interchange(cloth, yarns)
+        self._shape = 2, *cloth.drawdown.shape
+        #: (2, picks, ends) At rest.
+        self.crimp: Floats = self._interchange.solve(np.ones(self._shape)).crimp
+        tension = np.asarray(yarns.tension, np.float64)
+        #: EA of warp and weft at each crossing, or of all, in N.
+        self.tension: Floats = tension if tension.ndim == 3 else tension.reshape(2, 1, 1)
+        ends, picks = (each.position for each in cloth.yarns)
+        places = np.zeros((cloth.drawdown.size, 3))
+        places[:, 0], places[:, 1] = np.tile(ends, len(picks)), np.repeat(picks, len(ends))
+        vertices, elements = points_of(cage).astype(np.float64), elements_of(cage)
+        self._slopes = [
+            PlaneSlopes(places[begin : begin + _BLOCK], vertices, elements)
+            for begin in range(0, len(places), _BLOCK)
+        ]
+        self._last: tuple[NDArray[Any], _Now] | None = None
+
+    def serves(
+        self, settings: tuple[Any, ...], weave: vtkPointSet, cage: vtkUnstructuredGrid
+    ) -> bool:
+        """Return whether it is still that of a weave and a cage."""
+        arrays = cloth_arrays(weave)
+        same = settings == self._settings and arrays.keys() == self._arrays.keys()
+        same = same and all(np.array_equal(a, arrays[n], True) for n, a in self._arrays.items())
+        return same and self._cage.matches(cage)
+
+    def at(self, field: NDArray[Any]) -> _Now:
+        """Return what they do where the cage's vertices are displaced."""
+        if self._last is None or not np.array_equal(self._last[0], field):
+            # a unit vector along a warp yarn becomes the second, along a weft yarn the first
+            found = [slopes.at(field)[::-1] for slopes in self._slopes]
+            stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
+            asked = np.concatenate(stretch, axis=1).reshape(self._shape)
+            self._last = field.copy(), _Now(self._interchange.solve(asked), asked)
+        return self._last[1]
+
+
+def _shown(name: str, state: CrimpState, tension: Floats) -> NDArray[np.float32 | np.uint8]:
+    """Return what an array of cells holds at each crossing, (2 or 1, picks, ends)."""
+    values: NDArray[Any] = {
+        "crimp": state.crimp,
+        "yarn_strain": state.strain,
+        "yarn_tension": state.strain,
+        "contact_force": state.contact[None],
+        "jammed": state.jammed,
+    }[name]
+    if name == "yarn_tension":
+        values = tension * values
+    return values.astype(np.uint8 if name == "jammed" else np.float32)
+
+
 @dataclass
 class _Woven:
-    """What depends on the weave, the cage at rest and the yarns alone."""
+    """What depends on the weave and the cage at rest alone."""
 
     settings: tuple[Any, ...]
     weave: Geometry
     cage: Geometry
-    cloth: Cloth
     recrimp: Recrimp
-    crossings: Interchange
-    crimp: Floats
-    """(2, picks, ends) At rest."""
-    tension: Floats
-    """EA of warp and weft at each crossing, or of all, in N."""
     slopes: PlaneSlopes
     foot: vtkDataArray
     precision: Any

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 from vtkmodules.vtkCommonDataModel import (
+    VTK_BEZIER_QUADRILATERAL,
     VTK_QUADRATIC_TETRA,
     VTK_TETRA,
     vtkDataSet,
@@ -15,12 +19,15 @@ from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
 from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.cage.tetwild import filled
-from spacemap_vtk.datasets.arrays import to_cells, to_points
-from spacemap_vtk.datasets.cloth_data import pass_cloth
+from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth
 from spacemap_vtk.datasets.extent import bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
+from spacemap_vtk.fabric.axes import Share
+from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merged, read_blocks
@@ -31,6 +38,9 @@ from spacemap_vtk.units import format_quantity
 
 #: Distance of the envelope of an object that falls apart, as a share of its diagonal.
 _ENVELOPE = 0.02
+#: Of a cloth that goes by its yarns: crossings of those that are made together, a yarn of how many
+#: is made first, and what rounding may take, as a share.
+_CROSSINGS, _APART, _SLACK = 1_500, 16, 1e-6
 
 
 class TetraCage(Stage):
@@ -134,9 +144,12 @@ class TetraCage(Stage):
     def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
-        apart = self.piece.of > 1 and self._processes is None
-        if self.piece.of > 1 and (self.method == "tetwild" or (apart and self.method == "carved")):
-            # Asking for all of the object would give all of it to the other consumers as well.
+        # Asking for all of the object would give all of it to the other consumers as well; a cloth
+        # is known from any piece of it.
+        apart, wild = self.piece.of > 1 and self._processes is None, self.method == "tetwild"
+        by_yarns = apart and (self.inflate > 0.0 if wild else self.method == "carved")
+        cloth = cloth_of(data) if by_yarns else None
+        if self.piece.of > 1 and cloth is None and (wild or (apart and self.method == "carved")):
             raise InputError(
                 f"this cage follows the object's shape, and only piece {self.piece.number} of "
                 f"{self.piece.of} is here",
@@ -144,10 +157,7 @@ class TetraCage(Stage):
                 value=self.method,
                 cure='Write the cage of the whole object to a file, and use method = "file".',
             )
-        if self.method == "tetwild":
-            vertices, tetrahedra = self._wild(data)
-        else:
-            vertices, tetrahedra = self._box(data)
+        vertices, tetrahedra = self._wild(data, cloth) if wild else self._box(data, cloth)
         cell_type = VTK_TETRA
         if self.order == 2:
             vertices, tetrahedra = with_midpoints(vertices, tetrahedra)
@@ -155,7 +165,9 @@ class TetraCage(Stage):
         output.SetPoints(to_points(vertices))
         output.SetCells(cell_type, to_cells(tetrahedra))
 
-    def _box(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _box(
+        self, data: vtkDataSet, cloth: Cloth | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         divisions = np.array(self.divisions)
         whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
@@ -175,10 +187,11 @@ class TetraCage(Stage):
         if not carved:
             return vertices, tetrahedra
         kept = np.zeros(divisions[::-1], dtype=bool)
-        if data.GetNumberOfPoints():  # a process may have nothing to do
-            points, triangles = outline(data, polygons_of(data))
-            spacing = (bounds[:, 1] - bounds[:, 0]) / divisions
-            kept = touched(points, triangles, bounds[:, 0], spacing, divisions.tolist())
+        cells = bounds[:, 0], (bounds[:, 1] - bounds[:, 0]) / divisions, divisions.tolist()
+        if cloth is not None:
+            kept = _touched_by_yarns(cloth, points_of(data).dtype, whole, *cells)
+        elif data.GetNumberOfPoints():  # a process may have nothing to do
+            kept = touched(*outline(data, polygons_of(data)), *cells)
         if self._processes is not None:
             kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
         kept = grown(kept, self.margin, self.fill)
@@ -200,13 +213,21 @@ class TetraCage(Stage):
         used, numbers = np.unique(groups, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
 
-    def _wild(self, data: vtkDataSet) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _wild(
+        self, data: vtkDataSet, cloth: Cloth | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        if cloth is not None:
+            whole = bounds_of_whole(data, self.piece, self._processes)
+            low, high = np.array(whole).reshape(3, 2).T
+            touch = partial(_touched_by_yarns, cloth, points_of(data).dtype, whole)
+            shape = envelope(low, high, touch, self.inflate)
+            return self._filled(shape, float(np.linalg.norm(high - low)))
         points, triangles = outline(data, polygons_of(data))
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
         if self.inflate > 0.0:
-            return self._filled(envelope((points, triangles), self.inflate), diagonal)
+            return self._filled(_envelope(points, triangles, self.inflate), diagonal)
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
             raise GeometryError(
@@ -234,7 +255,7 @@ class TetraCage(Stage):
             "on an edge or a vertex alone: the cage fills an envelope at "
             f"{format_quantity(float(f'{distance:.3g}'), 'm')} from it (cage.inflate sets another)"
         )
-        return self._filled(envelope((points, triangles), distance), diagonal)
+        return self._filled(_envelope(points, triangles, distance), diagonal)
 
     def _filled(
         self, surface: Outline, diagonal: float
@@ -266,3 +287,62 @@ class TetraCage(Stage):
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)
+
+
+def _touched_by_yarns(
+    cloth: Cloth,
+    kind: DTypeLike,
+    whole: Sequence[float],
+    origin: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    divisions: Sequence[int],
+) -> NDArray[np.bool_]:
+    """Return the hexahedra that a cloth touches: as `touched`, of few yarns after others."""
+    # `whole` are the bounds of all control points, which are of some `kind`.
+    kept = np.zeros(divisions[::-1], np.bool_)
+    bounds, nothing = np.array(whole).reshape(3, 2), np.empty(0, np.int64)
+
+    def box(number: int, yarn: int) -> tuple[slice, ...]:
+        """Return the hexahedra in which some of a yarn can be."""
+        own, room = cloth.yarns[number], bounds.copy()
+        reach = 0.5 * float(own.aspect) * float(own.diameter[yarn]) * (1.0 + _SLACK)
+        room[number] = own.position[yarn] + np.array([-reach, reach])
+        places = (room - origin[:, None]) / spacing[:, None] + [-_SLACK, _SLACK]
+        last = np.array(divisions)[:, None] - 1
+        first_last = np.clip(np.floor(places).astype(np.int64), 0, last)
+        return tuple(slice(a, b + 1) for a, b in first_last[::-1].tolist())
+
+    for number, across in enumerate(cloth.size[::-1]):
+        boxes = [box(number, yarn) for yarn in range(cloth.size[number])]
+        # Some that are far apart touch most: of the others those remain that may touch more.
+        apart = np.arange(len(boxes)) % _APART == 0
+        for yarns in (np.flatnonzero(apart), np.flatnonzero(~apart)):
+            waiting = yarns.tolist()
+            while waiting:
+                some: list[int] = []
+                while waiting and len(some) * across < _CROSSINGS:
+                    if not kept[boxes[waiting[0]]].all():
+                        some.append(waiting[0])
+                    waiting.pop(0)
+                if not some:
+                    break
+                chosen = np.array(some)
+                made = build(
+                    cloth, Share(nothing, chosen) if number else Share(chosen, nothing), kind
+                )
+                patches = vtkUnstructuredGrid()
+                patches.SetPoints(to_points(made.points))
+                patches.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
+                if made.weights is not None:
+                    weights = to_array(made.weights, "RationalWeights")
+                    patches.GetPointData().SetRationalWeights(weights)
+                shape = outline(patches, polygons_of(patches))
+                kept |= touched(*shape, origin, spacing, divisions)
+    return kept
+
+
+def _envelope(
+    points: NDArray[np.float64], triangles: NDArray[np.int64], distance: float
+) -> Outline:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return envelope(low, high, partial(touched, points, triangles), distance)

@@ -29,8 +29,9 @@ _LOOPS, _SOLVER = 125_000_000, 25_000_000
 #: Of a point that is drawn at rest, too; whose colour is a number; whose clearance is measured;
 #: that is cut.
 _GHOST, _NUMBER, _CLEARANCE, _CUT = 45, 8, 170, 35
-#: A sheet in place of yarns: a crossing's texels, and graphics with what solves and moves it.
-_TEXELS, _SHEET, _MOVED = 40, 167_000_000, 70_000_000
+#: A sheet in place of yarns: a crossing's texels, and graphics with what solves and moves it; what
+#: is solved of a crossing, where that is shown.
+_TEXELS, _SHEET, _MOVED, _CROSSED = 40, 167_000_000, 70_000_000, 800
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
 _MARGIN = 1.1
 
@@ -94,7 +95,9 @@ def require_picture(scene: Scene, pixels: int, frames: int = 1, pieces: int = 1)
 def sheet_bytes(scene: Scene, pixels: int) -> int:
     """Return what it takes to draw a scene's cloth as a sheet."""
     ends, picks = scene.weave.cloth.size
-    return _SHEET + _MOVED * scene.moves + _TEXELS * ends * picks + _PIXEL * pixels
+    solved = COLORINGS[scene.view.color].array in crimp_interchange.CrimpInterchange.provides
+    each = _TEXELS + _CROSSED * solved
+    return _SHEET + _MOVED * scene.moves + each * ends * picks + _PIXEL * pixels
 
 
 def require_sheet(scene: Scene, pixels: int) -> None:
