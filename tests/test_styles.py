@@ -62,6 +62,21 @@ def test_afar_a_sheet_has_lines_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(afar - fine).max() < 8
 
 
+def test_ground_has_a_soft_shadow_where_there_is_light() -> None:
+    for style in ("studio", "paper", "schematic"):
+        white = {"background": "#ffffff", "background_top": "#ffffff", "camera": "lying"}
+        view = {**white, "style": style, "ground": True}
+        scene = Scene({"weave": WEAVE, "surface": {"subdivisions": 2}, "view": view})
+        picture = Picture(scene, [0.0], (160, 120))
+        image = picture.draw(0.0).astype(int)
+        assert bool(picture.panels[0].shown.ground.GetVisibility()) == (style != "schematic")
+        picture.close()
+        # The yarns are blue and yellow, the shadow is grey, and fades before the picture ends.
+        grey = (np.ptp(image, axis=2) <= 1) & (image[..., 0] > 150) & (image[..., 0] < 250)
+        assert (grey.mean() > 0.03) == (style != "schematic")
+        assert np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]).min() >= 250
+
+
 def test_an_unknown_style_is_refused_with_the_list() -> None:
     with pytest.raises(InputError) as refused:
         Scene({"weave": {}, "view": {"style": "stuido"}})

@@ -297,6 +297,24 @@ def test_the_screen_follows_the_mouse_that_turns_and_zooms(open_scene: Any) -> N
     wait_until(lambda: np.abs(seen(window) - pictures[-1]).max() > 30, 10.0)
 
 
+def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene: Any) -> None:
+    window = open_scene()
+    view = window.view
+    view.steer(True)
+    assert not view.plotter.shade.on
+    moving = view.plotter.image().astype(int)
+    view.steer(False)
+    wait_until(lambda: view.plotter.shade.on)
+    rest = view.plotter.image().astype(int)
+    # What is deep is darker, what light falls on as it was, and nothing is lighter.
+    assert (moving - rest).max() > 40
+    assert (rest - moving).max() <= 1
+    assert (np.abs(moving - rest).max(axis=2) <= 1).mean() > 0.7
+    window.document.set("view", "color", "displacement")
+    wait_until(lambda: settled(window) and not view._calm.isActive())
+    assert not view.plotter.shade.on
+
+
 def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -> None:
     window = open_scene()
     widget, at, drawn = window.view.plotter, QPoint(300, 300), []

@@ -157,7 +157,7 @@ class View3D(QWidget):
         if frame is not None and (frame.cloth is None or frame.seen == self.seen):
             self.scene_view.move(False)
             self._smooth()
-            self.render()
+            self._shade()
         # Else there will be a frame for what is seen now.
         self.moving.emit(False)
 

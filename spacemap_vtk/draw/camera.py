@@ -19,6 +19,13 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
     "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 }
+
+
+def upward(name: str) -> int:
+    """Return which axis is up for a camera."""
+    return 2 if CAMERAS[name][1] == (0.0, 0.0, 1.0) else 1
+
+
 #: The one without perspective.
 FLAT = "face"
 

@@ -12,7 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of
+from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of, upward
 from spacemap_vtk.draw.coloring import add_measure, measure
 from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
@@ -175,7 +175,7 @@ class Picture:
         signs = any(sign.GetVisibility() for sign in shown.signs)
         # What is drawn once solids have their shadows, or their pieces are all there.
         over = pieces is not None or (shaded and signs)
-        others = (*shown.signs, shown.ghost, shown.surface.bar, shown.sheet.bar)
+        others = (*shown.signs, shown.ghost, shown.ground, shown.surface.bar, shown.sheet.bar)
         later = [prop for prop in others if over and prop.GetVisibility()]
         for prop in later:
             prop.VisibilityOff()
@@ -244,6 +244,7 @@ class Picture:
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
+        shown.floor = float(extent[:, upward(view.camera)].min())
         window.leave_background()
         if view.loads:
             window.add_in_front(shown.loads.through)
@@ -293,7 +294,12 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
             clouds.append(moved_points(scene.deformed_cage))
     if scene.view.ghost:
         clouds.append(_some(rest_of(drawn)))
-    return np.concatenate(clouds, dtype=np.float64), natural_span(np.array(ends)) if ends else None
+    room = np.concatenate(clouds, dtype=np.float64)
+    if scene.view.ground:
+        up, shadow = upward(scene.view.camera), room.copy()
+        shadow[:, up] = room[:, up].min()
+        room = np.concatenate([room, shadow])
+    return room, natural_span(np.array(ends)) if ends else None
 
 
 def together(extents: Sequence[Extent]) -> Extent:

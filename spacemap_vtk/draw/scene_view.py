@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import set_background
+from spacemap_vtk.draw.camera import set_background, upward
 from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.cut_face import CutFaceActor
 from spacemap_vtk.draw.frame import Frame
@@ -25,6 +25,7 @@ from spacemap_vtk.draw.glyphs import (
     SupportActor,
     moved_points,
 )
+from spacemap_vtk.draw.ground import GroundActor
 from spacemap_vtk.draw.lighting import OutlineActor
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import (
@@ -62,8 +63,11 @@ class SceneView:
         self.shades = shades
         self.surface, self.face, self.ghost = SurfaceActor(), CutFaceActor(), GhostActor()
         self.sheet, self.light, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
+        self.ground = GroundActor()
+        #: How high the ground is [m]: nothing that has been shown of a scene is below.
+        self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
-        for actor in (*self.solids, *self.signs, self.ghost):
+        for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             renderer.AddActor(actor)
         for drawn in (self.surface, self.sheet):
             renderer.AddViewProp(drawn.bar)
@@ -76,7 +80,7 @@ class SceneView:
         self._plane = vtkPlane()
         self._size, self._point = (1, 1), 1.0
         self._shown: tuple[Frame, View, Look, Span | None] | None = None
-        self._moving = False
+        self._moving, self._generation = False, 0
 
     @property
     def solids(self) -> list[vtkActor]:
@@ -147,6 +151,7 @@ class SceneView:
             if wanted:
                 actor.show(frame.cage)
         self.loads.SetVisibility(view.loads)
+        self._show_ground(frame, view, look)
         self.cut_open(cut)
 
     def show_more(self, frame: Frame, view: View, look: Look) -> None:
@@ -200,7 +205,7 @@ class SceneView:
     def hide(self) -> None:
         """Show nothing until the next frame."""
         self._shown = None
-        for actor in (*self.solids, *self.signs, self.ghost):
+        for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # those that shine through, too
         for drawn in (self.surface, self.sheet):
@@ -232,6 +237,16 @@ class SceneView:
             self.face.VisibilityOff()
         elif self.cut is not None:
             self.cut_open(self.cut)
+
+    def _show_ground(self, frame: Frame, view: View, look: Look) -> None:
+        strength = view.look.shadow if view.ground and look.fabric else 0.0
+        self.ground.SetVisibility(strength > 0.0)
+        if strength > 0.0:
+            points, up = points_of(frame.surface), upward(view.camera)
+            if frame.generation != self._generation:
+                self._generation, self.floor = frame.generation, np.inf
+            self.floor = min(self.floor, float(points[:, up].min()))
+            self.ground.show(points, up, self.floor, strength)
 
     def _show_fabric(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
         if frame.cloth is None:

@@ -127,6 +127,12 @@ class View(Parameterised):
         "Soft shadow where yarns meet, or an object has folds; none on colours that have a scale.",
     )
 
+    ground = Flag(
+        False,
+        "A soft shadow on level ground below, at the height of the lowest point that is shown; up "
+        "is as the camera has it.",
+    )
+
     @property
     def look(self) -> Style:
         """The style, with the background that is asked for."""

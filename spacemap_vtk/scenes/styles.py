@@ -86,15 +86,15 @@ STYLES = {
         # A warm key raking from the upper left shows the crowns of the yarns, a cool fill from the
         # right opens the shadows, and a rim from behind parts the cloth from what is behind it.
         lamps=(
-            Lamp((-0.8, 0.95, 0.9), 0.68, (1.0, 0.95, 0.86)),
+            Lamp((-0.8, 0.95, 0.9), 0.80, (1.0, 0.95, 0.87)),
             Lamp((1.0, 0.1, 0.6), 0.18, (0.78, 0.89, 1.0)),
             Lamp((0.35, 0.7, -0.6), 0.12, (0.95, 0.97, 1.0)),
         ),
         wrap=0.25,
-        gloss=0.035,
-        gloss_power=6.0,
+        gloss=0.06,
+        gloss_power=12.0,
         sheen=0.16,
-        occlusion=0.8,
+        occlusion=0.62,
         shadow=0.42,
     ),
     "paper": Style(
