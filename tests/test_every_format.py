@@ -1,0 +1,251 @@
+"""All formats that are written: read by programs that are not ours, their records, made anew."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pytest
+import pyvista as pv
+from imageio_ffmpeg import get_ffmpeg_exe
+from PIL import Image
+
+from spacemap_vtk import __version__
+from spacemap_vtk.cli.again import differences
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.provenance import NAME, Record, record_in, recorded
+from spacemap_vtk.scenes.origin import scene_of
+from spacemap_vtk.scenes.scene import Scene
+
+VALUES: dict[str, Any] = {
+    "title": 'Two by two, "--" (small) \\ é',
+    "weave": {"ends": 2, "picks": 2, "warp_diameter": "0.2 mm"},
+    "cage": {"divisions": [2, 2, 1]},
+    "modal": {"modes": 3, "elements": "tetrahedra", "youngs_modulus": "1 kPa"},
+    "response": {"loads": [{"pressure": "3 Pa", "on": "+z", "time": "ramp", "rise": "0.1 s"}]},
+    "surface": {"subdivisions": 1},
+    "view": {"size": [64, 48], "color": "displacement"},
+    "animation": {"stop": 0.08},
+}
+#: Formats without room for a record.
+MUTE = {".stl", ".dtx", ".txt"}
+#: Those that are made anew here; the others know no more of their order.
+ANEW = {".png", ".glb", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
+#: What is ordered of each ending that is drawn.
+DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
+
+
+def orders(folder: Path) -> list[tuple[str, Order]]:
+    """Return an order for each kind and ending that is written."""
+    kinds = {(each, ending) for each in ("", *DRAWN) for ending in registry.written(each or None)}
+    assert kinds == READERS.keys(), "a format without a reader that is not ours, or the other way"
+    names = {"frames": "frame%02d"}
+    found = []
+    for kind, ending in sorted(kinds):
+        if ending == ".jpeg" or (kind == "plot" and ending != ".svg"):
+            continue  # as .jpg; all plots are of one figure, below
+        name = f"{names.get(kind, kind or 'data')}{ending}"
+        order = Order(DRAWN.get(kind, kind), folder / name)
+        order.times = [0.0, 0.03] if order.lasts or order.what == "moving" else [0.03]
+        found.append((kind, order))
+    return found
+
+
+def drafted(file: Path) -> list[str]:
+    """Return rows of a draft, as another library reads it, or as they stand in a text."""
+    import dtx_to_wif
+
+    if file.suffix == ".txt":
+        return file.read_text().split()
+    found = dtx_to_wif.read_pattern_file(file)
+    tied = [{s for t in pick for s in found.tieup.get(t, ())} for pick in found.treadling.values()]
+    lifts = found.liftplan.values() or tied
+    return ["".join("01"[bool(lift & end)] for end in found.threading.values()) for lift in lifts]
+
+
+def bounds(points: Any) -> list[float]:
+    ends = np.min(points, axis=0), np.max(points, axis=0)
+    return np.transpose(ends).reshape(-1).tolist()
+
+
+def hdf_points(file: Path) -> Any:
+    import h5py
+
+    with h5py.File(file) as made:
+        root = made["VTKHDF"]
+        begin, count = root["Steps/PointOffsets"][-1], root["NumberOfPoints"][-1]
+        return root["Points"][begin : begin + count]
+
+
+def usd_points(file: Path) -> Any:
+    usd, geometry = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom"))
+    stage = usd.Stage.Open(str(file))
+    return np.array(geometry.Mesh(stage.GetPrimAtPath("/Cloth/Surface")).GetPointsAttr().Get())
+
+
+def collection_points(file: Path) -> Any:
+    reader = pv.PVDReader(file)
+    reader.set_active_time_value(0.03)
+    return reader.read()[0].points
+
+
+def picture_size(file: Path) -> tuple[int, int]:
+    with Image.open(file) as image:
+        image.load()
+        return image.size
+
+
+def film_size(file: Path) -> tuple[int, int]:
+    words = [get_ffmpeg_exe(), "-i", str(file), "-f", "framemd5", "-"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    frames = [line for line in done.stdout.splitlines() if not line.startswith("#")]
+    assert len(frames) == 2
+    width, height = re.search(r", (\d+)x(\d+)", done.stderr).groups()  # type: ignore[union-attr]
+    return int(width), int(height)
+
+
+def drawing_size(file: Path) -> str:
+    return str(ElementTree.parse(file).getroot().attrib["viewBox"])
+
+
+def page_size(file: Path) -> str:
+    """Return the size of a page, by the table at the end of a document."""
+    content = file.read_bytes()
+    table = int(content.rpartition(b"startxref")[2].split()[0])
+    assert content[table : table + 4] == b"xref"
+    return re.search(rb"/MediaBox \[(.*?)\]", content)[1].decode()  # type: ignore[index]
+
+
+#: A reader that is not ours for all that is written: a new format has none, and is missed here.
+READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
+    **{("", ending): drafted for ending in (".dtx", ".txt", ".wif")},
+    **{("", ending): lambda file: pv.read(file).points for ending in (".vtp", ".vtu")},
+    **{("", ending): lambda file: meshio.read(file).points for ending in (".obj", ".ply", ".stl")},
+    ("", ".inp"): lambda file: meshio.read(file, "abaqus").points,
+    ("", ".csv"): lambda file: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2:5],
+    ("", ".glb"): lambda file: pv.read(file).combine().points,
+    ("", ".pvd"): collection_points,
+    ("", ".vtkhdf"): hdf_points,
+    **{("", ending): usd_points for ending in (".usda", ".usdc")},
+    **{("picture", ending): picture_size for ending in (".png", ".jpg", ".jpeg")},
+    ("film", ".gif"): picture_size,
+    ("film", ".mp4"): film_size,
+    ("frames", ".png"): picture_size,
+    **{("plot", ending): picture_size for ending in (".png", ".jpg", ".jpeg")},
+    ("plot", ".svg"): drawing_size,
+    ("plot", ".pdf"): page_size,
+}
+
+
+def expected(kind: str, order: Order) -> Any:
+    """Return what a reader finds in what is ordered."""
+    scene = Scene(VALUES)
+    if order.what == "draft":
+        return ["10", "01"]
+    if kind:
+        return (32, 24) if order.output.suffix == ".gif" else (64, 48)
+    first = order.what == "moving"
+    scene.update(0.0 if first else 0.03)
+    if order.what == "analysis":
+        return bounds(points_of(scene.deformed_cage))
+    return bounds(points_of(scene.patches if order.what == "patches" else scene.polygons))
+
+
+def check_content(kind: str, order: Order, file: Path) -> None:
+    """Compare what another program finds in a file with the scene."""
+    found = READERS[kind, file.suffix](file)
+    if order.what == "plot":
+        assert found == "0 0 691.2 518.4"
+    elif file.suffix == ".csv":  # inside the yarns
+        outer = np.reshape(expected(kind, order), (3, 2))
+        assert (found >= outer[:, 0] - 1e-9).all()
+        assert (found <= outer[:, 1] + 1e-9).all()
+    elif isinstance(found, np.ndarray):
+        np.testing.assert_allclose(bounds(found), expected(kind, order), atol=2e-9)
+    else:
+        assert found == expected(kind, order), file
+
+
+def found_by_others(file: Path) -> str:
+    """Return the record as a program finds it that has never heard of ours."""
+    ending = file.suffix
+    if ending in (".png", ".gif", ".jpg", ".jpeg"):
+        with Image.open(file) as image:
+            return str(image.info.get(NAME) or image.info["comment"])
+    if ending == ".mp4":
+        words = [get_ffmpeg_exe(), "-hide_banner", "-i", str(file)]
+        return subprocess.run(words, capture_output=True, text=True).stderr
+    if ending in (".vtp", ".vtu"):
+        return bytes(pv.read(file).field_data[NAME]).decode()
+    if ending in (".usda", ".usdc"):
+        sdf = pytest.importorskip("pxr.Sdf")
+        return str(sdf.Layer.FindOrOpen(str(file)).customLayerData[NAME])
+    if ending == ".vtkhdf":
+        import h5py
+
+        with h5py.File(file) as made:
+            return str(made[NAME].asstr()[()])
+    if ending == ".glb":
+        head = file.read_bytes()[20:]
+        return json.dumps(json.JSONDecoder().raw_decode(head.decode("latin-1"))[0]["asset"])
+    if ending == ".csv":
+        return file.with_name(f"{file.name}-metadata.json").read_text()
+    if ending == ".svg":
+        ElementTree.parse(file)
+    return file.read_bytes().decode("latin-1")
+
+
+def test_every_format_is_read_by_others_says_how_it_was_made_and_is_made_anew(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "new").mkdir()
+    mute = set()
+    for kind, order in orders(tmp_path):
+        if order.output.suffix in (".usda", ".usdc") and find_spec("pxr") is None:
+            continue
+        carry_out(order, Scene(VALUES, tmp_path / "two.toml"), lambda *_: None)
+        name = order.output.name % 1 if order.numbered else order.output.name
+        check_content(kind, order, tmp_path / name)
+        record = record_in(tmp_path / name)
+        if record is None:
+            mute.add(order.output.suffix)
+            continue
+        assert "Two by two" in found_by_others(tmp_path / name), name
+        assert record.version == __version__
+        scene, inputs = scene_of(record, [tmp_path])
+        assert scene.title == VALUES["title"]
+        assert inputs == []
+        assert scene.response.loads == Scene(VALUES).response.loads
+        if order.output.suffix not in ANEW:
+            continue
+        anew = Order.of(record.order, tmp_path / "new" / name)
+        carry_out(anew, scene, lambda *_: None)
+        if order.numbered:  # seen from where its film is
+            assert record.times == (0.04,)
+        made, was = ((folder / name).read_bytes() for folder in (tmp_path / "new", tmp_path))
+        assert made == was, name
+        assert list(differences(tmp_path / name, tmp_path / "new" / name)) == []
+    assert mute == MUTE
+
+
+def test_a_plot_says_it_in_any_format(tmp_path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    record = Record(__version__, {"what": "plot"}, 'title = "a (b) \\\\ <&> -- Two by two"', "é")
+    for ending in registry.written("plot"):
+        file = tmp_path / f"a{ending}"
+        with recorded(record):
+            registry.writer(file, "plot").write(file, Figure((1, 1)))
+        READERS["plot", ending](file)
+        assert record_in(file) == record
+        assert "Two by two" in found_by_others(file)
