@@ -150,8 +150,8 @@ def _in_the_way(target: Path) -> Path | None:
 
 def differences(one: Path, other: Path) -> Iterator[str]:
     """Yield in words how files differ in what they show; what they say of themselves aside."""
-    if one.read_bytes() == other.read_bytes() and one.suffix.lower() != ".pvd":
-        return
+    if one.read_bytes() == other.read_bytes() and not one.with_suffix("").is_dir():
+        return  # and there are no others that it names
     ending = one.suffix.lower()
     holds = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
     if ending in registry.written("picture"):

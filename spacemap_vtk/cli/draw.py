@@ -202,6 +202,13 @@ def export(
             "default a fiftieth of the thinnest yarn. The less, the larger the file."
         ),
     ] = None,
+    pieces: Annotated[
+        int | None,
+        Parameter(
+            help="Parts that a .pvtp or .pvtu is made and written in, yarns by yarns, so that all "
+            "need not fit into memory; 4 by default."
+        ),
+    ] = None,
     modes: Annotated[
         bool,
         Parameter(
@@ -227,13 +234,17 @@ def export(
     targets), as many as the tolerance asks for; how many, how near and how large the file is are
     told. With --modes it has a shape and a swing for each mode; --set modal.modes=12 for fewer.
 
+    A .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder beside, as ParaView does.
+
     Parameters
     ----------
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     try:
-        order = Order("modes" if modes else what or "", output)
+        if pieces is not None and pieces < 1:
+            raise InputError("no number of pieces", key="pieces", value=pieces, allowed="1 or more")
+        order = Order("modes" if modes else what or "", output, pieces=pieces or 0)
     except InputError as error:
         error.key = error.key and f"--{error.key}"  # in the words of the command line
         raise

@@ -28,7 +28,7 @@ from spacemap_vtk.io.output import (
     whole_folder,
 )
 from spacemap_vtk.io.provenance import Record, recorded, recorded_at
-from spacemap_vtk.io.registry import DATA, writer, written
+from spacemap_vtk.io.registry import DATA, writer, writers, written
 from spacemap_vtk.vanishing import ended_by_exceptions
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ _MOMENTS = ("painted", "yarns")
 #: meant to.
 _CHANGING = ("patches", "surface", "cage", "moving", *_MOMENTS)
 _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
+#: Pieces where nobody says how many, and at most.
+_PIECES, _MOST_PIECES = 4, 10_000
 
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
@@ -78,6 +80,8 @@ class Order:
     again: bool = False
     #: How far a surface that moves may be from its motion [m]; by default so that nobody sees it.
     tolerance: float | None = None
+    #: Parts that data are made and written in, one after another, where the format has them.
+    pieces: int = 0
     #: Whether a picture is a film's frame: seen from where its film is.
     framed: bool = False
     #: Of a plot: a place at rest in m, by default where the first mode moves most, and what of it.
@@ -104,6 +108,8 @@ class Order:
                 given["size"] = width, height
             if given.get("tolerance"):
                 given["tolerance"] = float(given["tolerance"])
+            if "pieces" in given:
+                given["pieces"] = int(given["pieces"])
             for key in ("panels", "motions"):
                 given[key] = [str(word) for word in given.get(key, ())]
             return cls(**{**given, "what": str(given["what"]), "output": output})
@@ -146,7 +152,24 @@ class Order:
                 )
             if self.numbered:
                 self._check_number("a series needs")
-            writer(self.output, self.what).check(self.output)
+            format_ = writer(self.output, self.what)
+            format_.check(self.output)
+            if format_.pieces:
+                self.pieces = self.pieces or _PIECES
+            elif self.pieces:
+                raise InputError(
+                    f"a {ending} is of one piece",
+                    key="pieces",
+                    value=self.pieces,
+                    allowed=", ".join(e for each in writers() if each.pieces for e in each.endings),
+                )
+            if not 0 <= self.pieces <= _MOST_PIECES:
+                raise InputError(
+                    "no number of pieces",
+                    key="pieces",
+                    value=self.pieces,
+                    allowed=f"1 to {_MOST_PIECES}",
+                )
 
     @property
     def numbered(self) -> bool:
@@ -156,7 +179,8 @@ class Order:
             return ending in written("frames")
         if self.what not in _CHANGING or ending not in written(self.what):
             return False
-        return not writer(self.output, self.what).times and bool(_NUMBER.search(self.output.name))
+        format_ = writer(self.output, self.what)
+        return not (format_.times or format_.pieces) and bool(_NUMBER.search(self.output.name))
 
     @property
     def lasts(self) -> bool:
@@ -304,6 +328,8 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose) -> str:
     format_ = writer(order.output, order.what)
+    if format_.pieces:
+        return _write_pieces(order, scene, tell, whole)
     times = _moments(order, scene) if order.lasts else order.times or [scene.view.time]
     steps = len(times) + 1
     tell(0, steps)
@@ -342,6 +368,30 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
         size = _bytes(file.parent)
     tell(steps, steps)
     return f"{len(times)} time{'s' * (len(times) > 1)}, {size / 1e6:.3g} MB"
+
+
+def _write_pieces(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
+    """Make and write one piece after another: all together need not fit into memory."""
+    from spacemap_vtk.datasets.processes import WHOLE, Piece
+    from spacemap_vtk.filters.algorithm import PIECE
+
+    time = order.times[0] if order.times else scene.view.time
+
+    def pieces() -> Iterator[Any]:
+        for number in range(order.pieces):
+            tell(number, order.pieces)
+            scene.update(time, Piece(number, order.pieces))
+            yield scene.data(order.what)
+
+    try:
+        with _file(order, whole) as file:
+            writer(order.output, order.what).write(file, pieces())
+            size = _bytes(file.parent)
+    finally:
+        for key, value in zip(PIECE, WHOLE, strict=True):  # for whoever updates the scene next
+            scene.stages[-1].GetOutputInformation(0).Set(key, value)
+    tell(order.pieces, order.pieces)
+    return f"{order.pieces} piece{'s' * (order.pieces > 1)}, {size / 1e6:.3g} MB"
 
 
 def _at(order: Order, scene: Scene, time: float) -> Any:

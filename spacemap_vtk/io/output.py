@@ -136,6 +136,15 @@ def stands_in_the_way(target: Path, folder: bool) -> bool:
     return not all(ours.fullmatch(each.name) and each.is_file() for each in target.iterdir())
 
 
+def check_folder(file: Path) -> None:
+    """Refuse a file whose others would lie in a folder that is another's."""
+    if stands_in_the_way(folder := file.with_suffix(""), folder=True):
+        raise InputError(
+            f"{file}: its files would lie in {folder}, where others are",
+            cure="Choose another name.",
+        )
+
+
 def _read_only(folder: Path) -> bool:
     # Windows knows neither.
     return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)

@@ -94,6 +94,8 @@ class Writer:
     write: Callable[..., None]
     #: Whether `write` takes not the data but pairs of time in s and data, one after another.
     times: bool
+    #: Whether it takes the pieces that make up the data, one after another.
+    pieces: bool
     #: Refuses a file, before any work is done for it, where a library is missing.
     require: Callable[[Path], None] | None
     #: Tells what of the data the format cannot hold, in sentences.
@@ -135,6 +137,7 @@ def writes(
     label: str,
     holds: tuple[str, ...],
     times: bool = False,
+    pieces: bool = False,
     require: Callable[[Path], None] | None = None,
     loses: Callable[[Any], list[str]] | None = None,
 ) -> Callable[[_F], _F]:
@@ -144,7 +147,7 @@ def writes(
 
     def register(function: _F) -> _F:
         _builtin()
-        _writers.append(Writer(endings, label, holds, function, times, require, loses))
+        _writers.append(Writer(endings, label, holds, function, times, pieces, require, loses))
         return function
 
     return register

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_folder
 from spacemap_vtk.io.provenance import comments, recorded_at, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writer, writes
 
@@ -34,23 +35,12 @@ def open_collection(file: Path) -> MeshSeries:
     return FileSeries(file, list(steps.items()))
 
 
-def _check_folder(file: Path) -> None:
-    """Refuse a collection whose folder is another's."""
-    from spacemap_vtk.io.output import stands_in_the_way
-
-    if stands_in_the_way(folder := file.with_suffix(""), folder=True):
-        raise InputError(
-            f"{file}: its files would lie in {folder}, where others are",
-            cure="Choose another name.",
-        )
-
-
 @writes(
     ".pvd",
     label="ParaView collection",
     holds=("surface", "patches", "cage"),
     times=True,
-    require=_check_folder,
+    require=check_folder,
 )
 def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     """Write a file for each time, in a folder beside, and the list of them."""

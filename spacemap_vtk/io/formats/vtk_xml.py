@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.provenance import NAME, tells, told
+from spacemap_vtk.io.output import check_folder
+from spacemap_vtk.io.provenance import NAME, comments, recorded, tells, told, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
 
 if TYPE_CHECKING:
@@ -53,6 +55,71 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     _write(file, vtkXMLPolyDataWriter(), data)
+
+
+@writes(".pvtp", label="VTK XML in pieces", holds=("surface",), pieces=True, require=check_folder)
+@writes(".pvtu", label="VTK XML in pieces", holds=("patches",), pieces=True, require=check_folder)
+def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
+    """Write a file for each piece, in a folder beside, and one that names them."""
+    from xml.sax.saxutils import quoteattr
+
+    from spacemap_vtk.io.output import write
+
+    folder, ending = file.with_suffix(""), f".{file.suffix[2:].lower()}"
+    folder.mkdir()
+    lines: list[str] = []
+    names: list[str] = []
+    with recorded(None):  # a piece is not made anew
+        for number, piece in enumerate(pieces):
+            if not piece.GetNumberOfCells():
+                continue  # of more pieces than yarns; it lacks the others' arrays
+            one = folder / f"{folder.name}_{number:04d}{ending}"
+            (write_vtp if ending == ".vtp" else write_vtu)(one, piece)
+            names.append(quoteattr(f"{folder.name}/{one.name}"))
+            lines = lines or list(_described(piece))
+    kind = "PPolyData" if ending == ".vtp" else "PUnstructuredGrid"
+    record = [line.replace("--", "-\\u002d") for line in comments("  ")]
+    text = [
+        '<?xml version="1.0"?>',
+        f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32">',
+        *(["<!--", *record, "-->"] if record else []),
+        f'  <{kind} GhostLevel="0">',
+        *lines,
+        *(f"    <Piece Source={name}/>" for name in names),
+        f"  </{kind}>",
+        "</VTKFile>\n",
+    ]
+    write(file, ["\n".join(text).encode()])
+
+
+def _described(data: vtkDataSet) -> Iterator[str]:
+    """Yield what arrays there are, as a reader asks before it opens a piece."""
+    from xml.sax.saxutils import quoteattr
+
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    names = {"f": "Float", "i": "Int", "u": "UInt"}
+
+    def line(array: Any, name: str) -> str:
+        kind = vtk_to_numpy(array).dtype
+        return (
+            f'      <PDataArray type="{names[kind.kind]}{8 * kind.itemsize}" '
+            f'Name={quoteattr(name)} NumberOfComponents="{array.GetNumberOfComponents()}"/>'
+        )
+
+    for kind, table in (("Point", data.GetPointData()), ("Cell", data.GetCellData())):
+        normals = table.GetNormals()
+        active = "" if normals is None else f" Normals={quoteattr(normals.GetName())}"
+        yield f"    <P{kind}Data{active}>"
+        for number in range(table.GetNumberOfArrays()):
+            yield line(table.GetArray(number), table.GetArrayName(number))
+        yield f"    </P{kind}Data>"
+    yield "    <PPoints>"
+    yield line(data.GetPoints().GetData(), "Points")
+    yield "    </PPoints>"
+
+
+tells(".pvtp", ".pvtu")(told_in_comments)
 
 
 def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
