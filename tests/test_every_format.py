@@ -17,6 +17,7 @@ import pytest
 import pyvista as pv
 from imageio_ffmpeg import get_ffmpeg_exe
 from PIL import Image
+from vtkmodules import vtkIOXML
 
 from spacemap_vtk import __version__
 from spacemap_vtk.cli.again import differences
@@ -87,6 +88,15 @@ def hdf_points(file: Path) -> Any:
         return root["Points"][begin : begin + count]
 
 
+def pieces_points(file: Path) -> Any:
+    kind = "PolyData" if file.suffix == ".pvtp" else "UnstructuredGrid"
+    reader = getattr(vtkIOXML, f"vtkXMLP{kind}Reader")()
+    reader.SetFileName(str(file))
+    reader.Update()
+    assert reader.GetNumberOfPieces() == 4
+    return pv.wrap(reader.GetOutput()).points
+
+
 def usd_points(file: Path) -> Any:
     usd, geometry = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom"))
     stage = usd.Stage.Open(str(file))
@@ -135,6 +145,7 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     ("", ".csv"): lambda file: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2:5],
     ("", ".glb"): lambda file: pv.read(file).combine().points,
     ("", ".pvd"): collection_points,
+    **{("", ending): pieces_points for ending in (".pvtp", ".pvtu")},
     ("", ".vtkhdf"): hdf_points,
     **{("", ending): usd_points for ending in (".usda", ".usdc")},
     **{("picture", ending): picture_size for ending in (".png", ".jpg", ".jpeg")},

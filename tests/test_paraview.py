@@ -78,6 +78,8 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
     for name in ("cloth.pvd", "cloth_%d.vtp"):
         carry_out(Order("", tmp_path / name, [0.0, 0.1 / 3]), scene, lambda *_: None)
+    order = Order("", tmp_path / "in_pieces.pvtp", [0.1 / 3], pieces=3)
+    carry_out(order, scene, lambda *_: None)
     scripts = {
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),

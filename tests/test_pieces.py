@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
-from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader, vtkXMLUnstructuredGridReader
 from weaves import woven
 
 from spacemap_vtk import BarycentricWarp, ObjectSource, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.partition import share_of, whole_bounds
@@ -211,3 +212,38 @@ def test_a_cloth_too_large_for_one_may_be_made_in_pieces(monkeypatch: pytest.Mon
         weave.update(piece=Piece(0, 2))
     weave.update(piece=Piece(3, 10))
     assert weave.GetOutputDataObject(0).GetNumberOfCells()
+
+
+@pytest.mark.parametrize("pieces", [3, 50])
+def test_a_file_of_pieces_is_the_whole(pieces: int, tmp_path: Path) -> None:
+    values = {"weave": {"ends": 4, "picks": 3}, "surface": {"subdivisions": 2}, "response": {}}
+    scene, file = Scene(values), tmp_path / "a.pvtp"
+    scene.update(MOVED)
+    whole = pv.wrap(scene.polygons).copy()
+    carry_out(Order("", file, [MOVED], pieces=pieces), scene, lambda *_: None)
+    scene.update(MOVED)  # no more in pieces
+    assert scene.polygons.GetNumberOfCells() == whole.n_cells
+    reader = vtkXMLPPolyDataReader()
+    reader.SetFileName(str(file))
+    reader.Update()
+    found = pv.wrap(reader.GetOutput())
+    # Yarn by yarn, as the whole has them, with all that it has.
+    assert found.point_data.keys() == whole.point_data.keys()
+    assert found.cell_data.keys() == whole.cell_data.keys()
+    order = [np.argsort(mesh.cell_data["yarn"], kind="stable") for mesh in (found, whole)]
+    for name in ("yarn", "family", "color"):
+        here, there = (m.cell_data[name][o] for m, o in zip((found, whole), order, strict=True))
+        np.testing.assert_array_equal(here, there)
+    corners = [m.regular_faces[o] for m, o in zip((found, whole), order, strict=True)]
+    for name, atol in (("displacement", 1e-9), ("Normals", 1e-5), ("Points", 1e-9)):
+        here, there = (
+            (m.points if name == "Points" else m.point_data[name])[c]
+            for m, c in zip((found, whole), corners, strict=True)
+        )
+        np.testing.assert_allclose(here, there, rtol=0, atol=atol)
+    assert len(list((tmp_path / "a").iterdir())) == min(pieces, 7)
+    for wrong, told in ((20_000, "1 to 10000"), (-1, "1 to 10000")):
+        with pytest.raises(InputError, match=told):
+            Order("", file, pieces=wrong)
+    with pytest.raises(InputError, match="of one piece"):
+        Order("", tmp_path / "a.vtp", pieces=2)

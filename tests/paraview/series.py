@@ -73,5 +73,14 @@ for files in (folder / "cloth.pvd", [folder / "cloth_0.vtp", folder / "cloth_1.v
     assert list(read.TimestepValues) == [0.0, 0.1 / 3], read.TimestepValues
     read.UpdatePipeline(0.1 / 3)
     assert bounds(read)[4] < -0.00025, bounds(read)
+whole, made = (simple.OpenDataFile(str(folder / n)) for n in ("cloth_1.vtp", "in_pieces.pvtp"))
+for read in (whole, made):
+    read.UpdatePipeline()
+whole, made = (read.GetDataInformation() for read in (whole, made))
+assert made.GetNumberOfCells() == whole.GetNumberOfCells() > 0
+assert made.GetBounds() == whole.GetBounds()
+for side in ("GetPointDataInformation", "GetCellDataInformation"):
+    counts = [getattr(info, side)().GetNumberOfArrays() for info in (whole, made)]
+    assert counts[0] == counts[1] > 0, counts
 
 print("every step is offered, and any time between")
