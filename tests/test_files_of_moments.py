@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import reference
 
 from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.draw.surface_actor import RAMP
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.scene import Scene
 
@@ -68,6 +70,38 @@ def test_obj_and_ply_have_normals_groups_and_colours(tmp_path: Path, color: str)
     assert sorted(areas(painted, of_cells)) == pytest.approx(
         sorted(areas(surface, surface["family"])), rel=1e-5
     )
+
+
+def test_colours_of_a_scale_leave_with_the_surface(tmp_path: Path) -> None:
+    exported(tmp_path / "cloth.ply", "displacement")
+    exported(tmp_path / "cloth.obj", "displacement")
+    surface = exported(tmp_path / "cloth.vtp", "displacement")
+    painted, values = pv.read(tmp_path / "cloth.ply"), surface["displacement"]
+    lengths = np.linalg.norm(values, axis=1)
+    where = cKDTree(surface.points).query(painted.points)[1]
+    scale = re.search(
+        rb"colours: Displacement, 0 to (.*) m\n", (tmp_path / "cloth.ply").read_bytes()
+    )
+    assert scale is not None
+    high = float(scale[1])
+    assert lengths.max() <= high < 2 * lengths.max()
+    # The ramp's stops, evenly spaced; a colour is that of its number within a step of 256.
+    stops = np.array([list(bytes.fromhex(color[1:])) for color in RAMP], float)
+    at = lengths[where] / high * (len(stops) - 1)
+    mixed = [np.interp(at, np.arange(len(stops)), channel) for channel in stops.T]
+    steepest = np.abs(np.diff(stops, axis=0)).max() * (len(stops) - 1) / 256
+    np.testing.assert_allclose(painted["RGB"], np.transpose(mixed), atol=steepest + 1)
+    assert len(np.unique(painted["RGB"], axis=0)) > 50
+    lines = (tmp_path / "cloth.obj").read_text().splitlines()
+    rows = np.array([line.split()[1:] for line in lines if line.startswith("v ")], float)
+    np.testing.assert_allclose(rows[:, 3:] * 255, painted["RGB"], atol=1e-3)
+    # Of a series all have one scale.
+    scene = Scene.read("plain_weave")
+    scene.set("surface.subdivisions=1")
+    scene.set("view.color=displacement")
+    carry_out(Order("painted", tmp_path / "s%d.ply", [0.01, TIME]), scene, lambda *_: None)
+    heads = [(tmp_path / f"s{k}.ply").read_bytes()[:9000] for k in (0, 1)]
+    assert len({re.search(rb"colours: .*", head)[0] for head in heads}) == 1  # type: ignore[index]
 
 
 def test_csv_has_the_middles_of_the_yarns(tmp_path: Path) -> None:

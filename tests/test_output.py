@@ -21,10 +21,11 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.formats.film import write_film
 from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
+from spacemap_vtk.io.registry import DRAWN, written
 
 SMALL = "--set weave.ends=3 --set weave.picks=3 -q"
 FILM = f"animate plain_weave {SMALL} --set animation.speed=1 --size 320x240 -o"
-#: What writes, by its output's name; each makes more than 16 kB, but for the draft.
+#: What writes, by its output's name; each makes more than 16 kB, but for the drafts.
 WRITERS = {
     "x.vtu": f"export plain_weave {SMALL} -o",
     "x.vtp": f"export plain_weave {SMALL} -o",
@@ -32,8 +33,17 @@ WRITERS = {
     "x.ply": f"export plain_weave {SMALL} -o",
     "x.glb": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.pvd": f"export plain_weave {SMALL} --times 0,0.02 -o",
+    "x.pvtp": f"export plain_weave {SMALL} -o",
+    "x.pvtu": f"export plain_weave {SMALL} -o",
+    "x.usdc": f"export plain_weave {SMALL} --times 0 -o",
+    "x.usda": f"export plain_weave {SMALL} --times 0 -o",
+    "x.obj": f"export plain_weave {SMALL} -o",
+    "x.csv": f"export plain_weave {SMALL.replace('=3', '=5')} -o",
+    "x.inp": f"export plain_weave {SMALL} --set cage.divisions=[9,9,1] --set modal.modes=1 -o",
     "x.vtkhdf": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.wif": f"export plain_weave {SMALL} -o",
+    "x.dtx": f"export plain_weave {SMALL} -o",
+    "x.txt": f"export plain_weave {SMALL} -o",
     "x.png": f"render plain_weave --size 480x360 {SMALL} -o",
     "x.jpg": f"render plain_weave --size 960x720 {SMALL} -o",
     "x.gif": FILM,
@@ -44,6 +54,7 @@ WRITERS = {
     "plot.pdf": f"plot plain_weave {SMALL} -o",
     "plot.svg": f"plot plain_weave {SMALL} -o",
 }
+DRAFTS = {"x.wif": b"[WIF]", "x.dtx": b"@@StartDTX", "x.txt": b"101"}
 PRECIOUS = b"precious"
 
 
@@ -70,14 +81,20 @@ def test_a_full_disk_takes_nothing_and_spoils_nothing(
     fill(disk, room)
     code = run(WRITERS[name], disk / name)
     said = capfd.readouterr().err
-    if room and name == "x.wif":
+    if room and name in DRAFTS:
         assert code == 0
-        assert (disk / name).read_bytes().startswith(b"[WIF]")
+        assert (disk / name).read_bytes().startswith(DRAFTS[name])
         return
     assert code == 1
     assert said.startswith(f"spacemap: {disk / name}: could not be written: disk full. ")
     assert said.count("\n") == 1
     assert {path: path.read_bytes() for path in disk.iterdir() if path.name != "fill"} == kept
+
+
+def test_a_new_format_is_among_those_that_meet_a_full_disk() -> None:
+    tried = {Path(name).suffix for name in WRITERS} | {".jpeg"}  # as .jpg
+    found = {ending for kind in (None, *DRAWN) for ending in written(kind)}
+    assert tried == found
 
 
 def fill(disk: Path, room: int) -> None:

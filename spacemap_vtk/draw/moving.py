@@ -22,8 +22,15 @@ from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_poin
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, YarnCurves
 from spacemap_vtk.draw.camera import CAMERAS
+from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.frame import copied
-from spacemap_vtk.draw.surface_actor import CLASSES, own_colors
+from spacemap_vtk.draw.surface_actor import (
+    CLASSES,
+    Span,
+    natural_span,
+    own_colors,
+    ramp_colors,
+)
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.sweep import Tubes
@@ -63,14 +70,23 @@ Rows = NDArray[np.integer[Any]]
 
 
 def moving(
-    scene: Scene, times: Sequence[float], tolerance: float | None, tell: Tell
+    scene: Scene,
+    times: Sequence[float],
+    tolerance: float | None,
+    tell: Tell,
+    span: Span | None = None,
 ) -> MovingSurface:
-    """Return a scene's surface at the first of some times, and its motion from there on."""
+    """Return a scene's surface at the first of some times, and its motion from there on.
+
+    Of one time its colours may be those of a scale, with the ends `span`.
+    """
     tell(0, 2 * len(times))
-    _settle_colors(scene)
+    lasts = scene.moves and len(times) > 1
+    if lasts:
+        _settle_colors(scene)
     scene.update(times[0])
-    still, rows = _still(scene, scene.polygons)
-    if not scene.moves or len(times) < 2:
+    still, rows = _still(scene, scene.polygons, span)
+    if not lasts:
         yarns = _SeenYarns(scene, 1)
         yarns.see(0)
         return replace(still, curves=yarns.curves)
@@ -278,17 +294,24 @@ def _taken(
 def _settle_colors(scene: Scene) -> None:
     """Show own colours in place of those that change with time, and tell."""
     color = scene.view.color
-    if COLORINGS[color].scaled or color == "clearance":
+    if COLORINGS[color].numbers:
         scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
         scene.take({"view": {"color": "own"}})
 
 
-def _still(scene: Scene, surface: vtkPolyData) -> tuple[MovingSurface, Rows]:
+def _still(
+    scene: Scene, surface: vtkPolyData, span: Span | None = None
+) -> tuple[MovingSurface, Rows]:
     """Return a surface without its motion, and which of its points are written."""
     require_work(surface, _WORK, "triangles with colours")
     triangles, cells = _triangles(surface)
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)
+    about: dict[str, Any] = {"scene": scene.title, "units": "m"}
+    if (values := measure(surface, color := scene.view.color)) is not None:
+        low, high = span or natural_span(values)
+        colors, of_points = ramp_colors(values, (low, high)), True
+        about["colors"] = f"{COLORINGS[color].label}, {low:g} to {high:g} {COLORINGS[color].unit}"
     # Points are told apart by what they are of: materials do not blend into each other.
     look: Rows = parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
     kinds = np.unique(look[cells], axis=0, return_inverse=True)[1].reshape(-1, 1)
@@ -304,7 +327,6 @@ def _still(scene: Scene, surface: vtkPolyData) -> tuple[MovingSurface, Rows]:
         back = np.einsum("nk,nk->n", across, normals[triangles].sum(axis=1)) < 0.0
         triangles[back] = triangles[back][:, ::-1]
     twice = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
-    about = {"scene": scene.title, "units": "m"}
     still = MovingSurface(
         scene.title,
         points,

@@ -29,11 +29,13 @@ from spacemap_vtk.io.output import (
 )
 from spacemap_vtk.io.provenance import Record, recorded, recorded_at
 from spacemap_vtk.io.registry import DATA, writer, writers, written
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.vanishing import ended_by_exceptions
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.draw.picture import Image
+    from spacemap_vtk.draw.surface_actor import Span
     from spacemap_vtk.scenes.scene import Scene
 
 #: Data that are one moment of what moves.
@@ -344,11 +346,17 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
         tell(steps, steps)
         return ""
 
+    span = None
+    if order.what in ("moving", *_MOMENTS) and COLORINGS[scene.view.color].numbers:
+        from spacemap_vtk.draw.picture import over_motion
+
+        span = over_motion(scene, times)[1]  # the colours of all files have one scale
+
     def series(folder: Path) -> Iterator[tuple[float, Any]]:
         # One after another: all together need not fit into memory.
         taken = 0
         for done, time in enumerate(times, 1):
-            yield time, _at(order, scene, time)
+            yield time, _at(order, scene, time, span)
             if done <= 2:
                 more, taken = _bytes(folder) - taken, _bytes(folder)
                 if done == 2:  # what stays the same may be in the first alone
@@ -394,12 +402,12 @@ def _write_pieces(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     return f"{order.pieces} piece{'s' * (order.pieces > 1)}, {size / 1e6:.3g} MB"
 
 
-def _at(order: Order, scene: Scene, time: float) -> Any:
+def _at(order: Order, scene: Scene, time: float, span: Span | None = None) -> Any:
     """Return what is written, at a time."""
     if order.what in ("moving", *_MOMENTS):
         from spacemap_vtk.draw.moving import moving
 
-        return moving(scene, [time], order.tolerance, lambda *_: None)
+        return moving(scene, [time], order.tolerance, lambda *_: None, span)
     if order.what in ("draft", "analysis"):  # a draft needs no room for its yarns
         return scene.data(order.what)
     # Of a cage nothing below it is needed.

@@ -20,6 +20,11 @@ class Coloring(NamedTuple):
     #: Whether the array is one of numbers, whose size is shown on a scale.
     scaled: bool = False
 
+    @property
+    def numbers(self) -> bool:
+        """Whether colours stand for numbers, those of an array or of gaps that are measured."""
+        return self.scaled or bool(self.array and self.unit)
+
 
 #: By the word that a scene file has for it.
 COLORINGS = {

@@ -124,6 +124,7 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
     if surface.painted:  # as MeshLab and Blender read them
         points = np.hstack([surface.points, rows]).tolist()
     lines = ["# by spacemap_vtk; lengths in m", *comments("#"), f"mtllib {library.name}"]
+    lines += [f"# colours: {surface.about['colors']}"] if "colors" in surface.about else []
     lines += ["v " + " ".join(f"{x:.9g}" for x in point) for point in points]
     if surface.normals is not None:
         lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in surface.normals.tolist()]

@@ -165,16 +165,18 @@ def write_painted_ply(file: Path, surface: MovingSurface) -> None:
         form, *columns = names[kind[0]].split()
         properties += [f"property {form} {name}" for name in columns]
     faces = surface.triangles.astype("<i4")
-    head = _head(len(vertices), properties, len(faces), "u1")
+    words = surface.about.get("colors")
+    head = _head(len(vertices), properties, len(faces), "u1", f"colours: {words}" if words else "")
     write(file, [head, vertices, _alike(faces, "u1")])
 
 
-def _head(vertices: int, properties: list[str], faces: int, size: str) -> bytes:
+def _head(vertices: int, properties: list[str], faces: int, size: str, note: str = "") -> bytes:
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         "comment by spacemap_vtk",
         *comments("comment"),
+        *([f"comment {note}"] if note else []),
         f"element vertex {vertices}",
         *properties,
         f"element face {faces}",
