@@ -140,7 +140,10 @@ def page_size(file: Path) -> str:
 READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     **{("", ending): drafted for ending in (".dtx", ".txt", ".wif")},
     **{("", ending): lambda file: pv.read(file).points for ending in (".vtp", ".vtu")},
-    **{("", ending): lambda file: meshio.read(file).points for ending in (".obj", ".ply", ".stl")},
+    **{
+        ("", ending): lambda file: meshio.read(file).points[:, :3]
+        for ending in (".obj", ".ply", ".stl")
+    },
     ("", ".inp"): lambda file: meshio.read(file, "abaqus").points,
     ("", ".csv"): lambda file: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2:5],
     ("", ".glb"): lambda file: pv.read(file).combine().points,

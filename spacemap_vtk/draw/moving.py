@@ -76,10 +76,8 @@ def moving(
     tell: Tell,
     span: Span | None = None,
 ) -> MovingSurface:
-    """Return a scene's surface at the first of some times, and its motion from there on.
-
-    Of one time its colours may be those of a scale, with the ends `span`.
-    """
+    """Return a scene's surface at the first of some times, and its motion from there on."""
+    # Of one time its colours may be those of a scale, with the ends `span`.
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
     if lasts:

@@ -15,10 +15,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.draw.data_at import MOMENTS, common_scale, data_at, moments, pieces_of
 from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
 from spacemap_vtk.io.output import (
     check_output,
@@ -29,20 +29,16 @@ from spacemap_vtk.io.output import (
 )
 from spacemap_vtk.io.provenance import Record, recorded, recorded_at
 from spacemap_vtk.io.registry import DATA, writer, writers, written
-from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.vanishing import ended_by_exceptions
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.draw.picture import Image
-    from spacemap_vtk.draw.surface_actor import Span
     from spacemap_vtk.scenes.scene import Scene
 
-#: Data that are one moment of what moves.
-_MOMENTS = ("painted", "yarns")
 #: Data that are others at another time, and what in a file's name stands for a number, or is
 #: meant to.
-_CHANGING = ("patches", "surface", "cage", "moving", *_MOMENTS)
+_CHANGING = ("patches", "surface", "cage", "moving", *MOMENTS)
 _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
 #: Pieces where nobody says how many, and at most.
 _PIECES, _MOST_PIECES = 4, 10_000
@@ -158,19 +154,13 @@ class Order:
             format_.check(self.output)
             if format_.pieces:
                 self.pieces = self.pieces or _PIECES
-            elif self.pieces:
+            if not 0 <= self.pieces <= (_MOST_PIECES if format_.pieces else 0):
+                there = ", ".join(e for each in writers() if each.pieces for e in each.endings)
                 raise InputError(
-                    f"a {ending} is of one piece",
+                    f"no number of pieces of a {ending}",
                     key="pieces",
                     value=self.pieces,
-                    allowed=", ".join(e for each in writers() if each.pieces for e in each.endings),
-                )
-            if not 0 <= self.pieces <= _MOST_PIECES:
-                raise InputError(
-                    "no number of pieces",
-                    key="pieces",
-                    value=self.pieces,
-                    allowed=f"1 to {_MOST_PIECES}",
+                    allowed=f"1 to {_MOST_PIECES}, of {there}",
                 )
 
     @property
@@ -330,14 +320,16 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose) -> str:
     format_ = writer(order.output, order.what)
+    times = moments(scene, order.times) if order.lasts else order.times or [scene.view.time]
     if format_.pieces:
-        return _write_pieces(order, scene, tell, whole)
-    times = _moments(order, scene) if order.lasts else order.times or [scene.view.time]
+        with _file(order, whole) as file:
+            format_.write(file, pieces_of(scene, order.what, times[0], order.pieces, tell))
+            return f"{_several(order.pieces, 'piece')}, {_bytes(file.parent) / 1e6:.3g} MB"
     steps = len(times) + 1
     tell(0, steps)
     if not order.lasts:
         # Before there is anything to be removed if the program is ended.
-        content = _at(order, scene, times[0])
+        content = data_at(scene, order.what, times[0], order.tolerance)
         tell(1, steps)
         for text in format_.loses(content) if format_.loses else ():
             lose(text)
@@ -346,17 +338,13 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
         tell(steps, steps)
         return ""
 
-    span = None
-    if order.what in ("moving", *_MOMENTS) and COLORINGS[scene.view.color].numbers:
-        from spacemap_vtk.draw.picture import over_motion
-
-        span = over_motion(scene, times)[1]  # the colours of all files have one scale
+    span = common_scale(scene, order.what, times)
 
     def series(folder: Path) -> Iterator[tuple[float, Any]]:
         # One after another: all together need not fit into memory.
         taken = 0
         for done, time in enumerate(times, 1):
-            yield time, _at(order, scene, time, span)
+            yield time, data_at(scene, order.what, time, order.tolerance, span)
             if done <= 2:
                 more, taken = _bytes(folder) - taken, _bytes(folder)
                 if done == 2:  # what stays the same may be in the first alone
@@ -375,73 +363,11 @@ def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose)
             format_.write(file, series(file.parent))
         size = _bytes(file.parent)
     tell(steps, steps)
-    return f"{len(times)} time{'s' * (len(times) > 1)}, {size / 1e6:.3g} MB"
-
-
-def _write_pieces(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
-    """Make and write one piece after another: all together need not fit into memory."""
-    from spacemap_vtk.datasets.processes import WHOLE, Piece
-    from spacemap_vtk.filters.algorithm import PIECE
-
-    time = order.times[0] if order.times else scene.view.time
-
-    def pieces() -> Iterator[Any]:
-        for number in range(order.pieces):
-            tell(number, order.pieces)
-            scene.update(time, Piece(number, order.pieces))
-            yield scene.data(order.what)
-
-    try:
-        with _file(order, whole) as file:
-            writer(order.output, order.what).write(file, pieces())
-            size = _bytes(file.parent)
-    finally:
-        for key, value in zip(PIECE, WHOLE, strict=True):  # for whoever updates the scene next
-            scene.stages[-1].GetOutputInformation(0).Set(key, value)
-    tell(order.pieces, order.pieces)
-    return f"{order.pieces} piece{'s' * (order.pieces > 1)}, {size / 1e6:.3g} MB"
-
-
-def _at(order: Order, scene: Scene, time: float, span: Span | None = None) -> Any:
-    """Return what is written, at a time."""
-    if order.what in ("moving", *_MOMENTS):
-        from spacemap_vtk.draw.moving import moving
-
-        return moving(scene, [time], order.tolerance, lambda *_: None, span)
-    if order.what in ("draft", "analysis"):  # a draft needs no room for its yarns
-        return scene.data(order.what)
-    # Of a cage nothing below it is needed.
-    scene.update_stage(scene.deforming if order.what == "cage" else scene.stages[-1], time)
-    made = scene.data(order.what)
-    data = made.NewInstance()  # its own: what the pipeline has it would take for up to date
-    data.ShallowCopy(made)
-    if scene.moves:
-        from vtkmodules.vtkCommonDataModel import vtkDataObject
-
-        data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
-    return data
+    return f"{_several(len(times), 'time')}, {size / 1e6:.3g} MB"
 
 
 def _bytes(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
-
-
-def _moments(order: Order, scene: Scene) -> Sequence[float]:
-    """Return the times of what lasts: those that are ordered, or of the scene's film."""
-    if not order.times:
-        return scene.animation.frame_times() if scene.moves else [scene.view.time]
-    if len(order.times) > 1 and not scene.moves:
-        raise InputError(
-            "this scene does not move: it is the same at all of them",
-            key="times",
-            cure="Add a section [response], or leave them out.",
-        )
-    for before, after in pairwise(order.times):
-        if not before < after:
-            raise InputError(
-                f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
-            )
-    return order.times
 
 
 def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
@@ -450,16 +376,20 @@ def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     if order.what == "modes":
         made = mode_shapes(scene, tell)
     else:
-        made = moving(scene, _moments(order, scene), order.tolerance, tell)
+        made = moving(scene, moments(scene, order.times), order.tolerance, tell)
     with _file(order, whole) as file:
         writer(order.output, order.what).write(file, made)
         size = file.stat().st_size
     count = len(made.targets)
-    words = [f"{count} target{'s' * (count > 1)}"] if count else []
+    words = [_several(count, "target")] if count else []
     if "largest_error" in made.about:
         error = 1e6 * made.about["largest_error"]
         words.append(f"{made.about['frames']} frames, each within {error:.3g} µm")
     return ", ".join([*words, f"{size / 1e6:.3g} MB"])
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count > 1)}"
 
 
 @contextmanager

@@ -160,7 +160,7 @@ def natural_span(values: np.ndarray) -> Span:
 
 def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
     """Return the colours that a scale gives numbers, red, green and blue to 255."""
-    table = np.array([list(bytes.fromhex(color[1:])) for color in _ramp(RAMP, 256)], np.uint8)
+    table = np.array([list(bytes.fromhex(color[1:])) for color in ramp()], np.uint8)
     steps = 256 * (values - span[0]) / (span[1] - span[0])
     return table[np.clip(steps, 0, 255).astype(np.intp)]
 

@@ -1,0 +1,84 @@
+"""A scene's data as files have them: at a time, at the times of a series, piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.colorings import COLORINGS
+
+if TYPE_CHECKING:
+    from spacemap_vtk.draw.surface_actor import Span
+    from spacemap_vtk.scenes.scene import Scene
+
+#: Data that are one moment of what moves.
+MOMENTS = ("painted", "yarns")
+
+
+def data_at(
+    scene: Scene, what: str, time: float, tolerance: float | None, span: Span | None = None
+) -> Any:
+    """Return what is a key of `spacemap_vtk.io.registry.DATA`, at a time."""
+    if what in ("moving", *MOMENTS):
+        from spacemap_vtk.draw.moving import moving
+
+        return moving(scene, [time], tolerance, lambda *_: None, span)
+    if what in ("draft", "analysis"):  # a draft needs no room for its yarns
+        return scene.data(what)
+    # Of a cage nothing below it is needed.
+    scene.update_stage(scene.deforming if what == "cage" else scene.stages[-1], time)
+    made = scene.data(what)
+    data = made.NewInstance()  # its own: what the pipeline has it would take for up to date
+    data.ShallowCopy(made)
+    if scene.moves:
+        from vtkmodules.vtkCommonDataModel import vtkDataObject
+
+        data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
+    return data
+
+
+def moments(scene: Scene, times: Sequence[float]) -> Sequence[float]:
+    """Return the times of what lasts: those that are ordered, or of the scene's film."""
+    if not times:
+        return scene.animation.frame_times() if scene.moves else [scene.view.time]
+    if len(times) > 1 and not scene.moves:
+        raise InputError(
+            "this scene does not move: it is the same at all of them",
+            key="times",
+            cure="Add a section [response], or leave them out.",
+        )
+    for before, after in pairwise(times):
+        if not before < after:
+            raise InputError(
+                f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
+            )
+    return times
+
+
+def common_scale(scene: Scene, what: str, times: Sequence[float]) -> Span | None:
+    """Return the ends of the scale that the colours of all files have, where there is one."""
+    if what not in ("moving", *MOMENTS) or not COLORINGS[scene.view.color].numbers:
+        return None
+    from spacemap_vtk.draw.picture import over_motion
+
+    return over_motion(scene, times)[1]
+
+
+def pieces_of(
+    scene: Scene, what: str, time: float, count: int, tell: Callable[[int, int], object]
+) -> Iterator[Any]:
+    """Yield the pieces of a surface or of patches, each made when it is asked for."""
+    from spacemap_vtk.datasets.processes import WHOLE, Piece
+    from spacemap_vtk.filters.algorithm import PIECE
+
+    try:
+        for number in range(count):
+            tell(number, count)
+            scene.update(time, Piece(number, count))
+            yield scene.data(what)
+        tell(count, count)
+    finally:
+        for key, value in zip(PIECE, WHOLE, strict=True):  # for whoever updates the scene next
+            scene.stages[-1].GetOutputInformation(0).Set(key, value)
