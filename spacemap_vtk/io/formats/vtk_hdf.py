@@ -60,13 +60,16 @@ def _require(file: Path) -> None:
 def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     """Write points, cells and their arrays at some times; what stays the same is there once."""
     import h5py
+    import numpy as np
 
     with _Sink(file, "w+") as sink:
-        with h5py.File(sink, "w") as made:
-            if told():  # not in the field data: of a text in there VTK's reader dies
-                made[NAME] = told()
-            _fill(made, file.name, steps, sink)
-        sink.check()
+        try:
+            with h5py.File(sink, "w") as made:
+                if told():  # not in the field data: of a text in there VTK's reader dies
+                    made[NAME] = np.bytes_(told())
+                _fill(made, file.name, steps, sink)
+        finally:
+            sink.check()  # the first reason of all
 
 
 class _Sink(FileIO):
