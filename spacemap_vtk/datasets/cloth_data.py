@@ -2,12 +2,13 @@
 
 ``cloth_drawdown`` (uint8, pick by pick), ``cloth_warp_diameter`` and ``cloth_warp_spacing`` (m: one
 value, or one for each), ``cloth_warp_section`` (its number among `SECTIONS`, width over height),
-likewise of the weft; and ``cloth_measures``: ends and picks, crimp height and overhang (m), density
-of the yarns (kg/m3), 0 or 1 for closed ends, rational patches and axes by splines, and where the
-middles of ends and picks are (m; at 0 where it is not said). Of a double weave ``cloth_layers``
-(uint8: 1 for each end and pick of its second cloth, 2 for those that change from one to the other)
-and ``cloth_layer_gap`` (m). NaN stands for what is not known. Colours are those of the cells;
-warnings were told where it was made.
+``cloth_warp_twist`` and ``cloth_warp_plies`` (turns per metre, above 0 for Z, and how many: one
+value, or one for each), likewise of the weft; and ``cloth_measures``: ends and picks, crimp height
+and overhang (m), density of the yarns (kg/m3), 0 or 1 for closed ends, rational patches and axes by
+splines, and where the middles of ends and picks are (m; at 0 where it is not said). Of a double
+weave ``cloth_layers`` (uint8: 1 for each end and pick of its second cloth, 2 for those that change
+from one to the other) and ``cloth_layer_gap`` (m). NaN stands for what is not known. Colours are
+those of the cells; warnings were told where it was made.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from spacemap_vtk.fabric.threads import SECTIONS, Lengths, Threads
 
 #: What their names begin with.
 _PREFIX = "cloth_"
+#: Of the patches of a weave, see `spacemap_vtk.fabric.weave.Weave.places`.
+PLACES = "yarn_places"
 #: Point arrays of yarns that were laid anew: where the ring of each control point stands in the
 #: cage [m], and how the point lies from where the cage carries that [m].
 FOOT, OFFSET = "foot", "interchange"
@@ -48,6 +51,9 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         add_array(field, f"{name}_spacing", apart if apart.size else np.array([nan]))
         kind = SECTIONS.index(threads.section)
         add_array(field, f"{name}_section", np.array([kind, threads.aspect]))
+        twist = nan if threads.twist is None else threads.twist
+        for key, seen in (("twist", twist), ("plies", threads.plies)):
+            add_array(field, f"{name}_{key}", np.array(seen, np.float64, ndmin=1))
     measures = (
         *cloth.size,
         cloth.height,
@@ -92,12 +98,19 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         name = _PREFIX + family
         kind, aspect = values(f"{name}_section", 2).tolist()
         spacing = lengths(f"{name}_spacing")
+        # what files from before there were these do not say
+        twist, plies = (
+            lengths(f"{name}_{key}") if field.HasArray(f"{name}_{key}") else usual
+            for key, usual in (("twist", nan), ("plies", 1.0))
+        )
         threads.append(
             Threads(
                 diameter=lengths(f"{name}_diameter"),
                 spacing=spacing if np.all(np.isfinite(spacing)) else np.empty(0),
                 section=SECTIONS[int(kind)],
                 aspect=aspect,
+                twist=None if np.isnan(twist).any() else twist,
+                plies=plies,
             )
         )
     drawdown = values(_DRAWDOWN, int(ends) * int(picks)).reshape(int(picks), int(ends)) != 0

@@ -32,6 +32,8 @@ _MANY_PATCHES = 300_000
 _MOST_QUADS = 500_000_000
 #: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
 _CHORD, _MOST_SIDES = 0.3, 12
+#: Diameters in pixels from which on plies are made, and fibres are shaded.
+_PLIED, _STRANDS = 16.0, 10.0
 #: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
 _CELLS = 240
 #: More crossings take longer to be solved than a picture of the window that moves may take.
@@ -169,3 +171,13 @@ def sides_seen(diameters: Iterable[float], scale: float) -> int:
         return 1
     half = math.acos(1.0 - _CHORD / radius)
     return max(1, min(_MOST_SIDES, math.ceil(math.pi / 4 / half)))
+
+
+def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
+    """Return what `PatchTessellator.choose` takes: facets, and whether fibres are seen."""
+    thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
+    plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
+    sides = sides_seen([thickest], scale)
+    if plies > 1 and thickest * scale > _PLIED:  # their outline is as many times as curved
+        sides = min(_MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
+    return sides, thickest * scale > _STRANDS

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.pieces import cells_in_sight, own_stages, run_of, yarns_in
 from spacemap_vtk.fabric.partition import cropped
@@ -76,8 +76,9 @@ class NearYarns:
             self._scene.weave.lend(self._weave, yarns_in(self._sheet, *part))
         if self.part is not None:
             sheet.lend_crossings(self.stages, yarns_in(sheet, *self.part))
-        sides = sides_seen((float(np.max(t.diameter)) for t in threads), scale)
-        self._surface.choose(max(1, min(sides, isqrt(_MOST_QUADS // self._patches))))
+        sides, strands = form_seen(sheet.cloth, scale)
+        sides = max(1, min(sides, isqrt(_MOST_QUADS // self._patches)))
+        self._surface.choose(sides, strands)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
             for stage in self.stages[1:]:

@@ -15,7 +15,7 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of, upward
 from spacemap_vtk.draw.coloring import add_measure, measure
 from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
-from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, pixels_per_metre, sides_seen
+from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
 from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
@@ -133,7 +133,8 @@ class Picture:
             return
         cloth, automatic = scene.weave.cloth, scene.surface.subdivisions is None
         scale = pixels_per_metre(camera, room, height)
-        scene.surface.choose(sides_seen((np.max(t.diameter) for t in cloth.threads), scale))
+        sides, strands = form_seen(cloth, scale)
+        scene.surface.choose(sides, strands)
         pixels = scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
         if pixels < _FINE:
             self.panels[-1].window.render_window.SetMultiSamples(_SAMPLES)
@@ -142,7 +143,7 @@ class Picture:
         if automatic and pixels < SMALLEST_YARN:
             scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
         else:
-            self.pieces = DrawnPieces(scene, scene.surface.sides)
+            self.pieces = DrawnPieces(scene, scene.surface.sides, strands)
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.

@@ -36,7 +36,7 @@ class DrawnPieces:
 
     # The scene's stages keep what they have made of the cage, which all pieces need.
 
-    def __init__(self, scene: Scene, sides: int) -> None:
+    def __init__(self, scene: Scene, sides: int, strands: bool) -> None:
         self._scene, self._cloth = scene, scene.weave.cloth
         patches = estimate_counts(self._cloth).patches
         wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
@@ -44,7 +44,7 @@ class DrawnPieces:
         self._stages = own_stages(scene)
         last = self._stages[-1]
         assert isinstance(last, PatchTessellator)
-        last.choose(sides)
+        last.choose(sides, strands)
 
     def in_sight(
         self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float

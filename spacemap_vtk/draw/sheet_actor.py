@@ -221,7 +221,7 @@ class SheetActor(SurfaceActor):
         """Have the contact shadows of yarns, so deep."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
 
-    def _light(self, surface: vtkPolyData) -> None:
+    def _light(self, surface: vtkPolyData, style: Style) -> None:
         pass  # by shaders of its own
 
     def _wear(self, style: Style, point: float) -> None:

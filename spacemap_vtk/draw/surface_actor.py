@@ -13,7 +13,9 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
 
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.draw.coloring import SHOWN, unit_of
+from spacemap_vtk.draw.fibre_shader import show_fibres
 from spacemap_vtk.draw.lighting import light_by_shader, light_up
+from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 from spacemap_vtk.scenes.styles import STYLES, Style
@@ -39,7 +41,7 @@ class SurfaceActor(vtkActor):
         self._mapper.SetVBOShiftScaleMethod(0)
         self.SetMapper(self._mapper)
         self._worn: tuple[Style, float] | None = None
-        self._by_shader = False
+        self._by_shader = False, False
         self._table = vtkLookupTable()
         self.bar = scale_bar()
         self.bar.SetLookupTable(self._table)
@@ -76,8 +78,8 @@ class SurfaceActor(vtkActor):
         self._paint(picture if shown is None and color == "own" else None)
         self.bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
-        self._light(surface)
         worn = style if shown is None else style.of_numbers, point
+        self._light(surface, worn[0])
         if worn != self._worn:
             self._worn = worn
             self._wear(*worn)
@@ -90,17 +92,20 @@ class SurfaceActor(vtkActor):
         self.bar.SetTitle(scale_title(color, name))
         return size
 
-    def _light(self, surface: vtkPolyData) -> None:
+    def _light(self, surface: vtkPolyData, style: Style) -> None:
         """Let the style's light fall on a surface; lines and dots have no side that it falls on."""
         faced = surface.GetPointData().GetNormals() is not None
         faced |= (
             surface.GetNumberOfPolys() + surface.GetNumberOfStrips() == surface.GetNumberOfCells()
         )
-        if faced != self._by_shader:
-            self._by_shader = faced
-            self.GetShaderProperty().ClearAllFragmentShaderReplacements()
+        # Fibres are those that catch light: lines are of smooth yarns, and numbers are no cloth.
+        fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
+        if (faced, fibres) != self._by_shader:
+            self._by_shader = faced, fibres
+            self.GetShaderProperty().ClearAllShaderReplacements()
             if faced:
                 light_by_shader(self)
+            show_fibres(self, self._mapper, fibres)
 
     def _wear(self, style: Style, point: float) -> None:
         light_up(self.GetShaderProperty().GetFragmentCustomUniforms(), style, point)

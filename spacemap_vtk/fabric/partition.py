@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,13 +96,18 @@ def cropped(cloth: Cloth, part: Share) -> Cloth:
         place = cloth.yarns[number].position
         middle.append(0.5 * float(place[first] + place[last - 1]))
         colors = whole.colors if len(whole.colors) == 1 else whole.colors[some]
-        apart, thick = whole.spacing, whole.diameter
+        apart = whole.spacing
+        own: dict[str, Any] = {
+            name: value[some]
+            for name in ("diameter", "twist", "plies")
+            if isinstance(value := getattr(whole, name), np.ndarray)
+        }
         threads.append(
             replace(
                 whole,
                 spacing=apart[first : last - 1] if isinstance(apart, np.ndarray) else apart,
-                diameter=thick[some] if isinstance(thick, np.ndarray) else thick,
                 colors=colors,
+                **own,
             )
         )
     warp, weft = threads

@@ -55,6 +55,8 @@ class ThreadsAsked:
     aspect: float | None
     layer: int | tuple[int, ...] | None
     color: Rgb | tuple[Rgb, ...] | None
+    twist: Wanted | None = None
+    plies: int | tuple[int, ...] | None = None
 
     @property
     def thick(self) -> bool:
@@ -226,6 +228,8 @@ def _threads(
         aspect=aspect,
         crimp=asked.crimp,
         colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
+        twist=None if asked.twist is None else along(asked.twist, count),
+        plies=along(asked.plies or 1.0, count),
     )
 
 

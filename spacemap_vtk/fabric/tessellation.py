@@ -262,6 +262,23 @@ class Tessellation:
         for_each(self._chunks, lambda: do, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
+    def views(self, *arrays: Floats) -> Iterator[tuple[Any, ...]]:
+        """Yield runs of patches, and of arrays of the surface's points their part.
+
+        Parameters
+        ----------
+        *arrays : ndarray of float, shape (point_count, k)
+            Whatever belongs to the points.
+
+        Yields
+        ------
+        tuple
+            The patches' numbers as a slice; of each array a view, (samples, patches, k), u fastest.
+        """
+        for chunk in self._chunks:
+            which = slice(chunk.first, chunk.first + chunk.patch_count)
+            yield which, *(self._part(array, chunk) for array in arrays)
+
     @property
     def point_count(self) -> int:
         """Number of surface points, ``P (n + 1)**2``."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.fabric.yarn import section_factor, usual_twist
 from spacemap_vtk.units import format_quantity
 
 #: Sections of a yarn, the commonest first.
@@ -70,6 +71,11 @@ class Threads:
         Crimp c = l / p - 1 where the yarns change side, in place of the cloth's crimp height.
     colors : ndarray of uint8
         (n, 3) Red, green and blue of each yarn, or (1, 3) of all; white where nobody says.
+    twist : float or array_like, optional
+        Turns per metre, above 0 for Z and below for S, of all yarns or of each; by default the
+        usual, see `spacemap_vtk.fabric.yarn.usual_twist`. Seen, and nothing else.
+    plies : float or array_like
+        How many singles are twisted together; 1 for singles. Seen, and nothing else.
     """
 
     diameter: Lengths
@@ -78,6 +84,8 @@ class Threads:
     aspect: float = 1.0
     crimp: float | None = None
     colors: NDArray[np.uint8] = field(default_factory=lambda: np.full((1, 3), 255, np.uint8))
+    twist: Lengths | None = None
+    plies: Lengths = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "diameter", _unchangeable(self.diameter))
@@ -139,7 +147,34 @@ class Threads:
         """
         yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
-        return replace(self, diameter=yarns.diameter, spacing=yarns.spacing, colors=colors)
+        twist, plies = self.twist, self.plies
+        return replace(
+            self,
+            diameter=yarns.diameter,
+            spacing=yarns.spacing,
+            colors=colors,
+            twist=twist[which] if isinstance(twist, np.ndarray) else twist,
+            plies=plies[which] if isinstance(plies, np.ndarray) else plies,
+        )
+
+    def strands(self, count: int) -> tuple[Lengths, Lengths, Lengths]:
+        """Return turns per metre, plies, and diameters of round yarns of the same area.
+
+        Parameters
+        ----------
+        count : int
+            How many yarns there are.
+
+        Returns
+        -------
+        tuple of 3 ndarray of float, shape (count,)
+            Turns above 0 for Z twist.
+        """
+        round_ = np.sqrt(section_factor(self.aspect, self.shape) / (0.25 * np.pi)) * self.diameter
+        usual = usual_twist(np.asarray(round_), np.asarray(self.plies))
+        values = usual if self.twist is None else self.twist, self.plies, round_
+        turns, plies, diameter = (np.array(np.broadcast_to(v, count)) for v in values)
+        return turns, plies, diameter
 
     def yarns(self, count: int, middle: float = 0.0) -> Yarns:
         """Return the yarns one by one.

@@ -59,6 +59,9 @@ class Weave:
     #: error round the yarn and along its arcs together; 0 for exact cloth. For splines the largest
     #: deviation found along the yarn takes the place of the bound. Of the yarns that were built.
     radial_error: float
+    #: (parts, 3) Of each part of a yarn, in the tubes' order, the way along the yarn's axis to its
+    #: start and to its end [m], and its yarn.
+    places: NDArray[np.float64]
 
 
 def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Weave:
@@ -108,7 +111,17 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
             _radial_error(path, shape.error, cloth.exact)
             for path, shape in zip(paths, sections, strict=True)
         ),
+        places=np.concatenate([_places(*each) for each in zip(paths, numbers, strict=True)]),
     )
+
+
+def _places(path: Axes, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the rows of `Weave.places` of one family."""
+    stop = np.cumsum(path.length)
+    before = np.concatenate([[0.0], stop])[np.cumsum(path.parts) - path.parts]
+    start = stop - path.length
+    begun = np.repeat(before, path.parts)
+    return np.stack([start - begun, stop - begun, numbers[path.owner]], axis=1)
 
 
 def _sections(cloth: Cloth) -> tuple[Section, Section]:

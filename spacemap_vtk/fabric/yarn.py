@@ -10,7 +10,7 @@ appendix of units, and table 5.1 for the density of cotton.
 from __future__ import annotations
 
 import re
-from math import pi
+from math import pi, radians, tan
 from typing import TypeVar
 
 import numpy as np
@@ -27,9 +27,13 @@ COTTON = 1520.0
 PACKING = 0.6
 #: kg/m of a yarn with 840 yards (0.9144 m each) to the pound, and with 1000 m to the kg.
 _INDIRECT = {"ne": 0.45359237 / (840 * 0.9144), "nec": 0.45359237 / (840 * 0.9144), "nm": 1e-3}
+#: Of a spun yarn's outer fibres, from its axis: 30 tex of cotton has it at a usual twist factor,
+#: 3800 turns/m sqrt(tex).
+_USUAL_ANGLE = radians(24.0)
 
 _NUMBER = r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+))?"
 _WORD = "|".join(_INDIRECT)
+_TWIST = re.compile(r"\s*([SZsz](?=[\s\d.]))?\s*(.*?\d.*?)\s*(?<![A-Za-z])([SZsz])?\s*")
 _COUNT = re.compile(rf"\s*(?:({_WORD})\s*{_NUMBER}|{_NUMBER}\s*({_WORD}))\s*", re.IGNORECASE)
 
 
@@ -102,3 +106,45 @@ def section_factor(aspect: float, section: str) -> float:
     True
     """
     return pi / 4 * aspect if section == "elliptic" else pi / 4 + (aspect - 1.0)
+
+
+def twist(text: str) -> float:
+    """Read how many turns a yarn has in a metre.
+
+    Parameters
+    ----------
+    text : str
+        ``"600 Z"``, ``"S 450"`` or ``"15 /in Z"``: without a unit per metre. Of a bare number Z is
+        above 0, S below (ISO 2:1973: seen upright, the fibres in front lean as the letter's middle
+        stroke does; Z is a right-handed screw).
+
+    Returns
+    -------
+    float
+        Per metre.
+
+    Raises
+    ------
+    InputError
+        If the text is no twist.
+
+    Examples
+    --------
+    >>> twist("S 600"), twist("-600"), round(twist("20 /in Z"))
+    (-600.0, -600.0, 787)
+    """
+    match = _TWIST.fullmatch(text)
+    if match is None:
+        return parse_quantity(text, "1/m")
+    before, number, after = match.groups()
+    turns, letter = parse_quantity(number, "1/m"), (before or after or "").upper()
+    if (before and after) or (letter and turns < 0.0):
+        raise InputError("a direction twice over")
+    return -turns if letter == "S" else turns
+
+
+def usual_twist(diameter: NDArray[np.float64], plies: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return turns per metre where nobody says: singles Z, plied yarns against their own, S."""
+    # J. W. S. Hearle, P. Grosberg and S. Backer (1969): fibres at the surface of a yarn lean by
+    # tan(angle) = pi d T.
+    return np.where(plies > 1, -1.0, 1.0) * tan(_USUAL_ANGLE) / (pi * diameter)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -27,14 +28,19 @@ from spacemap_vtk.datasets.arrays import (
     to_cells,
     to_points,
 )
+from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
 from spacemap_vtk.datasets.geometry_cache import Connectivity
 from spacemap_vtk.datasets.surface_extract import Skin
 from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.fabric.cloth import FAMILIES
+from spacemap_vtk.fabric.plies import Strands
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Integer
 
+#: Point array for shading: where fibres run.
+STRANDS = "strands"
 #: Subdivisions where nobody says how many, and nobody knows how large a patch is seen.
 AUTOMATIC_SIDES = 4
 
@@ -78,6 +84,7 @@ class PatchTessellator(Stage):
     )
 
     _chosen: int = AUTOMATIC_SIDES
+    _strands: bool = False
     _kept: _Patches | None = None
     _skin: Skin | None = None
 
@@ -86,18 +93,21 @@ class PatchTessellator(Stage):
         """The subdivisions in force."""
         return self.subdivisions or self._chosen
 
-    def choose(self, sides: int) -> None:
-        """Say how many subdivisions automatic ones are.
+    def choose(self, sides: int, strands: bool = False) -> None:
+        """Say how many subdivisions automatic ones are, and what shading needs.
 
         Parameters
         ----------
         sides : int
             From 1 on.
+        strands : bool
+            Whether points of yarns get where their fibres run, see
+            `spacemap_vtk.fabric.plies.Strands.coordinates`.
         """
-        if sides != self._chosen:
-            self._chosen = sides
-            if self.subdivisions is None:
-                self.Modified()
+        changed = sides != self._chosen and self.subdivisions is None
+        if changed or strands != self._strands:
+            self.Modified()
+        self._chosen, self._strands = sides, strands
 
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
@@ -118,6 +128,12 @@ class PatchTessellator(Stage):
         rational = grid.GetPointData().GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
+        if (strands := prepared.strands(grid)) is not None:
+            if strands.made:
+                views = prepared.tessellation.views(positions, normals)
+                strands.make(points_of(grid), weights, views)
+            if self._strands:
+                output.GetPointData().AddArray(prepared.coordinates(strands))
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
         output.GetPointData().SetNormals(to_array(normals, "Normals"))
@@ -223,11 +239,37 @@ class _Patches:
         self.tessellation = Tessellation(patches, (order - 1, order - 1), subdivisions)
         self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
         self.patches = patches
+        self.told: list[bytes | None] = []
+        self.woven: Strands | None = None
+        self.ways: vtkDataArray | None = None
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
     def serves(self, grid: vtkUnstructuredGrid, subdivisions: int) -> bool:
         return self.subdivisions == subdivisions and self.cells.matches(grid)
+
+    def strands(self, grid: vtkUnstructuredGrid) -> Strands | None:
+        """Return where fibres and plies run on a whole weave; None on anything else."""
+        told = _told(grid)
+        if told != self.told:
+            self.told, self.woven, self.ways = told, None, None
+            cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
+            places = grid.GetFieldData().GetArray(PLACES)
+            if cloth is not None:
+                # not of some patches of a weave
+                with suppress(GeometryError):
+                    places = vtk_to_numpy(places)
+                    self.woven = Strands(self.patches, cloth, places, self.subdivisions)
+        return self.woven
+
+    def coordinates(self, strands: Strands) -> vtkDataArray:
+        """Return where fibres run, as long as the yarns are the same one array."""
+        if self.ways is None:
+            ways = np.empty((self.tessellation.point_count, 3), np.float32)
+            for which, view in self.tessellation.views(ways):
+                view[:] = strands.coordinates(which)
+            self.ways = to_array(ways, STRANDS)
+        return self.ways
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
         """Return an array of points as one of patches, where it is a whole number of theirs."""
@@ -253,6 +295,14 @@ class _Patches:
             made = to_array(np.repeat(vtk_to_numpy(array), self.subdivisions**2, axis=0), name)
         self.arrays[name] = array, array.GetMTime(), made
         return made
+
+
+def _told(grid: vtkUnstructuredGrid) -> list[bytes | None]:
+    """Return what decides where fibres and plies run."""
+    field = grid.GetFieldData()
+    seen = (f"cloth_{family}_{key}" for family in FAMILIES for key in ("twist", "plies"))
+    arrays = (field.GetArray(name) for name in (PLACES, *seen))
+    return [None if array is None else vtk_to_numpy(array).tobytes() for array in arrays]
 
 
 def _equal(first: vtkDataArray, second: vtkDataArray) -> bool:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft, pattern_names
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
-from spacemap_vtk.fabric.yarn import linear_density
-from spacemap_vtk.parameters import Parameter, Real, Series
+from spacemap_vtk.fabric.yarn import linear_density, twist
+from spacemap_vtk.parameters import Color, Integer, Parameter, Real, Series
 
 _P = TypeVar("_P", bound=Parameter[Any])
 
@@ -78,10 +78,74 @@ class YarnCount(Real):
         )
 
 
+class Twist(Real):
+    """The twist of a yarn, in turns per metre."""
+
+    def convert(self, value: Any) -> float:
+        """Return turns per metre, above 0 for Z."""
+        return float(super().convert(twist(value) if isinstance(value, str) else value))
+
+    @property
+    def form(self) -> str:
+        """The ways to write it, with examples."""
+        return 'turns in a length and their direction, as "600 Z" (per metre) or "15 /in S"'
+
+
 class PerYarn(Series):
     """One value for all yarns of a family, or a list of values that is repeated over them."""
 
     each = "repeated over the yarns"
+
+
+def twist_of(family: FamilyWords) -> PerYarn:
+    """Declare how a family's yarns are twisted."""
+    return PerYarn(
+        Twist(
+            None,
+            f"Twist of the {family.name}, of plied yarns that of their plies: turns in a length, Z "
+            "above 0 and S below. It is seen, and enters no mechanics.",
+            unit="1/m",
+            minimum=-20_000,
+            maximum=20_000,
+        ),
+        automatic="Z, so that outer fibres lean by 24 degrees; S of plied yarns",
+    )
+
+
+def plies_of(family: FamilyWords) -> PerYarn:
+    """Declare how many singles are a family's yarns."""
+    return PerYarn(
+        Integer(
+            None,
+            f"Plies of the {family.name}: singles that are twisted together, in the section that "
+            "the yarn has. They are seen, and enter no mechanics.",
+            minimum=1,
+            maximum=12,
+        ),
+        automatic="1: singles",
+    )
+
+
+def layer_of(family: FamilyWords) -> PerYarn:
+    """Declare to which cloth of a double weave a family's yarns belong."""
+    return PerYarn(
+        Integer(
+            None,
+            f"Of a double weave, the cloth to which each of the {family.yarns} belongs: 1 and "
+            "2 are repeated over them; 1 alone draws one layer.",
+            minimum=1,
+            maximum=2,
+        ),
+        automatic="found in the weave",
+    )
+
+
+def color_of(family: FamilyWords) -> PerYarn:
+    """Declare what colours a family's yarns have."""
+    return PerYarn(
+        Color(family.color, f"Colour of the {family.name}."),
+        automatic="the draft's, or #{:02x}{:02x}{:02x}".format(*family.color),
+    )
 
 
 def repeat_of(pattern: Any) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import VTK_BEZIER_QUADRILATERAL, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_points
-from spacemap_vtk.datasets.cloth_data import add_cloth
+from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import weave, yarn
@@ -23,11 +23,21 @@ from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
 from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.weave_parameters import Pattern, PerYarn, YarnCount, both, repeat_of
+from spacemap_vtk.filters.weave_parameters import (
+    Pattern,
+    PerYarn,
+    YarnCount,
+    both,
+    color_of,
+    layer_of,
+    plies_of,
+    repeat_of,
+    twist_of,
+)
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Real
+from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
@@ -193,18 +203,7 @@ class WeaveSource(Stage):
         ["scale", "flatten", "refuse"],
         when={"draft": ()},
     )
-    warp_layer, weft_layer = both(
-        lambda family: PerYarn(
-            Integer(
-                None,
-                f"Of a double weave, the cloth to which each of the {family.yarns} belongs: 1 and "
-                "2 are repeated over them; 1 alone draws one layer.",
-                minimum=1,
-                maximum=2,
-            ),
-            automatic="found in the weave",
-        )
-    )
+    warp_layer, weft_layer = both(layer_of)
     layer_gap = Real(
         None,
         "Room between the two cloths of a double weave.",
@@ -233,12 +232,9 @@ class WeaveSource(Stage):
         "curvature, which holds no distance between yarns.",
         AXES,
     )
-    warp_color, weft_color = both(
-        lambda family: PerYarn(
-            Color(family.color, f"Colour of the {family.name}."),
-            automatic="the draft's, or #{:02x}{:02x}{:02x}".format(*family.color),
-        )
-    )
+    warp_twist, weft_twist = both(twist_of)
+    warp_plies, weft_plies = both(plies_of)
+    warp_color, weft_color = both(color_of)
 
     @property
     def cloth(self) -> Cloth:
@@ -343,6 +339,8 @@ class WeaveSource(Stage):
                 aspect=self.warp_aspect,
                 layer=self.warp_layer,
                 color=self.warp_color,
+                twist=self.warp_twist,
+                plies=self.warp_plies,
             ),
             weft=ThreadsAsked(
                 diameter=self.weft_diameter,
@@ -354,6 +352,8 @@ class WeaveSource(Stage):
                 aspect=self.weft_aspect,
                 layer=self.weft_layer,
                 color=self.weft_color,
+                twist=self.weft_twist,
+                plies=self.weft_plies,
             ),
             fibre_density=self.fibre_density,
             packing=self.packing,
@@ -468,6 +468,7 @@ class WeaveSource(Stage):
         _, mass, bounds = self._whole
         add_array(output.GetFieldData(), "areal_mass", np.array([mass]))  # for one that is a sheet
         add_cloth(output, cloth)
+        add_array(output.GetFieldData(), PLACES, made.places)
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
 

@@ -1,0 +1,106 @@
+"""Twist and plies: helices, their hand, and what is left of the section."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from spacemap_vtk import PatchTessellator, WeaveSource
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.plies import outline
+from spacemap_vtk.fabric.yarn import twist, usual_twist
+from spacemap_vtk.filters.patch_tessellator import STRANDS
+
+#: A lone straight pick along x, 40 mm long and 0.25 mm thick, under an end that is far thinner.
+STRAIGHT = {
+    "ends": 1,
+    "picks": 1,
+    "overhang": "20 mm",
+    "warp_crimp_height": 0.252e-3,
+    "weft_diameter": 0.25e-3,
+    "warp_diameter": 2e-6,
+}
+
+
+def surface(sides: int, **values: object) -> np.ndarray:
+    """The surface points of the pick, and what shading knows of them."""
+    weave, surface = WeaveSource(**STRAIGHT, **values), PatchTessellator(subdivisions=sides)
+    surface.SetInputConnection(weave.GetOutputPort())
+    surface.choose(sides, strands=True)
+    out = surface.update().output
+    points, data = points_of(out).astype(float), out.GetPointData()
+    ways = np.array(data.GetArray(STRANDS)).reshape(-1, 3)
+    normals = np.array(data.GetNormals()).reshape(-1, 3)
+    axis = points[np.abs(points[:, 1]) < 0.2e-3]
+    assert np.ptp(axis[:, 0]) == pytest.approx(0.04)
+    pick = (np.abs(points[:, 0]) > 1e-3) & (ways[:, 2] > 0.0)
+    found = np.column_stack([points, ways, normals])[pick]
+    found[:, 2] -= 0.5 * (found[:, 2].max() + found[:, 2].min())
+    return found
+
+
+@pytest.mark.parametrize(("plies", "hand"), [(2, "Z"), (3, "S")])
+def test_crowns_of_plies_wind_by_the_twist_and_its_hand(plies: int, hand: str) -> None:
+    x, y, z, *_, nx, ny, nz = surface(16, weft_plies=plies, weft_twist=f"100 {hand}").T
+    radius, angle = np.hypot(y, z), np.arctan2(z, y)
+    assert radius.max() == pytest.approx(0.125e-3, rel=1e-3)
+    # a right-handed screw about x turns from y to z while it goes on along x
+    turns = 100.0 if hand == "Z" else -100.0
+    phase = plies * (angle - 2 * np.pi * turns * x)
+    crown = np.angle(np.exp(1j * phase)[radius > 0.99 * radius.max()].mean())
+    off = np.angle(np.exp(1j * (phase - crown)))
+    assert np.abs(off[radius > 0.995 * radius.max()]).max() < 0.8
+    assert np.abs(off[radius < 1.02 * radius.min()]).min() > 2.0
+    # the same normal as the closed form's: of a screw, moving along it keeps within the surface
+    along = np.column_stack([np.ones_like(x), -2 * np.pi * turns * z, 2 * np.pi * turns * y])
+    tilt = np.einsum("nk,nk->n", along, np.column_stack([nx, ny, nz]))
+    assert np.abs(tilt).max() < 5e-3
+
+
+def test_plies_fill_what_circles_pressed_together_do() -> None:
+    for plies in (2, 3, 5):
+        middle = 0.8 / (1 + np.sin(np.pi / plies))  # of their circles, which reach to 1
+        half = np.pi / plies
+
+        def rim(t: float, a: float = middle) -> float:
+            return a * np.cos(t) + np.sqrt((1 - a) ** 2 - (a * np.sin(t)) ** 2)
+
+        area = plies * quad(lambda t: rim(t) ** 2, 0.0, half)[0]
+        phase = np.linspace(0.0, 1.0, 4001)[:-1]
+        reach, slope = outline(phase, np.array(float(plies)))
+        # grooves are rounded, by a few per cent
+        assert np.pi * (reach**2).mean() == pytest.approx(area, rel=0.03)
+        by_steps = (np.roll(reach, -1) - np.roll(reach, 1)) / (2 * phase[1])
+        np.testing.assert_allclose(slope, by_steps, atol=2e-3 * np.abs(slope).max())
+
+
+def test_usual_fibres_lean_by_24_degrees_and_are_that_much_longer() -> None:
+    x, y, z, fibre, *_ = surface(8).T
+    (turns,), diameter = usual_twist(np.array([0.25e-3]), np.array([1.0])), 0.25e-3
+    # what stays along a fibre stays along a right-handed screw of so many turns
+    screw = np.arctan2(z, y) - 2 * np.pi * turns * x
+    assert abs(np.exp(1j * (2 * np.pi * fibre + screw)).mean()) == pytest.approx(1.0, abs=1e-4)
+    points = np.linspace(0.0, 2 * np.pi * turns * 0.1, 20_000)
+    helix = np.stack([0.5 * diameter * np.cos(points), 0.5 * diameter * np.sin(points)])
+    steps = np.hypot(*np.diff(helix)), np.diff(points) / (2 * np.pi * turns)
+    length = np.hypot(*steps).sum() / 0.1
+    assert length == pytest.approx(np.hypot(1.0, np.pi * diameter * turns), rel=1e-5)
+    assert length == pytest.approx(1 / np.cos(np.radians(24.0)), rel=1e-5)
+
+
+@pytest.mark.parametrize("text", ["Z 600 S", "-600 Z", "600 X", "Z"])
+def test_what_is_no_twist_is_refused(text: str) -> None:
+    with pytest.raises(InputError):
+        twist(text)
+
+
+def test_twist_and_plies_are_of_each_yarn_and_enter_no_figures() -> None:
+    plain, plied = WeaveSource(ends=3), WeaveSource(ends=3)
+    plied.configure(warp_plies=[2, 1], weft_twist="S 700", warp_twist=["Z 300", "S 300"])
+    one, other = plain.update().output, plied.update().output
+    np.testing.assert_array_equal(points_of(one), points_of(other))
+    turns, plies, _ = plied.cloth.warp.strands(3)
+    assert (turns.tolist(), plies.tolist()) == ([300, -300, 300], [2, 1, 2])
+    assert plied.cloth.weft.strands(7)[0].tolist() == 7 * [-700]
