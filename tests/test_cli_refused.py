@@ -29,6 +29,10 @@ from test_cli import SMALL, refused, run
         ("[weave]\nwarp_diameter = '1 kg'", ['unit "kg"', "mm"]),
         ("[weave]\nwarp_crimp_height = '0.51 mm'", ["weave.warp_crimp_height", "0 mm to 0.5 mm"]),
         ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
+        (
+            "[weave]\nwarp_sett = '20 /cm'\nwarp_spacing = '1 mm'",
+            ['weave.warp_sett = "20 /cm"', "--set weave.warp_sett=auto does"],
+        ),
         ("[weave]\npattern = ['10', '0']", ["weave.pattern", "0 and 1"]),
         ("[weave]\npattern = 'plian'", ["weave.pattern", '"plain"']),
         ("[weave]\ndraft = 'no.wif'", ["weave.draft", "no.wif", "no such file", "(.wif, "]),

@@ -110,7 +110,9 @@ class Asked:
                     key=given[1],
                     value=rivals[given[1]],
                     allowed=f"one of {', '.join(rivals)}",
-                    cure="Leave out " + " or ".join(given),
+                    cure=f"Leave out {' or '.join(given)}, as --set "
+                    + " or --set ".join(f"weave.{key}=auto" for key in given)
+                    + " does",
                 )
 
 

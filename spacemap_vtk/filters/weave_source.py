@@ -252,7 +252,12 @@ class WeaveSource(Stage):
         # asked for at every frame, by whoever draws it
         key = (*self.settings.values(), *self._stamp)
         if self._resolved is None or self._resolved[0] != key:
-            source, asked = self.source, self.asked
+            try:
+                source, asked = self.source, self.asked
+            except InputError as error:
+                if isinstance(error.value, float) and error.key in self.parameters:
+                    error.value = self.parameter(error.key).show(error.value)  # with its unit
+                raise
             ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
             self._resolved = key, resolve(source, asked)
@@ -437,9 +442,7 @@ class WeaveSource(Stage):
             cloth = made_of
         for text in cloth.warnings:
             self.warn(text)
-        share = ALL
-        if self.piece.of > 1:
-            share = share_of(cloth, self.piece.number, self.piece.of)
+        share = share_of(cloth, self.piece.number, self.piece.of) if self.piece.of > 1 else ALL
         made = weave.build(cloth, share, np.float32 if self.single else np.float64)
         output.SetPoints(to_points(made.points))
         output.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
