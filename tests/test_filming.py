@@ -110,6 +110,27 @@ def test_a_folder_that_is_anothers_is_left_alone(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.rglob("*")} == {"a.gif.frames", "precious"}
 
 
+def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    output = tmp_path / "a.gif"
+    found: list[str] = []
+
+    def tell(done: int, of: int) -> None:
+        if done == 3:
+            for more in ({}, {"weave": {"ends": 3, "picks": 2}}):
+                with pytest.raises(
+                    InputError, match=r"a\.gif is being made by another.*Wait"
+                ) as no:
+                    filmed(output, **more)
+                found.append(str(no.value))
+
+    carry_out(Order("film", output), Scene(VALUES), tell)
+    assert len(found) == 2
+    assert list(tmp_path.iterdir()) == [output]
+    with Image.open(output) as image:
+        assert image.n_frames == COUNT
+
+
 def test_processes_make_the_same_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # They share what is solved though nothing is to be kept.
     monkeypatch.setenv(cache.VARIABLE, "off")

@@ -121,11 +121,11 @@ def animate(
     order.workers, order.again = workers, again
     try:
         _carry_out(order, chosen, "Drawing frames", quiet)
-    except BaseException:
-        from spacemap_vtk.draw.filming import KeptFrames
+    except BaseException as error:
+        from spacemap_vtk.draw.filming import BusyError, KeptFrames
 
         kept = KeptFrames(output)
-        if kept.count:
+        if kept.count and not isinstance(error, BusyError):
             print(
                 f"spacemap: {kept.count} frames are kept in {kept.folder}: the same command goes "
                 "on from there",

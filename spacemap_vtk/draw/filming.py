@@ -21,6 +21,11 @@ from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Any
 
+try:
+    import fcntl
+except ImportError:
+    fcntl = None  # type: ignore[assignment]
+
 import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
@@ -51,6 +56,10 @@ _FOLDER, _MARK = ".frames", "of.txt"
 _AHEAD, _PATIENCE = 4, 0.2
 #: What a process takes before it draws [bytes], and the pixels for which it is worth its start.
 _PROCESS, _WORTHWHILE = 300_000_000, 20_000_000
+
+
+class BusyError(InputError):
+    """Another process makes the same file."""
 
 
 @dataclass(frozen=True)
@@ -118,19 +127,45 @@ class KeptFrames:
         """Return where a frame lies."""
         return self.folder / f"{number:06d}.png"
 
-    def open(self, count: int) -> list[int]:
-        """Return the numbers of those that are there; those of another film go."""
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep others that make the same file from the folder: the system tells of each alive."""
         mark = self.folder / _MARK
-        if self.folder.exists():
-            if not mark.is_file() and any(self.folder.iterdir()):
+        while True:
+            if self.folder.exists() and not mark.is_file() and any(self.folder.iterdir()):
                 raise InputError(
                     f"{self.output}: its frames would wait in {self.folder}, which is another's",
                     cure="Move that away, or choose another name.",
                 )
-            if self.again or not mark.is_file() or mark.read_text() != self.digest:
-                shutil.rmtree(self.folder)
-        if not self.folder.exists():
-            self.folder.mkdir()
+            self.folder.mkdir(exist_ok=True)
+            with mark.open("a") as file:
+                if fcntl is None:  # Windows removes no file that is open
+                    break
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise BusyError(
+                        f"{self.output} is being made by another process, whose frames wait in "
+                        f"{self.folder}",
+                        cure="Wait until it has ended, or choose another name.",
+                    ) from None
+                except OSError:
+                    pass  # a disk that knows no locks
+                # Whoever has ended just now has taken the file along.
+                if mark.exists() and os.path.samestat(os.fstat(file.fileno()), mark.stat()):
+                    yield
+                    return
+        yield
+
+    def open(self, count: int) -> list[int]:
+        """Return the numbers of those that are there; those of another film go."""
+        mark = self.folder / _MARK
+        if self.again or mark.read_text() != self.digest:
+            for path in self.folder.iterdir():
+                if path.is_dir():
+                    shutil.rmtree(path)
+                elif path != mark:
+                    path.unlink()
             try:
                 mark.write_text(self.digest)
             except OSError:
@@ -175,17 +210,18 @@ def write_film(
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames where there is no format; say what was there before."""
-    there = set(kept.open(len(job.times)))
-    try:
-        _write(file, format_, scene, job, kept, there, tell, workers)
-    except BaseException as error:
-        # A disk that is full is not left so, unless the frames were there before.
-        given_up = isinstance(error, (OSError, Cancelled)) and not there
-        if given_up or not kept.count:
-            kept.remove()
-        raise
-    kept.remove()
-    return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
+    with kept.held():
+        there = set(kept.open(len(job.times)))
+        try:
+            _write(file, format_, scene, job, kept, there, tell, workers)
+        except BaseException as error:
+            # A disk that is full is not left so, unless the frames were there before.
+            given_up = isinstance(error, (OSError, Cancelled)) and not there
+            if given_up or not kept.count:
+                kept.remove()
+            raise
+        kept.remove()
+        return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
 
 
 def _write(
