@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.draw.measuring import round_length, round_numbers
+from spacemap_vtk.draw.coloring import round_numbers
+from spacemap_vtk.draw.measuring import round_length
 
 
 def run(*arguments: object) -> int:

@@ -14,12 +14,15 @@ from spacemap_vtk.cli.options import (
     Fps,
     From,
     Quiet,
+    ScaleBar,
     Set,
     Size,
     Styled,
     Time,
     Times,
+    TimeStamp,
     To,
+    Triad,
     listed_times,
     opened,
     tell_warnings,
@@ -49,6 +52,9 @@ def render(
     size: Size = None,
     color: ColorBy = None,
     style: Styled = None,
+    scale_bar: ScaleBar = False,
+    triad: Triad = False,
+    time_stamp: TimeStamp = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -60,7 +66,8 @@ def render(
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     order = Order("picture", output)
-    chosen = opened(scene, set_, time=time, size=size, color=color, style=style)
+    signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
+    chosen = opened(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
     _carry_out(order, chosen, "Drawing", quiet)
 
 
@@ -78,6 +85,9 @@ def animate(
     size: Size = None,
     color: ColorBy = None,
     style: Styled = None,
+    scale_bar: ScaleBar = False,
+    triad: Triad = False,
+    time_stamp: TimeStamp = False,
     workers: Annotated[
         int | None,
         Parameter(
@@ -116,7 +126,8 @@ def animate(
         raise InputError(
             "no number of processes", key="--workers", value=workers, allowed="at least 1"
         )
-    chosen = opened(scene, set_, size=size, color=color, style=style)
+    signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
+    chosen = opened(scene, set_, size=size, color=color, style=style, signs=signs)
     order.size = chosen.view.size if size else None
     order.workers, order.again = workers, again
     try:

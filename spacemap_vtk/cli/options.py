@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,6 +61,18 @@ Styled = Annotated[
     str | None,
     Parameter(name="--style", help=f"What it looks like: {', '.join(STYLES)}."),
 ]
+ScaleBar = Annotated[
+    bool,
+    Parameter(
+        negative="",
+        help="A bar of a round length; with perspective that in the plane of the focus.",
+        show_default=False,
+    ),
+]
+Triad = Annotated[bool, Parameter(negative="", help="The axes.", show_default=False)]
+TimeStamp = Annotated[
+    bool, Parameter(negative="", help="The time of what is shown.", show_default=False)
+]
 Quiet = Annotated[
     bool,
     Parameter(
@@ -87,6 +99,7 @@ def opened(
     start: str | None = None,
     stop: str | None = None,
     fps: str | None = None,
+    signs: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it.
 
@@ -100,6 +113,8 @@ def opened(
         What followed ``--time``, ``--size``, ``--color`` and ``--style``.
     start, stop, fps : str, optional
         What followed ``--from``, ``--to`` and ``--fps``.
+    signs : mapping, optional
+        Which of the flags of the section ``[view]`` are given, by their keys.
 
     Returns
     -------
@@ -127,6 +142,7 @@ def opened(
         if value is not None:
             with _naming(option):
                 setattr(scene.animation, key, value)
+    scene.view.configure(**{key: True for key, given in (signs or {}).items() if given})
     if color is not None:
         with _naming("--color"):
             scene.take({"view": {"color": color}})

@@ -183,7 +183,7 @@ def metres_from(camera: vtkCamera, depths: NDArray[np.float32]) -> NDArray[np.fl
     return distance.astype(np.float32)
 
 
-def pixels_of(camera: vtkCamera, height: int) -> float:
+def pixels_of(camera: vtkCamera, height: float) -> float:
     """Return how many pixels of a picture's height a metre has at the camera's focus."""
     half = camera.GetDistance() * np.tan(np.radians(camera.GetViewAngle() / 2))
     if camera.GetParallelProjection():

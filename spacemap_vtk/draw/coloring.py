@@ -85,6 +85,18 @@ def unit_of(color: str, largest: float) -> tuple[str, float]:
     return best, sizes[best]
 
 
+def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
+    """Return round numbers within a scale, evenly spaced, zero among them where it is."""
+    span = high - low
+    if not span > 0.0:
+        return [low]
+    size = 10.0 ** np.floor(np.log10(span / most))
+    steps = (n * size for n in (1.0, 2.0, 2.5, 5.0, 10.0))
+    step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= most)
+    first, last = np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6)
+    return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
+
+
 def _corners(surface: vtkPolyData) -> NDArray[np.int64]:
     corners: NDArray[np.int64] = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
     return corners.reshape(surface.GetNumberOfCells(), -1)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.draw.coloring import unit_of
+from spacemap_vtk.draw.camera import pixels_of
+from spacemap_vtk.draw.coloring import round_numbers, unit_of
 from spacemap_vtk.draw.page import SMALL, TEXT, Paper
 from spacemap_vtk.draw.surface_actor import Span, ramp
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -37,32 +38,13 @@ class Measures(NamedTuple):
 def measures_of(camera: vtkCamera, height: float) -> Measures:
     """Return how a picture of so many units in height is seen."""
     flat = bool(camera.GetParallelProjection())
-    return Measures(height_shown(camera) / height, axes_seen(camera), flat)
+    return Measures(1.0 / pixels_of(camera, height), axes_seen(camera), flat)
 
 
 def round_length(most: float) -> float:
     """Return the largest round number that is not above another one."""
     size = 10.0 ** np.floor(np.log10(most))
     return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
-
-
-def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
-    """Return round numbers within a scale, evenly spaced, zero among them where it is."""
-    span = high - low
-    if not span > 0.0:
-        return [low]
-    size = 10.0 ** np.floor(np.log10(span / most))
-    steps = (n * size for n in (1.0, 2.0, 2.5, 5.0, 10.0))
-    step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= most)
-    first, last = np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6)
-    return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
-
-
-def height_shown(camera: vtkCamera) -> float:
-    """Return how high the picture is in the plane of its focus, in m."""
-    if camera.GetParallelProjection():
-        return 2.0 * float(camera.GetParallelScale())
-    return 2.0 * float(camera.GetDistance() * np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
 def axes_seen(camera: vtkCamera) -> NDArray[np.float64]:

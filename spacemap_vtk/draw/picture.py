@@ -173,10 +173,10 @@ class Picture:
         self._choose_range(window, pieces)
         # A sheet has the shadows of its yarns in its colours.
         shaded = shaded and (self.sheet is None or pieces is not None)
-        signs = any(sign.GetVisibility() for sign in shown.signs)
+        signs = any(sign.GetVisibility() for sign in (*shown.signs, *shown.over))
         # What is drawn once solids have their shadows, or their pieces are all there.
         over = pieces is not None or (shaded and signs)
-        others = (*shown.signs, shown.ghost, shown.ground, shown.surface.bar, shown.sheet.bar)
+        others = (*shown.signs, shown.ghost, shown.ground, *shown.over)
         later = [prop for prop in others if over and prop.GetVisibility()]
         for prop in later:
             prop.VisibilityOff()
@@ -193,7 +193,8 @@ class Picture:
                 prop.VisibilityOn()
             window.render(over=True)
             depths += [window.depth()] if shaded and signs else []
-        return composed(window.pixels(), self._shade(window, *depths) if depths else None, behind)
+        shade = self._shade(panel, *depths) if depths else None
+        return composed(window.pixels(), shade, behind)
 
     def _choose_range(self, window: Offscreen, pieces: DrawnPieces | None) -> None:
         window.renderer.ResetCameraClippingRange()
@@ -217,16 +218,19 @@ class Picture:
 
     def _shade(
         self,
-        window: Offscreen,
+        panel: _Panel,
         depth: NDArray[np.float32],
         signs: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
         """Return by what each pixel's light is to be multiplied."""
-        pixels = self._relief * pixels_of(window.camera, len(depth))
+        pixels = self._relief * pixels_of(panel.window.camera, len(depth))
         shade = contact_shade(depth, self._relief, pixels, self.scene.view.look.occlusion)
         if signs is not None:
             # A sign is no thing in the room: it neither casts a shadow nor stands in one.
             shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
+        for box in panel.shown.annotations.boxes:
+            left, low, right, high = map(round, box)
+            shade[len(shade) - high : len(shade) - low, left:right] = 1.0
         return shade
 
     def _panel(

@@ -8,9 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPlane
-from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkRenderer
+from vtkmodules.vtkRenderingCore import (
+    VTK_SURFACE,
+    VTK_WIREFRAME,
+    vtkActor,
+    vtkProp,
+    vtkRenderer,
+)
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.annotations import Annotations
 from spacemap_vtk.draw.camera import set_background, upward
 from spacemap_vtk.draw.coloring import SHOWN
 from spacemap_vtk.draw.cut_face import CutFaceActor
@@ -48,7 +55,7 @@ class Look:
     cage: bool = True
     #: Whether of the fabric only the facets' edges are drawn.
     wireframe: bool = False
-    #: Whether numbers have their scale at the right.
+    #: Whether numbers have their scale at the right, and anything is written over the view.
     scale: bool = True
 
 
@@ -69,6 +76,8 @@ class SceneView:
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
         for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             renderer.AddActor(actor)
+        # Its plates lie under the scales.
+        self.annotations = Annotations(renderer)
         for drawn in (self.surface, self.sheet):
             renderer.AddViewProp(drawn.bar)
         #: What it is cut with at present; None: the whole is shown.
@@ -92,6 +101,11 @@ class SceneView:
         """Lines, dots and arrows, which do not."""
         return [self.cage, self.supports, self.loads]
 
+    @property
+    def over(self) -> list[vtkProp]:
+        """What is written over all else."""
+        return [*self.annotations.props, self.surface.bar, self.sheet.bar]
+
     def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
         """Take a view's colours; a scale fits a size of so many pixels, lines count in points."""
         self._size, self._point = size, point
@@ -102,6 +116,7 @@ class SceneView:
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self.supports.GetProperty().SetPointSize(DOT * point)
         self.sheet.behind(below, above)
+        self.annotations.fit(below, size, pixels)
         for drawn in (self.surface, self.sheet):
             fit_scale(drawn.bar, size, below, pixels)
 
@@ -139,9 +154,10 @@ class SceneView:
         self.outline.VisibilityOff()
         if look.fabric:
             self._show_fabric(frame, view, look, span)
+        self.annotations.show(view, None if frame.cage is None else frame.time, scaled)
         if not look.scale:
-            for actor in (self.surface, self.sheet):
-                actor.bar.VisibilityOff()
+            for prop in self.over:
+                prop.VisibilityOff()
         ghost, supports = view.ghost and look.fabric, view.supports and look.cage
         self.ghost.SetVisibility(ghost)
         if ghost:
@@ -208,8 +224,8 @@ class SceneView:
         for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # those that shine through, too
-        for drawn in (self.surface, self.sheet):
-            drawn.bar.VisibilityOff()
+        for prop in self.over:
+            prop.VisibilityOff()
 
     def move(self, moving: bool) -> None:
         """Show what takes little time to be drawn in place of the frame, or the frame again."""

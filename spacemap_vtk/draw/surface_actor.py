@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkPolyDataMapper,
+    vtkTextProperty,
+    vtkTexture,
+)
 
 from spacemap_vtk.datasets.arrays import to_array
-from spacemap_vtk.draw.coloring import SHOWN, unit_of
+from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
 from spacemap_vtk.draw.fibre_shader import show_fibres
 from spacemap_vtk.draw.lighting import light_by_shader, light_up
 from spacemap_vtk.filters.patch_tessellator import STRANDS
@@ -29,6 +36,11 @@ RAMP = ("#2c1e5c", "#3b528b", "#21908d", "#5dc963", "#fde725")
 
 Span = tuple[float, float]
 STUDIO = STYLES["studio"]
+Ink = tuple[float, float, float]
+#: Of VTK: letters are those of a file.
+_FONT_FILE = 4
+#: How much a plate under letters hides.
+PLATE = 0.8
 
 
 class SurfaceActor(vtkActor):
@@ -88,7 +100,9 @@ class SurfaceActor(vtkActor):
     def scale(self, color: str, span: Span) -> float:
         """Let the scale say what numbers mean; return its unit."""
         name, size = unit_of(color, max(map(abs, span)))
-        self._color_by("in unit", ramp(), (span[0] / size, span[1] / size))
+        ends = span[0] / size, span[1] / size
+        self._color_by("in unit", ramp(), ends)
+        self.bar.SetCustomLabels(to_array(np.array(round_numbers(*ends))))
         self.bar.SetTitle(scale_title(color, name))
         return size
 
@@ -187,18 +201,35 @@ def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
 def scale_bar() -> vtkScalarBarActor:
     """Return a scale for the right edge of a view, not yet visible."""
     bar = vtkScalarBarActor()
-    bar.SetNumberOfLabels(5)
+    bar.UseCustomLabelsOn()
     # VTK 9.6 went from C's formats to those of C++.
     bar.SetLabelFormat("{:.3g}" if "{" in bar.GetLabelFormat() else "%.3g")
     bar.SetUnconstrainedFontSize(True)
     for text, size in ((bar.GetTitleTextProperty(), 14), (bar.GetLabelTextProperty(), 13)):
         text.SetFontSize(size)
+        take_font(text)
         text.SetItalic(False)
         text.SetBold(False)
         text.SetShadow(False)
     bar.SetHeight(0.5)
     bar.SetVisibility(False)
     return bar
+
+
+def take_font(text: vtkTextProperty) -> None:
+    """Write in the letters of figures and plots, which are those of most Linux desktops, too."""
+    found = find_spec("matplotlib")  # comes with PyVista; only its folder is asked for
+    file = Path((found and found.origin) or "").parent / "mpl-data/fonts/ttf/DejaVuSans.ttf"
+    if file.is_file():
+        text.SetFontFamily(_FONT_FILE)
+        text.SetFontFile(str(file))
+
+
+def inks(background: Sequence[int]) -> tuple[Ink, Ink]:
+    """Return the colour of letters over a background, and of a plate under them."""
+    red, green, blue = (part / 255 for part in background)
+    ink = (0.95, 0.965, 0.98) if is_dark(background) else (0.11, 0.13, 0.16)
+    return ink, (red, green, blue)
 
 
 def scale_title(color: str, unit: str) -> str:
@@ -213,6 +244,11 @@ def scale_share(size: tuple[float, float]) -> float:
     return min(0.36, max(104.0, 0.21 * size[1]) / max(1, size[0]))
 
 
+def letters_of(size: tuple[int, int]) -> int:
+    """Return how large letters are in a picture."""
+    return max(12, size[1] // 38)
+
+
 def fit_scale(
     bar: vtkScalarBarActor,
     size: tuple[int, int],
@@ -223,10 +259,9 @@ def fit_scale(
     (width, height), share = size, scale_share(size)
     bar.SetPosition(1.0 - share, 0.25)
     bar.SetWidth(share)
-    ink = (0.92, 0.94, 0.97) if is_dark(background) else (0.16, 0.18, 0.21)
-    for text, lines in ((bar.GetTitleTextProperty(), 36), (bar.GetLabelTextProperty(), 38)):
-        text.SetFontSize(max(12, height // lines))
-        text.SetColor(*ink)
+    for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
+        text.SetFontSize(letters_of(size))
+        text.SetColor(*inks(background)[0])
     bar.SetMaximumWidthInPixels(round(pixels * share * width))
     bar.SetVerticalTitleSeparation(round(pixels * max(6, height // 90)))
     bar.SetTextPad(round(pixels * max(3, height // 200)))

@@ -84,6 +84,12 @@ class View(Parameterised):
     ghost = Flag(
         False, "The fabric or object undeformed, pale, beside where it hangs or is drawn moved."
     )
+    scale_bar = Flag(
+        False,
+        "A bar of a round length; with perspective that of what is in the plane of the focus.",
+    )
+    triad = Flag(False, "The axes: x along the weft, y along the warp, z the cloth's normal.")
+    time_stamp = Flag(False, "The time that is shown.")
     line_scale = Real(
         1.0, "How many times as thick lines and dots are drawn.", minimum=0.1, maximum=20.0
     )

@@ -1,0 +1,174 @@
+"""What is written over a view: a round length, the axes, the time, plates under all letters."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkRenderingCore import (
+    vtkActor2D,
+    vtkPolyDataMapper2D,
+    vtkProp,
+    vtkRenderer,
+    vtkTextActor,
+)
+
+from spacemap_vtk.datasets.arrays import to_array, to_points
+from spacemap_vtk.draw.measuring import AXES, measures_of, round_length
+from spacemap_vtk.draw.surface_actor import PLATE, inks, letters_of, rgb, scale_share, take_font
+from spacemap_vtk.scenes.settings import View, is_dark
+from spacemap_vtk.units import format_quantity
+
+#: Share of the picture's width that a length may have.
+_LONGEST = 0.2
+#: How wide a letter is, over its size.
+_WIDTH = 0.62
+
+Polygon = NDArray[np.float64]
+
+
+class Annotations:
+    """Stands over a renderer's view, and follows its camera."""
+
+    def __init__(self, renderer: vtkRenderer) -> None:
+        self._renderer = renderer
+        self._plates, self._shapes = _Polygons(), _Polygons()
+        self._texts = [vtkTextActor() for _ in range(5)]
+        for text in self._texts:
+            take_font(text.GetTextProperty())
+        #: All that may be seen.
+        self.props: list[vtkProp] = [self._plates, self._shapes, *self._texts]
+        for prop in self.props:
+            renderer.AddViewProp(prop)
+        #: Left, low, right and high ends of the plates, in drawn pixels.
+        self.boxes: list[tuple[float, float, float, float]] = []
+        self._view, self._scaled = View(), False
+        self._time: float | None = None
+        self._size, self._pixels = (1, 1), 1.0
+        self._ink, self._axes = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * 3
+        # VTK would keep alive whatever it calls.
+        place = weakref.WeakMethod(self._place)
+        renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
+
+    def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
+        """Fit a picture of so many pixels, each of which is drawn so large."""
+        self._size, self._pixels = size, pixels
+        self._ink, plate = inks(background)
+        self._axes = [rgb(color) for color in AXES[is_dark(background)]]
+        self._plates.GetProperty().SetColor(*plate)
+        self._plates.GetProperty().SetOpacity(PLATE)
+        colors = [self._ink, self._ink, *self._axes]
+        for text, color in zip(self._texts, colors, strict=True):
+            text.GetTextProperty().SetFontSize(letters_of(size))
+            text.GetTextProperty().SetColor(*color)
+
+    def show(self, view: View, time: float | None, scaled: bool) -> None:
+        """Show what a view asks for at a time, if any, and a plate under a scale of colours."""
+        self._view, self._time, self._scaled = view, time, scaled
+        for prop in self.props:
+            prop.SetVisibility(scaled or view.scale_bar or view.triad or view.time_stamp)
+
+    def _place(self) -> None:
+        if not self._plates.GetVisibility():
+            return
+        (width, height), letter = self._size, letters_of(self._size)
+        self.boxes, shapes, view = [], [], self._view
+        self._say({})
+        edge = 0.7 * letter
+        if self._scaled:
+            share = scale_share(self._size)
+            self._plate(
+                width * (1 - share) - edge, 0.25 * height - edge, width, 0.75 * height + edge
+            )
+        seen = measures_of(self._renderer.GetActiveCamera(), height)
+        if view.triad:
+            middle = np.full(2, edge + 2.9 * letter)
+            self._plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
+            for k in np.argsort(seen.axes[:, 2]).tolist():
+                tip = middle + 1.75 * letter * seen.axes[k, :2]
+                shapes += [(shape, self._axes[k]) for shape in _arrow(middle, tip, letter)]
+                way = tip - middle
+                far = (
+                    way / max(np.hypot(*way), 1e-9)
+                    if np.hypot(*way) > 0.15 * letter
+                    else (-0.7, 0.7)
+                )
+                self._write(2 + k, "xyz"[k], tip + 0.62 * letter * np.asarray(far), centred=True)
+        if view.scale_bar:
+            length = round_length(_LONGEST * width * seen.length)
+            words = format_quantity(length, "m")
+            words += "" if seen.flat else " in the plane of the focus"
+            left, wide = edge * (1 + view.triad) + 5.8 * letter * view.triad, length / seen.length
+            right = left + 2 * edge + max(wide, _WIDTH * letter * len(words))
+            self._plate(left, edge, right, edge + 2.7 * letter)
+            low = np.array([left + edge, edge + 0.5 * letter])
+            shapes.append((_box(low, low + np.array([wide, 0.28 * letter])), self._ink))
+            self._write(0, words, low + np.array([0.0, 0.7 * letter]))
+        if view.time_stamp and self._time is not None:
+            words = f"t = {format_quantity(float(f'{self._time:.4g}'), 's')}"
+            high, right = height - edge, 3 * edge + _WIDTH * letter * len(words)
+            self._plate(edge, high - 2.0 * letter, right, high)
+            self._write(1, words, np.array([2 * edge, high - 1.35 * letter]))
+        self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
+        self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
+
+    def _plate(self, left: float, low: float, right: float, high: float) -> None:
+        self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
+
+    def _say(self, words: dict[int, str]) -> None:
+        for number, text in enumerate(self._texts):
+            text.SetInput(words.get(number, ""))
+
+    def _write(self, number: int, words: str, place: Polygon, centred: bool = False) -> None:
+        text, look = self._texts[number], self._texts[number].GetTextProperty()
+        text.SetInput(words)
+        text.SetPosition(*(self._pixels * place).tolist())
+        if centred:
+            look.SetJustificationToCentered()
+            look.SetVerticalJustificationToCentered()
+
+
+class _Polygons(vtkActor2D):
+    """Polygons in the pixels of a view."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.SetMapper(vtkPolyDataMapper2D())
+        self.VisibilityOff()
+
+    def fill(self, polygons: list[Polygon], colors: list[Any] | None = None) -> None:
+        """Draw others."""
+        drawn, cells = vtkPolyData(), vtkCellArray()
+        counts = np.array([len(polygon) for polygon in polygons], np.int64)
+        offsets = np.concatenate([[0], np.cumsum(counts)])
+        cells.SetData(to_array(offsets), to_array(np.arange(offsets[-1])))
+        flat = np.concatenate(polygons) if polygons else np.zeros((0, 2))
+        drawn.SetPoints(to_points(np.column_stack([flat, np.zeros(len(flat))])))
+        drawn.SetPolys(cells)
+        if colors:
+            drawn.GetCellData().SetScalars(to_array((np.array(colors) * 255).astype(np.uint8)))
+        self.GetMapper().SetInputData(drawn)
+
+
+def _box(low: Polygon, high: Polygon) -> Polygon:
+    return np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+
+
+def _arrow(begin: Polygon, end: Polygon, letter: float) -> list[Polygon]:
+    """Return shaft and head of an arrow; of one that points at the eye a dot."""
+    way = end - begin
+    size = float(np.hypot(*way))
+    if size < 0.15 * letter:
+        return [_box(begin - 0.2 * letter, begin + 0.2 * letter)]
+    along = way / size
+    across = np.array([-along[1], along[0]])
+    neck = end - min(0.6 * letter, 0.7 * size) * along
+    side, wide = 0.07 * letter * across, 0.25 * letter * across
+    return [
+        np.array([begin - side, neck - side, neck + side, begin + side]),
+        np.array([neck - wide, end, neck + wide]),
+    ]
