@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+import types
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
@@ -14,7 +16,9 @@ import numpy as np
 import pytest
 from browser import Page, browser
 
+from spacemap_vtk.app.web.session import Session
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.filters.algorithm import Cancelled
 
 aiohttp = pytest.importorskip("aiohttp")
 msgpack = pytest.importorskip("msgpack")
@@ -119,6 +123,63 @@ def test_a_taken_port_and_a_public_address_are_refused(served, capsys):
         assert error.count("\n") == 1
         assert f"{option} = " in error
         assert told in error
+
+
+class _State(types.SimpleNamespace):
+    """What trame keeps of a page, without a page."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+
+def test_a_stale_run_gives_way_to_the_newest_wish(monkeypatch):
+    monkeypatch.setattr("spacemap_vtk.app.web.session.PATIENCE", 0.0)
+
+    async def ask() -> None:
+        state = _State()
+        session = Session("plain_weave", ["surface.subdivisions=2"], state)
+        run, ran = session.pipeline.run, []
+
+        def slow(job):
+            """Run what was asked for last; what came before runs until it is stopped."""
+            ran.append(job.values["weave"].get("ends"))
+            while ran[-1] != 5:
+                time.sleep(0.002)
+                if session.pipeline.stopped:
+                    raise Cancelled("the run was stopped")
+            return run(job)
+
+        session.pipeline.run = slow
+        work = asyncio.create_task(session.run())
+        try:
+            while not ran:
+                await asyncio.sleep(0.002)
+            for ends in ("3", "4", "5"):
+                session.set("weave.ends", ends)
+            while session.screen.frame is None:
+                await asyncio.sleep(0.002)
+            assert ran == [7, 5]  # neither 3 nor 4 was begun
+            assert session.screen.frame.values["weave"]["ends"] == 5
+            shown = session.screen.frame
+            session.set("weave.ends", "6")
+            while len(ran) < 3:
+                await asyncio.sleep(0.002)
+            session.cancel()
+            while not state.failure:
+                await asyncio.sleep(0.002)
+            assert state.failure.startswith("Stopped")
+            assert session.screen.frame is shown
+            # No row names a file, and what is no row is not taken.
+            session.set("weave.draft", "/etc/passwd")
+            assert session.scene.weave.draft is None
+        finally:
+            work.cancel()
+            session.close()
+
+    asyncio.run(ask())
 
 
 def test_a_browser_shows_it_live(served):

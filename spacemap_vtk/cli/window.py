@@ -58,7 +58,7 @@ def serve(
 
     From another machine, let ssh carry it. There:
 
-        ssh -L 8080:127.0.0.1:8080 HERE spacemap serve plain_weave --port 8080
+        ssh -t -L 8080:127.0.0.1:8080 HERE spacemap serve plain_weave --port 8080
 
     and open the address that this prints.
     """

@@ -28,7 +28,10 @@ _EDITORS = {
     "supports": "text",
 }
 #: What the page has a place of its own for, or what is only of files.
-_ELSEWHERE = ("view.color", "view.size", "view.time", "view.zoom", "view.shadows")
+_ELSEWHERE = (
+    *("view.color", "view.size", "view.time", "view.zoom", "view.shadows"),
+    "animation.frames_per_second",
+)
 #: So many of a section's rows are seen at once, beside those that the scene's file has.
 _FIRST = 3
 
@@ -42,15 +45,24 @@ class ParameterRows:
         self._refused: dict[str, tuple[str | None, str]] = {}
         #: What the last run has found, by section and name.
         self.found: dict[str, Mapping[str, Any]] = {}
+        #: Feasible intervals by section, and the values that they are for: finding them takes as
+        #: long as a frame.
+        self._feasible: dict[str, tuple[dict[str, Any], dict[str, tuple[float, float]]]] = {}
         self._there: dict[str, tuple[Parameterised, Parameter[Any]]] = {}
 
-    def of(self, scene: Scene, values: Mapping[str, Any]) -> list[dict[str, Any]]:
-        """Return a scene's sections with their rows."""
+    def of(
+        self, scene: Scene, values: Mapping[str, Any], held: bool = False
+    ) -> list[dict[str, Any]]:
+        """Return a scene's sections with their rows; what is feasible waits for a drag's end."""
         self._there.clear()
         sections = []
         for section, part in scene.parts.items():
-            if isinstance(part, Stage) and part not in scene.stages:
+            used = part in scene.stages if isinstance(part, Stage) else True
+            if not used or (part is scene.animation and not scene.moves):
                 continue
+            settings, found = part.settings, self._feasible.get(section)
+            if found is None or (found[0] != settings and not held):
+                self._feasible[section] = settings, feasible_of(part)
             rows = self._rows(section, part, values.get(section, ()))
             if rows:
                 about = (type(part).__doc__ or "").strip().splitlines()[0]
@@ -92,7 +104,7 @@ class ParameterRows:
         self, section: str, part: Parameterised, written: Collection[str]
     ) -> list[dict[str, Any]]:
         found = self.found.get(section, {})
-        feasible, known = feasible_of(part), found or resolved_of(part)
+        feasible, known = self._feasible[section][1], found or resolved_of(part)
         rows: list[dict[str, Any]] = []
         for name, parameter in part.parameters.items():
             key, component = f"{section}.{name}", getattr(parameter, "component", None)

@@ -26,6 +26,7 @@ from urllib.parse import urlsplit
 
 from spacemap_vtk.app.web.session import TIME_STEPS, Session
 from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.vanishing import ENDING
 
 #: The packages of the extra ``[web]``, by the name they are imported under.
 PACKAGES = ("trame", "trame_client", "aiohttp")
@@ -67,7 +68,7 @@ def require_local(host: str) -> None:
         key="--host",
         value=host,
         allowed="this machine alone: 127.0.0.1, ::1 or localhost",
-        cure='From another machine: "ssh -L 8080:127.0.0.1:8080 HERE", and --port 8080 here.',
+        cure='From another machine: "ssh -t -L 8080:127.0.0.1:8080 HERE", and --port 8080 here.',
     )
 
 
@@ -230,7 +231,7 @@ def _ending() -> asyncio.Future[None]:
             ended.set_result(None)
 
     with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C is raised
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, *ENDING):
             loop.add_signal_handler(number, end)
     return ended
 

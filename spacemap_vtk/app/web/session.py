@@ -195,7 +195,8 @@ class Session:
                 frame = run.result()
             except Cancelled:
                 if self._job is None:
-                    self.state.failure = "Stopped: the picture is the one from before."
+                    before = "" if self.screen.frame is None else "the picture is from before. "
+                    self.state.failure = f"Stopped: {before}Any change begins anew."
             except Exception as error:
                 self.state.playing = False
                 self._refuse(error)
@@ -251,7 +252,7 @@ class Session:
             self.rows.accept(key)
             self.state.failure = ""
             self.ask(coarse=coarse)
-        self._tell()
+        self._tell(coarse)
 
     def _refuse(self, error: Exception) -> None:
         told = str(error) or type(error).__name__
@@ -283,10 +284,10 @@ class Session:
             self.fetched.clear()
             self.state.picture = self.screen.version
 
-    def _tell(self) -> None:
+    def _tell(self, held: bool = False) -> None:
         """Tell the page what the scene is now."""
         scene = self.scene
-        self.state.sections = self.rows.of(scene, self._values)
+        self.state.sections = self.rows.of(scene, self._values, held)
         self.state.color = scene.view.color
         self.state.colorings = [
             {"name": name, "label": COLORINGS[name].label} for name in scene.colorings

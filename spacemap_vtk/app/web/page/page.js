@@ -45,13 +45,13 @@ window.spacemap = (() => {
   };
 
   const Slider = {
-    props: { step: Number, most: Number, label: String },
-    emits: ["slid"],
+    // `slid` is awaited: on a slow line, steps that are late are left out.
+    props: { step: Number, most: Number, label: String, slid: Function },
     template: `<input ref="slider" type="range" min="0" :max="most" :aria-label="label"
       @input="slide(true)" @change="slide(false)">`,
     setup(props) {
-      const slider = ref(null), held = ref(false), { emit } = Vue.getCurrentInstance();
-      const tell = paced(([step, on]) => emit("slid", step, on));
+      const slider = ref(null), held = ref(false);
+      const tell = paced(([step, on]) => props.slid(step, on));
       const slide = on => { held.value = on; tell([Number(slider.value.value), on]); };
       const show = () => { if (!held.value) slider.value.value = props.step; };
       onMounted(show);
@@ -72,7 +72,7 @@ window.spacemap = (() => {
       // One picture at a time: on a slow line those that are late are left out.
       let loaded = 0, loading = false;
       function load() {
-        if (loading || !props.version || props.version === loaded) return;
+        if (loading || !image.value || !props.version || props.version === loaded) return;
         loading = true;
         loaded = props.version;
         image.value.src = `picture.jpg?${loaded}`;
