@@ -96,7 +96,7 @@ class Page:
     def wait_until(self, script: str, seconds: float = 60.0) -> None:
         """Wait until an expression is true."""
         end = time.monotonic() + seconds
-        while not self.evaluate(script):
+        while not self.evaluate(f"!!({script})"):  # what is true may be large
             assert time.monotonic() < end, (f"it never happened: {script}", self.complaints)
             time.sleep(0.02)
 

@@ -209,8 +209,8 @@ def export(
     tolerance: Annotated[
         str | None,
         Parameter(
-            help="How far the surface in a .glb or .usdc may be from its motion, as in 0.01mm; by "
-            "default a fiftieth of the thinnest yarn. The less, the larger the file."
+            help="How far the surface in an .html, .glb or .usdc may be from its motion, as in "
+            "0.01mm; by default a fiftieth of the thinnest yarn. The less, the larger the file."
         ),
     ] = None,
     pieces: Annotated[
@@ -241,9 +241,11 @@ def export(
     .ply, .glb ...) is a file for each time. It appears when the last is written, and nothing of it
     where it is stopped. What --color shows rides along as an array.
 
-    A .glb plays in browsers, presentations and Blender: its motion is a sum of few shapes (morph
-    targets), as many as the tolerance asks for; how many, how near and how large the file is are
-    told. With --modes it has a shape and a swing for each mode; --set modal.modes=12 for fewer.
+    An .html is a page of its own, opened by a double click, that turns, plays and scrubs; colours
+    of stress and the like change there, with their scale. A .glb plays in presentations and
+    Blender. Their motion is a sum of few shapes (morph targets), as many as the tolerance asks for;
+    how many, how near and how large the file is are told. With --modes it has a shape and a swing
+    for each mode; --set modal.modes=12 for fewer.
 
     A .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder beside, as ParaView does.
 

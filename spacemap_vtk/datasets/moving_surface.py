@@ -27,10 +27,42 @@ class Clip:
     """How much of each target there is over time, linear in between."""
 
     name: str
-    #: In s, ascending from 0, (T,).
+    #: In s, ascending from 0, as a film shows it, (T,).
     times: NDArray[np.floating]
     #: (T, K).
     weights: NDArray[np.floating]
+    #: What time it is at the first of them [s], and seconds of motion in a second.
+    start: float = 0.0
+    speed: float = 1.0
+
+
+class ScaledNumbers(NamedTuple):
+    """What colours show that stand for numbers, in the unit that their scale has."""
+
+    #: What stands over the scale, in lines.
+    title: str
+    span: tuple[float, float]
+    #: Colours of the scale as ``"#rrggbb"``, from low on, evenly apart.
+    ramp: Sequence[str]
+    #: At each point, (N,), and what each of L changes adds there at full weight, (L, N).
+    values: NDArray[np.floating]
+    changes: NDArray[np.floating]
+    #: At the first clip's times, (T, L).
+    weights: NDArray[np.floating]
+
+
+class Sight(NamedTuple):
+    """How it is looked at, before anybody turns it."""
+
+    #: Where one can stand, seen from the middle, and what is up there, by name; the one to begin
+    #: with, and how much nearer it is.
+    cameras: Mapping[str, Sequence[Sequence[float]]]
+    camera: str
+    zoom: float
+    #: Colours behind it as ``"#rrggbb"``, at the bottom and at the top; of a usual one none.
+    background: tuple[str, str] | None
+    #: Depth of the folds in which it is darker [m]; 0: nowhere.
+    relief: float
 
 
 class YarnCurves(NamedTuple):
@@ -56,21 +88,28 @@ class MovingSurface:
     #: Where it has them, of unit length, and what each target adds before they are made so again.
     normals: NDArray[np.float32] | None
     normal_targets: NDArray[np.float32] | None
-    #: Numbers of points, counter-clockwise seen from outside, (M, 3).
+    #: ScaledNumbers of points, counter-clockwise seen from outside, (M, 3).
     triangles: NDArray[np.integer[Any]]
     #: Red, green and blue as screens have them, (N, 3).
     colors: NDArray[np.uint8]
     #: What part each point is of, by its place in `part_names`.
     parts: NDArray[np.integer[Any]]
     part_names: Sequence[str]
-    #: Whether z is up, and not y.
-    lying: bool = False
+    sight: Sight
+    #: How far points may be from where they should be [m].
+    tolerance: float
     target_names: Sequence[str] = ()
     clips: Sequence[Clip] = ()
     #: Of woven cloth with its motion.
     curves: YarnCurves | None = None
+    numbers: ScaledNumbers | None = None
     #: What is known of it, for people and programs.
     about: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def lying(self) -> bool:
+        """Whether z is up, and not y."""
+        return tuple(self.sight.cameras[self.sight.camera][1]) == (0.0, 0.0, 1.0)
 
     @property
     def painted(self) -> bool:

@@ -20,10 +20,11 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, YarnCurves
+from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.draw.frame import copied, relief_of
+from spacemap_vtk.draw.over_time import SeenOverTime
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
     Span,
@@ -33,14 +34,13 @@ from spacemap_vtk.draw.surface_actor import (
 )
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
-from spacemap_vtk.fabric.sweep import Tubes
-from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_work
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import View
 
 #: Tolerance by itself: shares of the thinnest yarn's diameter, or of the size of what has no yarns.
 _OF_YARN, _OF_SIZE = 0.02, 2e-4
@@ -52,8 +52,7 @@ _TRIES = 4
 _AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
 #: Places are told apart by the size over this, up to 21 bits, directions by a unit over this.
 _PLACES, _DIRECTIONS = 2**19, 100
-#: Bytes that a file may have.
-_MOST_BYTES = 2**32
+_COARSER = "Lower surface.subdivisions, or weave.ends and weave.picks."
 _SMALLER = {
     "tolerance": "Raise --tolerance, take fewer times, or lower surface.subdivisions.",
     "modes": "Take fewer modes (modal.modes), or lower surface.subdivisions.",
@@ -75,21 +74,23 @@ def moving(
     tolerance: float | None,
     tell: Tell,
     span: Span | None = None,
+    most: int = 2**32,
+    numbers: bool = False,
 ) -> MovingSurface:
     """Return a scene's surface at the first of some times, and its motion from there on."""
-    # Of one time its colours may be those of a scale, with the ends `span`.
+    # Of one time its colours may be those of a scale, with the ends `span`; or it has the numbers
+    # that colours stand for, at all times. It takes at most so many bytes in single precision.
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
-    if lasts:
+    if lasts and not numbers:
         _settle_colors(scene)
     scene.update(times[0])
-    still, rows = _still(scene, scene.polygons, span)
+    still, rows = _still(scene, scene.polygons, most, span, numbers)
+    seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers)
     if not lasts:
-        yarns = _SeenYarns(scene, 1)
-        yarns.see(0)
-        return replace(still, curves=yarns.curves)
-    yarns = _SeenYarns(scene, len(times))
-    tolerance = _default_tolerance(scene) if tolerance is None else tolerance
+        seen.see(0)
+        return replace(still, curves=seen.curves, numbers=seen.numbers)
+    tolerance = still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
         raise _too_small(tolerance, least)
@@ -99,27 +100,30 @@ def moving(
         for _ in range(_TRIES):
             scene.update(times[0])
             found = morph_targets(places, aim)
-            targets, _ = _carried(scene, stage, found.shapes, still, rows, "tolerance")
+            targets, _ = _carried(scene, stage, found.shapes, still, rows, most)
             weights = found.weights.astype(np.float32)
-            error, normals = _compared(scene, times, still, rows, targets, weights, yarns, tell)
+            error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
             if error <= tolerance:
                 # as a film shows it, which may be slower
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
+                clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
                 about = {"targets": len(targets), "tolerance": tolerance, "largest_error": error}
                 return replace(
                     still,
                     targets=targets,
                     normal_targets=normals,
                     target_names=[f"shape {k}" for k in range(len(targets))],
-                    clips=[Clip("motion", seconds, weights)],
-                    curves=yarns.curves,
+                    clips=[clip],
+                    curves=seen.curves,
+                    numbers=seen.numbers,
+                    tolerance=tolerance,
                     about={**still.about, **about, "frames": len(times)},
                 )
             aim *= 0.5 * tolerance / error
     raise _too_small(tolerance, 2.0 * error)
 
 
-def mode_shapes(scene: Scene, tell: Tell) -> MovingSurface:
+def mode_shapes(scene: Scene, tell: Tell, most: int = 2**32) -> MovingSurface:
     """Return a scene's surface as it hangs, a target for each mode, and a swing of each."""
     _settle_colors(scene)
     scene.warp.carried = ""  # a mode has no velocity that could ride along
@@ -135,16 +139,17 @@ def mode_shapes(scene: Scene, tell: Tell) -> MovingSurface:
     shapes *= largest / np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
     hung = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
     add_array(data, "displacement", hung)
-    still, rows = _still(scene, _below(scene, stage, cage))
-    targets, normals = _carried(scene, stage, shapes, still, rows, "modes", cage)
-    labels = [f"mode {k} {mode['frequency_hz']:.4g} Hz" for k, mode in enumerate(figures, 1)]
+    still, rows = _still(scene, _below(scene, stage, cage), most)
+    targets, normals = _carried(scene, stage, shapes, still, rows, most, cage)
+    frequencies = [mode["frequency_hz"] for mode in figures]
+    labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
     seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
     swing = np.sin(2 * np.pi * seconds / _PERIOD)
     clips = [
-        Clip(label, seconds, swing[:, None] * one)
-        for label, one in zip(labels, np.eye(len(labels)), strict=True)
+        Clip(label, seconds, swing[:, None] * one, speed=1.0 / (f * _PERIOD) if f > 0.0 else 1.0)
+        for label, f, one in zip(labels, frequencies, np.eye(len(labels)), strict=True)
     ]
-    about = {"modes": [{"frequency_hz": mode["frequency_hz"]} for mode in figures]}
+    about = {"modes": [{"frequency_hz": frequency} for frequency in frequencies]}
     tell(len(figures), len(figures))
     return replace(
         still,
@@ -208,24 +213,17 @@ def _carried(
     shapes: FloatArray,
     still: MovingSurface,
     rows: Rows,
-    key: str,
+    most: int,
     data: Any = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Carry a stage's displacements to the surface and its normals: half of there and back."""
-    count = len(shapes) * len(still.points)
     kinds = 1 if still.normals is None else 2
-    if 12 * kinds * count > _MOST_BYTES:
-        raise SizeError(
-            f"{len(shapes)} targets of {len(still.points)} points do not fit into a file",
-            allowed=f"up to {_MOST_BYTES // 2**30} GiB",
-            cure=_SMALLER[key],
-        )
-    require(
-        # and as much again while they are made
-        12 * kinds * count + 48 * len(still.points),
-        f"{len(shapes)} targets of {len(still.points)} points",
-        cure=_SMALLER[key],
-    )
+    size = 12 * kinds * len(shapes) * len(still.points)
+    what = f"{len(shapes)} targets of {len(still.points)} points"
+    cure = _SMALLER["tolerance" if data is None else "modes"]
+    _require_fitting(12 * kinds * len(still.points) + size, what, most, cure)
+    # and as much again while they are made
+    require(size + 48 * len(still.points), what, cure=cure)
     data = stage.output if data is None else data
     at = _field(stage, data).astype(np.float64)
     targets = np.empty((len(shapes), *still.points.shape), np.float32)
@@ -256,7 +254,7 @@ def _compared(
     rows: Rows,
     targets: NDArray[np.float32],
     weights: NDArray[np.float32],
-    yarns: _SeenYarns,
+    seen: SeenOverTime,
     tell: Tell,
 ) -> tuple[float, NDArray[np.float32] | None]:
     """Return how far the sum of targets is from the surface at most, and targets of its normals."""
@@ -265,7 +263,7 @@ def _compared(
     shares = weights / np.square(weights).sum(axis=0)
     for number, time in enumerate(times):
         scene.update(time)
-        yarns.see(number)
+        seen.see(number)
         points, normals = _taken(scene.polygons, rows)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
@@ -297,8 +295,21 @@ def _settle_colors(scene: Scene) -> None:
         scene.take({"view": {"color": "own"}})
 
 
+def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
+    if size > most:
+        raise SizeError(
+            f"{what} do not fit into a file: in single precision they take {size / 2**30:.2g} GiB",
+            allowed=f"up to {most // 2**30} GiB",
+            cure=cure,
+        )
+
+
 def _still(
-    scene: Scene, surface: vtkPolyData, span: Span | None = None
+    scene: Scene,
+    surface: vtkPolyData,
+    most: int,
+    span: Span | None = None,
+    numbers: bool = False,
 ) -> tuple[MovingSurface, Rows]:
     """Return a surface without its motion, and which of its points are written."""
     require_work(surface, _WORK, "triangles with colours")
@@ -306,18 +317,24 @@ def _still(
     points, normals = _taken(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _looks(scene, surface)
     about: dict[str, Any] = {"scene": scene.title, "units": "m"}
-    if (values := measure(surface, color := scene.view.color)) is not None:
+    color = scene.view.color
+    if not numbers and (values := measure(surface, color)) is not None:
         low, high = span or natural_span(values)
         colors, of_points = ramp_colors(values, (low, high)), True
         about["colors"] = f"{COLORINGS[color].label}, {low:g} to {high:g} {COLORINGS[color].unit}"
     # Points are told apart by what they are of: materials do not blend into each other.
     look: Rows = parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
+    if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
+        # nor do a patch's numbers into its neighbour's
+        look = np.arange(surface.GetNumberOfCells())[:, None]
     kinds = np.unique(look[cells], axis=0, return_inverse=True)[1].reshape(-1, 1)
     one = _merged(points, normals, colors if of_points else None)
     keys, places = np.unique(kinds * len(points) + one[triangles], return_inverse=True)
     rows, triangles = keys % len(points), places.reshape(-1, 3)
     cell = np.empty(len(rows), np.int64)
     cell[triangles] = cells[:, None]
+    size = 24 * len(rows) + 12 * len(triangles)
+    _require_fitting(size, f"{len(rows)} points", most, _COARSER)
     points, normals = _taken(surface, rows)
     first, second, third = points[triangles].transpose(1, 0, 2)
     if normals is not None:
@@ -335,10 +352,19 @@ def _still(
         colors[rows if of_points else cell],
         parts[cell],
         names,
-        CAMERAS[scene.view.camera][1] == (0.0, 0.0, 1.0),
+        _sight(scene),
+        _default_tolerance(scene),
         about=about,
     )
     return still, rows
+
+
+def _sight(scene: Scene) -> Sight:
+    view, look, usual = scene.view, scene.view.look, View().look
+    depth = relief_of(scene) if view.shadows and not COLORINGS[view.color].numbers else 0.0
+    back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
+    own = (look.below, look.above) != (usual.below, usual.above)
+    return Sight(CAMERAS, view.camera, view.zoom, back if own else None, depth)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -403,46 +429,6 @@ def _merged(
         first = np.where(np.concatenate(([False], same)), 0, np.arange(len(order)))
         one[order] = one[order[np.maximum.accumulate(first)]]
     return one
-
-
-class _SeenYarns:
-    """The middles of yarns at some times: of rings of control points, which they stay if moved."""
-
-    def __init__(self, scene: Scene, times: int) -> None:
-        self._scene, self._tubes = scene, tuple[Tubes, ...]()
-        if scene.source is scene.weave:
-            made = build(scene.weave.cloth, kind=np.float32)
-            # a part of a weave has other points
-            if len(made.points) == scene.patches.GetNumberOfPoints():
-                self._tubes = made.tubes
-        rings = sum(3 * int(tubes.parts.sum()) + len(tubes.parts) for tubes in self._tubes)
-        self._points = np.zeros((times, rings, 3), np.float32)
-
-    def see(self, number: int) -> None:
-        """Take what the scene's last update has made, for one of the times."""
-        if self._tubes:
-            points = points_of(self._scene.patches)
-            found = [tubes.middles(points) for tubes in self._tubes]
-            self._points[number] = np.concatenate(found)
-
-    @property
-    def curves(self) -> YarnCurves | None:
-        """What was seen; None where there are no yarns."""
-        if not self._tubes:
-            return None
-        cloth, cells = self._scene.weave.cloth, self._scene.patches.GetCellData()
-        yarn, first = np.unique(vtk_to_numpy(cells.GetArray("yarn")), return_index=True)
-        assert len(yarn) == sum(len(tubes.parts) for tubes in self._tubes)
-        widths = [
-            np.broadcast_to(yarns.diameter, len(tubes.parts)) * np.sqrt(tubes.aspect)
-            for yarns, tubes in zip(cloth.yarns, self._tubes, strict=True)
-        ]
-        return YarnCurves(
-            self._points,
-            np.concatenate([3 * tubes.parts + 1 for tubes in self._tubes]),
-            np.concatenate(widths),
-            vtk_to_numpy(cells.GetArray("color"))[first][:, :3],
-        )
 
 
 def _default_tolerance(scene: Scene) -> float:

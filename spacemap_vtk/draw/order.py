@@ -373,12 +373,15 @@ def _bytes(folder: Path) -> int:
 def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     from spacemap_vtk.draw.moving import mode_shapes, moving
 
+    format_ = writer(order.output, order.what)
+    most, numbers = format_.most, format_.numbers
     if order.what == "modes":
-        made = mode_shapes(scene, tell)
+        made = mode_shapes(scene, tell, most)
     else:
-        made = moving(scene, moments(scene, order.times), order.tolerance, tell)
+        times = moments(scene, order.times)
+        made = moving(scene, times, order.tolerance, tell, None, most, numbers)
     with _file(order, whole) as file:
-        writer(order.output, order.what).write(file, made)
+        format_.write(file, made)
         size = file.stat().st_size
     count = len(made.targets)
     words = [_several(count, "target")] if count else []

@@ -27,7 +27,8 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     Parameters
     ----------
     displacements : ndarray of float, shape (T, n, 3)
-        Of n points at T times [m], from where they are drawn without any shape.
+        Of n points at T times [m], from where they are drawn without any shape. Or (T, n, 1), of
+        any number that each point has: then shapes and error are such numbers.
     tolerance : float
         Largest distance [m]. Of what is inside a cage the same holds as of the cage's vertices: a
         mean of theirs with weights that are positive and add up to 1 is no further off than they.
@@ -55,10 +56,11 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     left = displacements.reshape(len(displacements), -1).astype(np.float64)
     # of little moving much, or much moving little: times need not be fewer than coordinates
     times, sizes, shapes = np.linalg.svd(left, full_matrices=False)
-    count, error = 0, _largest(left)
+    parts = displacements.shape[-1]
+    count, error = 0, _largest(left, parts)
     while error > tolerance and count < len(sizes):
         left -= np.outer(times[:, count] * sizes[count], shapes[count])
-        count, error = count + 1, _largest(left)
+        count, error = count + 1, _largest(left, parts)
     weights = times[:, :count] * sizes[:count]
     peaks = np.abs(weights).max(axis=0, initial=0.0)
     kept = peaks > 0.0  # of what does not move at all a column of zeros may come
@@ -67,6 +69,6 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     return MorphTargets(full.reshape(-1, *displacements.shape[1:]), weights / peaks, error)
 
 
-def _largest(displacements: FloatArray) -> float:
-    squares = np.square(displacements).reshape(len(displacements), -1, 3).sum(axis=2)
+def _largest(displacements: FloatArray, parts: int) -> float:
+    squares = np.square(displacements).reshape(len(displacements), -1, parts).sum(axis=2)
     return float(np.sqrt(squares.max(initial=0.0)))

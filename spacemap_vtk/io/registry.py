@@ -100,6 +100,10 @@ class Writer:
     require: Callable[[Path], None] | None
     #: Tells what of the data the format cannot hold, in sentences.
     loses: Callable[[Any], list[str]] | None
+    #: Whether it holds colours that stand for numbers and change with time.
+    numbers: bool
+    #: Bytes that what moves may take in single precision.
+    most: int
 
     def check(self, path: Path) -> None:
         """Refuse a file that cannot be written here."""
@@ -140,6 +144,8 @@ def writes(
     pieces: bool = False,
     require: Callable[[Path], None] | None = None,
     loses: Callable[[Any], list[str]] | None = None,
+    numbers: bool = False,
+    most: int = 2**32,
 ) -> Callable[[_F], _F]:
     """Register a function of a path and data as the writer of files of some endings."""
 
@@ -147,7 +153,8 @@ def writes(
 
     def register(function: _F) -> _F:
         _builtin()
-        _writers.append(Writer(endings, label, holds, function, times, pieces, require, loses))
+        kinds = times, pieces, require, loses, numbers, most
+        _writers.append(Writer(endings, label, holds, function, *kinds))
         return function
 
     return register

@@ -1,0 +1,77 @@
+// What the page holds: arrays of integers, and how much there is of each shape at a time.
+
+/** Read a part of the page that is JSON. */
+function readJson(id) {
+  return JSON.parse(document.getElementById(id).textContent);
+}
+
+/** Yield the bytes of the page's parts of data, which are taken out of it. */
+function bytesOfPage() {
+  const parts = [...document.querySelectorAll("script.data")];
+  return new ReadableStream({
+    pull(stream) {
+      const part = parts.shift();
+      if (!part) return stream.close();
+      const text = atob(part.textContent);
+      part.remove();
+      const bytes = new Uint8Array(text.length);
+      for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+      stream.enqueue(bytes);
+    },
+  });
+}
+
+const KINDS = { u1: Uint8Array, i2: Int16Array, i4: Int32Array, u4: Uint32Array };
+
+/** Return the arrays that the page holds, by their names. */
+async function unpack(described) {
+  const found = {};
+  const reader = bytesOfPage().pipeThrough(new DecompressionStream("deflate-raw")).getReader();
+  let rest = new Uint8Array(0);
+  for (const { name, kind, shape } of described) {
+    const width = KINDS[kind].BYTES_PER_ELEMENT;
+    const bytes = new Uint8Array(width * shape.reduce((size, n) => size * n, 1));
+    for (let filled = 0; filled < bytes.length; ) {
+      if (!rest.length) {
+        const { value, done } = await reader.read();
+        if (done) throw new Error("the page is cut off: save it again, whole");
+        rest = value;
+      }
+      const some = rest.subarray(0, bytes.length - filled);
+      bytes.set(some, filled);
+      filled += some.length;
+      rest = rest.subarray(some.length);
+    }
+    found[name] = summedUp(bytes, KINDS[kind], shape);
+  }
+  return found;
+}
+
+/**
+ * Return rows of numbers: of each column there is the step from row to row, of all of these the
+ * first bytes, then the second ones.
+ */
+function summedUp(bytes, Kind, shape) {
+  const width = Kind.BYTES_PER_ELEMENT, total = bytes.length / width;
+  const columns = shape.at(-1), rows = shape.at(-2), values = new Kind(total);
+  for (let run = 0; rows && run < total / rows; run++) {
+    const first = Math.floor(run / columns) * rows * columns + (run % columns);
+    for (let row = 0, at = run * rows, sum = 0; row < rows; row++, at++) {
+      let step = bytes[at];
+      for (let byte = 1; byte < width; byte++) step |= bytes[at + byte * total] << (8 * byte);
+      sum = (sum + step) | 0;
+      values[first + row * columns] = sum; // what is too large for it begins anew, as was meant
+    }
+  }
+  return values;
+}
+
+/** Return how much there is of each column at a time between the first and the last: linear. */
+function weightsAt(times, rows, time) {
+  if (!rows.length || !rows[0].length) return [];
+  let after = times.findIndex((each) => each > time);
+  if (after < 0) after = times.length - 1;
+  const before = Math.max(after - 1, 0), length = times[after] - times[before];
+  const share = length > 0 ? Math.min(Math.max((time - times[before]) / length, 0), 1) : 0;
+  return rows[before].map((weight, k) => weight + share * (rows[after][k] - weight));
+}

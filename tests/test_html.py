@@ -1,0 +1,157 @@
+"""The page that a scene leaves as, in a browser: what it draws, plays and says."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browser import Page, browser
+from PIL import Image
+from test_moving import SMALL, changed, farthest
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.draw.coloring import measure
+from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.errors import SizeError
+from spacemap_vtk.io.registry import writer
+
+TIMES = np.linspace(0.0, 0.06, 13).tolist()
+TOLERANCE = 2e-6
+TITLE = "Two < <!-- </script> {{content}} é"
+OPEN = "window.spacemap && document.querySelector('#message').hidden"
+TIME = "spacemap.time"
+
+
+def written(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, Any]:
+    scene = changed("plain_weave", *SMALL, *more)
+    scene.title = TITLE
+    made = moving(scene, times, TOLERANCE, lambda done, of: None, numbers=True)
+    writer(file).write(file, made)
+    return scene, made
+
+
+def seen(page: Page) -> np.ndarray:
+    """What is drawn; what is on the screen may be a frame older."""
+    found = page.evaluate("spacemap.picture()").partition(",")[2]
+    with Image.open(io.BytesIO(base64.b64decode(found))) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def lies(page: Page, time: float) -> np.ndarray:
+    found = page.evaluate(f"Array.from(spacemap.points({time}))")
+    return np.array(found).reshape(-1, 3)
+
+
+def test_it_turns_plays_and_scrubs_as_the_scene_moves(tmp_path: Path) -> None:
+    file, colored, modes = (tmp_path / f"{name}.html" for name in ("own", "stress", "modes"))
+    scene, _ = written(file)
+    dark = ("view.background=#101418", "view.background_top=#202428")
+    written(colored, "view.color=stress", *dark, times=TIMES[:3])
+    shapes = mode_shapes(changed("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None)
+    writer(modes).write(modes, shapes)
+    text = file.read_text("utf-8")
+    assert text.count("</script>") == text.count("<script")
+    described = text.partition('id="scene">')[2].partition("</script>")[0]
+    assert json.loads(described)["title"] == TITLE
+    with browser(480, 360) as page:
+        page.show_as(480, 360, scale=0.5)
+        page.open(file.as_uri())
+        page.wait_until(OPEN)
+        assert page.evaluate("document.title") == TITLE
+        assert page.evaluate("document.querySelector('#figures').textContent").startswith("7 yarns")
+        for time in (TIMES[0], TIMES[5], TIMES[12]):
+            scene.update(time)
+            assert farthest(lies(page, time), scene.polygons) <= TOLERANCE
+        assert np.ptp([lies(page, time) for time in TIMES], axis=0).max() > 100 * TOLERANCE
+        # warp in blue, weft in sand, nothing else in the middle of a light page
+        first = seen(page)
+        red, _, blue = first.transpose(2, 0, 1)
+        assert (blue > red + 40).sum() > 400
+        assert (red > blue + 40).sum() > 400
+
+        # and it is on the screen, under the words
+        page.wait_until("spacemap.settled")
+        for _ in range(50):
+            off = abs(page.screenshot()[50:100] - first[50:100]).max()
+            if off <= 3:
+                break
+        assert off <= 3
+
+        page.click("#play")
+        page.wait_until(f"{TIME} > 0.005")
+        page.press(" ")
+        stopped = page.evaluate(TIME)
+        assert abs(seen(page) - first).max() > 100
+        assert page.evaluate(TIME) == stopped
+        page.click("#slider")
+        assert page.evaluate(TIME) == pytest.approx(0.03, abs=0.004)
+        assert page.evaluate("document.querySelector('#time').textContent").endswith(" ms")
+        page.press("End")
+        assert page.evaluate(TIME) == 0.06
+        page.press("Home")
+        assert abs(seen(page) - first).max() <= 3
+        for hand in (
+            lambda: page.drag((200, 150), (260, 170)),
+            lambda: page.drag((200, 150), (260, 170), modifiers=8),
+            lambda: page.wheel(240, 180, -300),
+            lambda: page.press("4"),
+        ):
+            hand()
+            assert abs(seen(page) - first).max() > 100
+            page.click("#canvas", count=2)
+            assert abs(seen(page) - first).max() <= 3
+
+        page.show_as(480, 360, scale=0.5, dark=True)
+        page.wait_until("document.documentElement.dataset.theme === 'dark'")
+        assert seen(page)[:, :20].max() < 80
+        page.show_as(480, 360, scale=0.5)
+        page.open(colored.as_uri())
+        page.wait_until(OPEN)
+        assert seen(page)[:, :20].max() < 80  # the scene's own background
+        scale = page.evaluate("document.querySelector('#scale').innerText").split("\n")
+        assert scale[:3] == ["Stress", "von Mises", "[Pa]"]
+        page.open(modes.as_uri())
+        page.wait_until(OPEN)
+        names = page.evaluate("[...document.querySelectorAll('#clip option')].map(o => o.text)")
+        assert names == [clip.name for clip in shapes.clips]
+        period = page.evaluate("spacemap.end - spacemap.start")
+        assert period == pytest.approx(1.0 / shapes.about["modes"][0]["frequency_hz"])
+        assert page.complaints == []
+        assert {address for address in page.addresses if not address.startswith("about:")} == {
+            each.as_uri() for each in (file, colored, modes)
+        }
+
+
+def test_colours_stand_for_the_numbers_of_each_time(tmp_path: Path) -> None:
+    scene, made = written(tmp_path / "a.html", "view.color=stress")
+    numbers = made.numbers
+    assert 1 <= len(numbers.changes) < 13
+    assert numbers.title == "Stress\nvon Mises\n[Pa]"
+    for number, time in enumerate(TIMES):
+        scene.update(time)
+        found = numbers.values + numbers.weights[number] @ numbers.changes
+        there = made.points + np.tensordot(made.clips[0].weights[number], made.targets, 1)
+        right = measure(scene.polygons, "stress")
+        nearest = near(there, scene.polygons)
+        step = numbers.span[1] / 512
+        assert abs(found - right[nearest]).max() <= 1.01 * step
+
+
+def near(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
+    from scipy.spatial import cKDTree
+
+    found: np.ndarray = cKDTree(points_of(surface)).query(points)[1]
+    return found
+
+
+def test_what_a_browser_cannot_hold_is_refused(tmp_path: Path) -> None:
+    scene = changed("plain_weave", *SMALL)
+    for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
+        with pytest.raises(SizeError, match=rf"^{what} do not fit .* surface\.subdivisions"):
+            moving(scene, TIMES, TOLERANCE, lambda done, of: None, most=most)
