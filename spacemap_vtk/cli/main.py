@@ -46,7 +46,7 @@ COMMANDS = {
     "again": ("again:again", "Make a file anew from what it says of itself."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "plot": ("modes:plot", "Plot how a point moves over time, and its frequency response."),
-    "info": ("tell:info", "Print the figures of a fabric, or of an object."),
+    "info": ("tell:info", "Print the figures of a fabric or an object, and of a file its origin."),
     "validate": ("tell:validate", "Check a scene without drawing it."),
     "scenes": ("tell:scenes", "List the scenes that come with the program."),
     "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),

@@ -30,7 +30,7 @@ def info(
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print the figures of a fabric, or of an object; of what the program has written its origin.
+    """Print the figures of a fabric or an object, and of a file its origin.
 
     Of a fabric: Peirce's angle, length, crimp and height, cover, mass, clearance; with --time also
     the least clearance between the yarns of the deformed fabric. Of its cage, whether it is a sheet

@@ -128,7 +128,9 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
                 rows.append([section_tile(cross_section(first.weave.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
             drawn.append(_still(sweep.runs[0]))
-            rows.append(_weave_row(drawn[-1], [k for k in ("draft", "cloth") if k in panels]))
+            rows.append(
+                _weave_row(drawn[-1], [k for k in ("draft", "cloth") if k in panels], asked.dark)
+            )
     made = page(rows, asked, tell)
     for text in dict.fromkeys(text for each in drawn for text in each.warnings):
         scene.warn(text)
@@ -146,7 +148,7 @@ def _still(run: Run) -> Scene:
     return scene
 
 
-def _weave_row(scene: Scene, kinds: Sequence[str]) -> list[Tile]:
+def _weave_row(scene: Scene, kinds: Sequence[str], dark: bool) -> list[Tile]:
     """Return draft and cloth side by side, each pick beside its row."""
     shown = shown_of(scene.weave)
     ends, picks = shown.size
@@ -167,7 +169,11 @@ def _weave_row(scene: Scene, kinds: Sequence[str]) -> list[Tile]:
 
     tiles = []
     if "draft" in kinds:
-        tiles.append(draft_tile(shown, "Draft: where black, the end lies over the pick"))
+        tiles.append(
+            draft_tile(
+                shown, f"Draft: where {'light' if dark else 'black'}, the end lies over the pick"
+            )
+        )
     if "cloth" in kinds:
         wide = picks / shape
         words = f"Cloth, {ends} × {picks}, {quantity(sides[0])} × {quantity(sides[1])}"
@@ -195,7 +201,7 @@ class _Shots:
         self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
         self._shape = _shape(self._extent[0], first.view)
         chosen = first.view.show if first.moves else "fabric"
-        kinds = ["cage", "fabric"] if asked.cage else ["both" if "side" in chosen else chosen]
+        kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
         if asked.cage and not first.moves:
             raise InputError(f"{sweep.runs[0].file}: a scene without a cage", key="--cage")
         columns = asked.columns or _columns(len(self.scenes), len(times))

@@ -8,7 +8,6 @@ page's dots, and are put there dot by dot.
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -23,8 +22,8 @@ if TYPE_CHECKING:
 
 #: Room round the page, and between tiles, in mm; height of a line of a caption.
 _EDGE, _GAP, _LINE = 1.5, 4.0, 3.3
-#: Sizes of letters in points; millimetres of a point; how wide a letter is, over its size.
-TEXT, SMALL, POINT, _WIDTH = 7.0, 6.0, 25.4 / 72, 0.56
+#: Sizes of letters in points; millimetres of a point; room for a panel's letter, in mm.
+TEXT, SMALL, POINT, _LETTER = 7.0, 6.0, 25.4 / 72, 3.2
 #: Dots that a page may have: as many as a large picture's.
 _MOST = 8192
 
@@ -144,8 +143,12 @@ def page(
 
 
 def letters_wide(text: str, size: float = TEXT) -> float:
-    """Return about how wide a line of text is, in mm."""
-    return _WIDTH * size * POINT * len(text)
+    """Return how wide a line of text is, in mm."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(size=size)
+    return POINT * float(text_to_path.get_text_width_height_descent(text, font, False)[0])
 
 
 def _widths(row: Sequence[Tile], room: float) -> list[float]:
@@ -156,9 +159,16 @@ def _widths(row: Sequence[Tile], room: float) -> list[float]:
 
 
 def _wrapped(tile: Tile, width: float) -> str:
-    # The first line begins after the letter.
-    room = max(8, int(width / (_WIDTH * TEXT * POINT)))
-    return "\n".join(textwrap.wrap(tile.caption, room, initial_indent="\0\0\0")).replace("\0", "")
+    """Return a caption in lines that are no wider than its tile, the first after the letter."""
+    lines = [""]
+    for word in tile.caption.split():
+        longer = f"{lines[-1]} {word}".strip()
+        room = width - _LETTER * (len(lines) == 1)
+        if lines[-1] and letters_wide(longer) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return "\n".join(lines)
 
 
 def _caption(axes: Axes, paper: Paper, letter: str, text: str) -> None:
@@ -168,6 +178,6 @@ def _caption(axes: Axes, paper: Paper, letter: str, text: str) -> None:
     base = top + 1.0 + _LINE * len(more)
     if letter:
         axes.text(0.0, base, letter, fontweight="bold", fontsize=TEXT + 1.5, **style)
-    axes.text(3.2 if letter else 0.0, base, first, fontsize=TEXT, **style)
+    axes.text(_LETTER if letter else 0.0, base, first, fontsize=TEXT, **style)
     for number, line in enumerate(more, 1):
         axes.text(0.0, base - _LINE * number, line, fontsize=TEXT, **style)

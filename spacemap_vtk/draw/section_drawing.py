@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Room for dimensions, in mm: at the left, right, below and above.
-_LEFT, _RIGHT, _BELOW, _ABOVE = 13.0, 6.0, 9.0, 7.5
+_LEFT, _RIGHT, _BELOW, _ABOVE = 13.0, 8.5, 9.0, 7.5
 #: Of dimensions, in mm: between their lines, that an extension line goes on past them, an arrow.
 _STEP, _PAST, _ARROW = 4.2, 1.0, 1.9
 #: Highest scale at which a drawing is still no poster, in mm for the height of the cloth.
@@ -26,7 +26,7 @@ _SUB = "₁₂"
 #: Of the length along an axis, on light and on dark paper.
 _ACCENT = ("#c8372d", "#ff8a7a")
 #: Least height of a drawing, in mm: that of its upright words.
-_LEAST = 30.0
+_LEAST = 36.0
 
 
 class _Sheet(NamedTuple):
@@ -150,14 +150,15 @@ def _arc_length(sheet: _Sheet, cut: CrossSection, bend: Bend, ceiling: float, ow
     color = _ACCENT[sheet.paper.dark]
     sheet.axes.plot(*line.T, color=color, linewidth=1.1, solid_capstyle="butt", gid="length")
     middle = line[len(line) // 2]
-    text = np.array([middle[0] + 2.5, ceiling + 3.2])
+    words = f"l{own} = {quantity(bend.length)}"
+    right = float(sheet.at(cut.outline)[:, 0].max()) - 0.5 * letters_wide(words)
+    text = np.array([min(middle[0] + 2.5, right), ceiling + 3.2])
     sheet.axes.annotate(
         "",
         (middle[0], middle[1]),
         (text[0], text[1] - 0.3),
         arrowprops={**_arrow(color), "arrowstyle": "-|>,head_length=0.4,head_width=0.13"},
     )
-    words = f"l{own} = {quantity(bend.length)}"
     sheet.axes.text(text[0], text[1], words, color=color, fontsize=TEXT, ha="center", va="bottom")
 
 
@@ -197,16 +198,16 @@ def _upright(
 ) -> None:
     """Draw a dimension of height, on a line beside the cloth."""
     places = sheet.at(np.array([first, second]))
+    way = float(np.sign(line - places[0, 0]))
     for x, y in places:
-        way = np.sign(line - x)
         _thin(sheet, (x + 0.6 * way, y), (line + _PAST * way, y))
     low, high = np.sort(places[:, 1])
     _between(sheet, np.array([[line, low], [line, high]]))
     words = f"{name} = {quantity(value)}"
     half = 0.5 * letters_wide(words)
     middle = np.clip(0.5 * (low + high), half, sheet.axes.get_ylim()[1] - half)
-    place = np.array([line - 0.5, middle])
-    _words_at(sheet, place, words, ha="right", va="center", rotation=90)
+    place, side = np.array([line + 0.5 * way, middle]), "right" if way < 0 else "left"
+    _words_at(sheet, place, words, ha=side, va="center", rotation=90)
 
 
 def _level(
