@@ -8,7 +8,8 @@ back: a step that reads and writes each byte once is out of its reach. A loop th
 keeps them in registers. So Numba comes with the program; only what is the same in every time step
 of a large fabric has such a loop, and beside it stands the NumPy code that gives the same numbers
 within rounding, for ParaView's own Python and wherever there is no Numba. Small fabrics never wait
-for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds.
+for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds. Who
+takes thousands of steps of one sets the environment variable SPACEMAP_COMPILED to ``always``.
 """
 
 from __future__ import annotations
@@ -91,8 +92,10 @@ def compiled(function: Function) -> Function:
     return made
 
 
-def loops(name: str) -> ModuleType | None:
-    """Return a module of compiled loops, if there is a compiler."""
+def loops(name: str, many: bool) -> ModuleType | None:
+    """Return a module of compiled loops, where there are many points and a compiler."""
+    if not many and os.environ.get("SPACEMAP_COMPILED") != "always":
+        return None
     try:
         from numba import config
     except ImportError:

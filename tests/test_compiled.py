@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_tessellation import random_patches
 
+from spacemap_vtk import parallel
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.embedding import affine, interpolation
 from spacemap_vtk.embedding.affine import AffineInterpolation
@@ -32,7 +33,7 @@ def both(monkeypatch, module, make):
     """Two of the same: by compiled loops, and by NumPy."""
     compiled = make()
     with monkeypatch.context() as patch:
-        patch.setattr(module, "loops", lambda name: None)
+        patch.setattr(module, "loops", lambda *_: None)
         return compiled, make()
 
 
@@ -58,6 +59,15 @@ def test_patches_are_those_of_matrix_products(monkeypatch, small, count, subdivi
         ):
             assert made.dtype == kind
             np.testing.assert_allclose(made, expected, rtol=0, atol=error)
+
+
+def test_a_small_fabric_is_compiled_where_the_environment_says_so(monkeypatch):
+    connectivity = random_patches(20, 3, 3)[1]
+    assert Tessellation(connectivity, (3, 3), 3).bicubic is None
+    monkeypatch.setenv("SPACEMAP_COMPILED", "always")
+    made = Tessellation(connectivity, (3, 3), 3)
+    assert made.bicubic is not None
+    assert made._threads == 1
 
 
 def test_points_of_single_precision_far_from_the_origin(monkeypatch, small):
@@ -175,9 +185,7 @@ def test_points_ride_as_by_arrays(monkeypatch, small, outside):
 
 
 def test_small_work_waits_for_no_compiler(monkeypatch):
-    monkeypatch.setattr(tessellation, "loops", None)  # not to be called
-    monkeypatch.setattr(interpolation, "loops", None)
-    monkeypatch.setattr(affine, "loops", None)
+    monkeypatch.setattr(parallel, "import_module", None)  # not to be called
     points, connectivity = random_patches(10, 3, 3)
     Tessellation(connectivity, (3, 3), 3).evaluate(points)
     vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
@@ -198,7 +206,7 @@ import numpy as np
 from spacemap_vtk import WeaveSource, PatchTessellator
 from spacemap_vtk.parallel import loops
 from spacemap_vtk.fabric.tessellation import WORTHWHILE
-assert loops("spacemap_vtk.fabric.patch_loops") is None
+assert loops("spacemap_vtk.fabric.patch_loops", True) is None
 weave, surface = WeaveSource(ends=20, picks=20), PatchTessellator(subdivisions=4)
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()

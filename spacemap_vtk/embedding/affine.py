@@ -85,9 +85,7 @@ class AffineInterpolation:
         self._recycler = Recycler()
         many = len(points) > WORTHWHILE
         self._threads = threads or (None if many else 1)  # which would cost more than they save
-        self._loops: ModuleType | None = (
-            loops("spacemap_vtk.embedding.ride_loops") if many else None
-        )
+        self._loops: ModuleType | None = loops("spacemap_vtk.embedding.ride_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = [slice(begin, begin + width) for begin in range(0, len(points), width)]
 

@@ -79,7 +79,7 @@ class Interpolation:
         self._recycler = Recycler()
         self._blocks: list[tuple[slice, _Write]] = []
         many = self.point_count > WORTHWHILE
-        ride = loops("spacemap_vtk.embedding.ride_loops") if many else None
+        ride = loops("spacemap_vtk.embedding.ride_loops", many)
         for begin in range(0, self.point_count, _BLOCK):
             rows = slice(begin, min(begin + _BLOCK, self.point_count))
             weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]

@@ -96,18 +96,19 @@ class Tessellation:
         self.subdivisions = subdivisions
         self.patch_count = len(patches)
         # Below some 10^5 points a thread costs more to start than it saves.
-        self._threads = threads or (None if self.point_count > WORTHWHILE else 1)
+        many = self.point_count > WORTHWHILE
+        self._threads = threads or (None if many else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
         self._idle: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
-        many = self.degree == (3, 3) and self.point_count > WORTHWHILE
-        compiled = loops("spacemap_vtk.fabric.patch_loops") if many else None
+        bicubic = self.degree == (3, 3)
+        compiled = loops("spacemap_vtk.fabric.patch_loops", many) if bicubic else None
         self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         samples = (subdivisions + 1) ** 2
         self._chunks = cut_into_chunks(
-            patches[:, order], 3 * samples, narrow=self.point_count > WORTHWHILE
+            patches[:, order], 3 * samples, narrow=many or compiled is not None
         )
         some = self._chunks[:: max(1, len(self._chunks) // 16)]
         nets = [chunk.net(np.array([0, -1])) for chunk in some]

@@ -34,12 +34,8 @@ class MeanGradient:
 
     def of(self, displacement: FloatArray) -> FloatArray:
         """Return the gradients of a field."""
-        result = np.empty((3, 3, self._nodes.shape[1]))
-        for i in range(3):
-            values = np.ascontiguousarray(displacement[:, i])[self._nodes]
-            for j in range(3):
-                np.einsum("nt,nt->t", values, self._slopes[j], out=result[i, j])
-        return result
+        values = np.ascontiguousarray(displacement.T).take(self._nodes, axis=1)
+        return np.einsum("int,jnt->ijt", values, self._slopes)
 
 
 def largest_rotation(gradients: FloatArray) -> float:
@@ -136,7 +132,7 @@ def symmetric_tensors(components: FloatArray, *, engineering: bool) -> FloatArra
     ndarray of float64, shape (T, 6)
         As xx, yy, zz, xy, yz, xz, of a tensor.
     """
-    result = components[:, [0, 1, 2, 5, 3, 4]]
+    result = components.take((0, 1, 2, 5, 3, 4), axis=1)
     if engineering:
         result[:, 3:] *= 0.5
     return result

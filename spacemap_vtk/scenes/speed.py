@@ -94,7 +94,7 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
         warp = rows[names.index(type(scene.warp).__name__)]
         rows += [Timing(name, warp.bytes, warp.copy_ms, ms) for name, ms in _others(scene, steps)]
     count = last.output.GetNumberOfPoints()
-    compiled = count > WORTHWHILE and loops("spacemap_vtk.fabric.patch_loops") is not None
+    compiled = loops("spacemap_vtk.fabric.patch_loops", count > WORTHWHILE) is not None
     return {
         "title": "{} x {} yarns".format(*scene.weave.cloth.size) if scene.woven else scene.title,
         "points": scene.stages[0].output.GetNumberOfPoints(),
