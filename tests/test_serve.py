@@ -10,6 +10,7 @@ import sys
 import time
 import types
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -33,16 +34,26 @@ _QUIET = """new Promise(done => {
       last = image.src;
       since = performance.now();
     }
-    performance.now() - since > 450 ? done(true) : setTimeout(look, 20);
+    performance.now() - since > 330 ? done(true) : setTimeout(look, 20);
   };
   look();
 })"""
 
 
 @pytest.fixture(scope="module")
-def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
+def opened(tmp_path_factory) -> Path:
+    """The file in which the user's browser writes what it was started with."""
+    return tmp_path_factory.mktemp("browser") / "opened"
+
+
+@pytest.fixture(scope="module")
+def served(opened) -> Iterator[tuple[subprocess.Popen[str], str]]:
     words = ["serve", "plain_weave", "--set", "surface.subdivisions=2"]
-    bare = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    script = opened.with_name("browser")
+    script.write_text(f'#!/bin/sh\necho "$1" >"{opened}.new" && mv "{opened}.new" "{opened}"\n')
+    script.chmod(0o755)
+    bare = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
+    bare |= {"WAYLAND_DISPLAY": "none", "BROWSER": f"{script} %s"}
     process = subprocess.Popen(
         [sys.executable, "-m", "spacemap_vtk", *words],
         stdout=subprocess.PIPE,
@@ -58,8 +69,12 @@ def served() -> Iterator[tuple[subprocess.Popen[str], str]]:
         process.communicate()
 
 
-def test_who_has_no_token_gets_nothing(served):
+def test_who_has_no_token_gets_nothing(served, opened):
     _, address = served
+    while not opened.exists():
+        time.sleep(0.01)
+    once = opened.read_text().strip()
+    assert urlsplit(address).path.strip("/") not in once
     here, token = urlsplit(address).netloc, urlsplit(address).path.strip("/")
     assert len(token) >= 32
     root, wrong = f"http://{here}/", token[:-1] + ("0" if token[-1] != "0" else "1")
@@ -83,6 +98,12 @@ def test_who_has_no_token_gets_nothing(served):
                     await client.ws_connect(root + path)
             with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
                 await client.ws_connect(address + "ws", headers=origin)
+            # The browser's own address leads there once.
+            for status in (302, 403):
+                async with client.get(once, allow_redirects=False) as answer:
+                    assert answer.status == status
+            async with client.get(root + "open") as answer:
+                assert answer.status == 403
             async with client.get(address) as answer:
                 assert answer.status == 200
                 assert "default-src 'self'" in answer.headers["Content-Security-Policy"]

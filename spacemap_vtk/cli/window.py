@@ -64,10 +64,10 @@ def serve(
     """
     from spacemap_vtk.app.web import server
 
-    def told(address: str) -> None:
+    def told(address: str, once: str) -> None:
         print(address, flush=True)
         if browser:
-            server.open_browser(address)
+            server.open_browser(once)
 
     server.serve(scene, set, host, port, told)
 

@@ -18,6 +18,7 @@ import secrets
 import signal
 import socket
 import sys
+import threading
 import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -44,9 +45,9 @@ _HERE = Path(__file__).parent
 
 
 def serve(
-    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str], object]
+    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str, str], object]
 ) -> None:
-    """Serve a scene until Ctrl-C; `told` is given the address as soon as it can be opened."""
+    """Serve a scene until Ctrl-C; `told` is given the address, and one that opens it once."""
     require_local(host)
     require_free(host, port)
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
@@ -73,17 +74,19 @@ def require_local(host: str) -> None:
 
 
 async def _serve(
-    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str], object]
+    name: str, assignments: Sequence[str], host: str, port: int, told: Callable[[str, str], object]
 ) -> None:
     from trame.app import get_server
 
     # In small letters: trame's script makes all of a socket's address small.
     token = secrets.token_hex(24)
+    # What a browser is started with can be read by all who list this machine's processes.
+    tickets = [secrets.token_hex(16)]
     server: Any = get_server("spacemap", client_type="vue3")
     session = Session(name, assignments, server.state)
     try:
         _furnish(server, session, token)
-        server.controller.on_server_bind.add(lambda web: _guard(web.app, session, token))
+        server.controller.on_server_bind.add(lambda web: _guard(web.app, session, token, tickets))
         work = asyncio.create_task(session.run())
         served = asyncio.create_task(_started(server, host, port, token))
         ready = asyncio.create_task(_ready(server))
@@ -92,7 +95,8 @@ async def _serve(
         if served.done():
             served.result()  # raises what it has ended with
         at = f"[{host}]" if ":" in host else host
-        told(f"http://{at}:{server.port}/{token}/")
+        root = f"http://{at}:{server.port}"
+        told(f"{root}/{token}/", f"{root}/open/{tickets[0]}")
         await asyncio.wait([ended, served, work], return_when=asyncio.FIRST_COMPLETED)
         if work.done():
             work.result()
@@ -132,7 +136,7 @@ def _furnish(server: Any, session: Session, token: str) -> None:
         server.trigger(name)(getattr(session, name))
 
 
-def _guard(app: Any, session: Session, token: str) -> None:
+def _guard(app: Any, session: Session, token: str, tickets: list[str]) -> None:
     """Let in only who knows the token, by a name of this machine."""
     from aiohttp import web
     from trame_client.module import vue3
@@ -143,9 +147,12 @@ def _guard(app: Any, session: Session, token: str) -> None:
         origin = request.headers.get("Origin")
         own = origin is None or urlsplit(origin).netloc == request.host
         known = secrets.compare_digest(first.encode(), token.encode())
-        if not (own and known and _is_local(request.host)):
+        ticket = first == "open" and rest != [] and rest == tickets
+        if not (own and (known or ticket) and _is_local(request.host)):
             raise web.HTTPForbidden(text=_REFUSED, headers=_HEADERS)
-        if not rest:
+        if ticket:
+            tickets.clear()  # good for once
+        if ticket or not rest:
             raise web.HTTPFound(f"/{token}/", headers=_HEADERS)
         response = await handler(request)
         if not response.prepared:
@@ -240,4 +247,5 @@ def open_browser(address: str) -> None:
     """Open the user's browser, if there is a screen for one."""
     if sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
         return
-    webbrowser.open(address)
+    # Some browsers are waited for until they are closed.
+    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()

@@ -57,6 +57,8 @@ class Session:
         self._wished, self.fetched = asyncio.Event(), asyncio.Event()
         self._time, self._clock = self.scene.view.time, 0.0
         self._rest: asyncio.TimerHandle | None = None
+        #: Whether what runs is but what is in view, and whether the user has ended it.
+        self._looking = self._given_up = False
         state.title, state.playing, state.picture = self.scene.title, False, 0
         state.work, state.failure, state.warnings = None, "", []
         state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS]
@@ -117,6 +119,7 @@ class Session:
     def cancel(self) -> None:
         """Give up what runs; the last picture stays."""
         self._job, self.state.playing = None, False
+        self._given_up = self._begun is not None
         self.pipeline.stop()
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
@@ -153,8 +156,10 @@ class Session:
         if self._begun is not None:
             begun, job = self._begun
             # For another time of the same scene the run goes on: all it prepares is needed.
-            if time.perf_counter() - begun > PATIENCE and job.values != values:
+            late = time.perf_counter() - begun > PATIENCE and job.values != values
+            if late or self._looking:
                 self.pipeline.stop()
+        self._looking = False
         self._wished.set()
 
     async def run(self) -> None:
@@ -180,6 +185,7 @@ class Session:
         # Stops are called in this thread, too: one holds for the job that is taken, from here on.
         self.pipeline.stopped = False
         self._begun, self._running = (time.perf_counter(), job), ("", 0.0, "")
+        self._given_up = False
         loop = asyncio.get_running_loop()
         run = loop.run_in_executor(self._thread, self.pipeline.run, job)
         while not (await asyncio.wait([run], timeout=_NOTICE))[0]:
@@ -188,13 +194,13 @@ class Session:
                 stage = words_of(sections()[section].__name__)
                 with self.state:
                     self.state.work = {"stage": stage, "share": share, "step": step}
-        self._begun = None
+        self._begun, self._looking = None, False
         with self.state:
             self.state.work = None
             try:
                 frame = run.result()
             except Cancelled:
-                if self._job is None:
+                if self._given_up:
                     before = "" if self.screen.frame is None else "the picture is from before. "
                     self.state.failure = f"Stopped: {before}Any change begins anew."
             except Exception as error:
@@ -265,6 +271,9 @@ class Session:
     def _look(self) -> None:
         """Show what is looked at now, and all of it once the camera rests."""
         self._push()
+        if self._looking:  # at what is in view no more
+            self._looking = False
+            self.pipeline.stop()
         if self._rest is not None:
             self._rest.cancel()
         self._rest = asyncio.get_running_loop().call_later(_REST, self._come_to_rest)
@@ -278,6 +287,7 @@ class Session:
             return
         if frame.cloth is not None and frame.seen != self.screen.seen:
             self.ask()
+            self._looking = True
 
     def _push(self) -> None:
         if self.screen.frame is not None and self.state.picture != self.screen.version:
