@@ -227,6 +227,7 @@ def test_tables_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         "render",
         "animate",
         "storyboard",
+        "figure",
         "export",
         "modes",
         "plot",

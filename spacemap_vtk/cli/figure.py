@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import ColorBy, Quiet, listed_times, opened, tell_warnings
+from spacemap_vtk.cli.options import ColorBy, Quiet, Styled, listed_times, opened, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
@@ -61,6 +61,7 @@ def figure(
         ),
     ] = False,
     color: ColorBy = None,
+    style: Styled = None,
     cage: Annotated[
         bool,
         Parameter(negative="", help="Cages in a row over the pictures.", show_default=False),
@@ -89,7 +90,7 @@ def figure(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Lay out a page for a publication.
+    """Lay out a page: pictures, draft and cloth, Peirce's sections.
 
     Pictures are seen from one place and have one scale of colours; a key below has the axes, a
     round length (without perspective, or in the plane of the camera's focus) and the colours.
@@ -115,7 +116,7 @@ def figure(
     scene : str
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
-    chosen = opened(scene, color=color)
+    chosen = opened(scene, color=color, style=style)
     lists = []
     for assignment in set_:
         if len(swept(assignment, chosen.parts).values) > 1:
@@ -138,7 +139,11 @@ def figure(
         output,
         () if times is None else listed_times(times),
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],
-        page={key: value for key, value in asked.items() if value},
+        page={
+            key: value
+            for key, value in asked.items()
+            if value not in (None, []) and value is not False
+        },
     )
     if color is None and not panels and chosen.moves and chosen.view.color == "own":
         chosen.take({"view": {"color": "displacement"}})

@@ -75,7 +75,9 @@ class Annotations:
     def _place(self) -> None:
         if not self._plates.GetVisibility():
             return
-        (width, height), letter = self._size, letters_of(self._size)
+        # A window may have another size than when it was fitted.
+        width, height = (side / self._pixels for side in self._renderer.GetSize())
+        letter = letters_of(self._size)
         self.boxes, shapes, view = [], [], self._view
         self._say({})
         edge = 0.7 * letter

@@ -103,6 +103,12 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
         times=asked.times,
     )
     sweep.check()
+    if asked.cage and not scene.moves:
+        raise InputError(
+            f"{scene.title}: a scene without a cage that moves",
+            key="--cage",
+            cure="Leave it out, or add a section [response].",
+        )
     first = sweep.runs[0].scene()
     panels = asked.panels
     if not panels:
@@ -202,8 +208,6 @@ class _Shots:
         self._shape = _shape(self._extent[0], first.view)
         chosen = first.view.show if first.moves else "fabric"
         kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
-        if asked.cage and not first.moves:
-            raise InputError(f"{sweep.runs[0].file}: a scene without a cage", key="--cage")
         columns = asked.columns or _columns(len(self.scenes), len(times))
         #: How all are seen, once something is drawn.
         self._seen: Measures | None = None
