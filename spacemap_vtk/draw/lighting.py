@@ -13,9 +13,6 @@ from spacemap_vtk.scenes.styles import Style
 
 #: Most lamps of a style.
 _LAMPS = 3
-#: Of a yarn that is too small for lines as wide as they should be, so many times `outline_share` is
-#: under one: at both edges, on both sides.
-_LINED = 5.0
 
 #: What a shader needs that lights something; who uses it calls `light_up` for its uniforms.
 FUNCTIONS = """
@@ -88,7 +85,7 @@ def light_up(uniforms: Any, style: Style, point: float = 1.0) -> None:
         ("facing", style.facing),
         ("colored", style.colored),
         # Half of a line: the other half is beyond the edge, see `OutlineActor`.
-        ("lined", _LINED * style.outline_share if style.outline else 0.0),
+        ("lined", style.outline_afar if style.outline else 0.0),
         ("lineWidth", 0.5 * style.outline * point),
         # The cosine as far from the edge as a line is wide at most.
         ("rim", math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2)),

@@ -39,6 +39,8 @@ class Style:
     outline: float = 0.0
     outline_ink: RGB = (0, 0, 0)
     outline_share: float = 0.04
+    #: What is under lines of yarns that are too small to be seen.
+    outline_afar: float = 0.2
     #: Light from all sides, from above and from below: alone it shows colours as they are.
     sky: Light3 = WHITE
     earth: Light3 = WHITE
@@ -72,6 +74,11 @@ class Style:
             facing=0.6 if self.lamps else 0.0,
             colored=1.0,
             occlusion=0.0,
+            # Without shadows it takes lines to see yarns of one colour cross.
+            outline=max(self.outline, 1.5),
+            outline_ink=(0, 0, 0) if self.lamps else self.outline_ink,
+            outline_share=0.025 if self.lamps else self.outline_share,
+            outline_afar=0.02 if self.lamps else self.outline_afar,
         )
 
 
@@ -105,6 +112,7 @@ STYLES = {
         outline=0.8,
         outline_ink=(60, 60, 62),
         outline_share=0.03,
+        outline_afar=0.15,
         sky=(0.72, 0.72, 0.72),
         earth=(0.5, 0.5, 0.5),
         lamps=(Lamp((-0.6, 0.9, 1.0), 0.42),),
