@@ -14,7 +14,11 @@ from window import require_display, scene_of, settled, wait_until
 require_display()
 
 from spacemap_vtk.app import pipeline  # noqa: E402
-from spacemap_vtk.draw import form, near  # noqa: E402
+from spacemap_vtk.app.job import Job, Pull, Swing  # noqa: E402
+from spacemap_vtk.draw import near  # noqa: E402
+from spacemap_vtk.draw.camera import Seen, Viewpoint  # noqa: E402
+from spacemap_vtk.draw.frame import Frame  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 SCENE = """
 [weave]
@@ -65,7 +69,7 @@ def at_rest(window: Any) -> bool:
 def test_yarns_are_made_where_they_are_seen_near(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 100)
+    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
     monkeypatch.setattr(near, "MOST_PATCHES", 12_000)
     window = opened(60)
     view = window.view
@@ -102,10 +106,38 @@ def test_yarns_are_made_where_they_are_seen_near(
     assert part is not None
 
 
+@pytest.mark.parametrize(
+    ("swing", "coarse"),
+    [(None, True), (Swing(1, 0.1, 0.25), False), (Pull(1.02, 0.97), False)],
+)
+def test_yarns_in_sight_move_as_all_together_do(
+    swing: Swing | Pull | None, coarse: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = {"weave": {"ends": 9, "picks": 9}, "cage": {}, "response": {"gravity": [0, 0, 9.8]}}
+    scene = Scene({**values, "view": {"color": "velocity"}, "yarns": {}})
+    settings = {name: part.settings for name, part in scene.parts.items()}
+    seen = Seen(Viewpoint((0.0, 0.0, 0.03), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.0, (300, 300))
+    given = {**values, "view": {"color": "velocity"}, "yarns": {}}
+    job = Job(given, Path(), settings, 1, 0.02, coarse=coarse, swing=swing, seen=seen)
+
+    def drawn(few: int) -> Frame:
+        monkeypatch.setattr(pipeline, "_FEW_PATCHES", few)
+        nothing: Any = lambda *_: None  # noqa: E731
+        return pipeline.Pipeline(nothing, nothing, nothing).run(job)
+
+    whole, frame = drawn(10**6), drawn(100)
+    assert whole.cloth is None
+    assert frame.cloth is not None
+    assert frame.yarns is not None
+    bounds = whole.surface.GetBounds()
+    np.testing.assert_allclose(frame.yarns.GetBounds(), bounds, atol=2e-5)
+    assert bool(frame.yarns.GetPointData().HasArray("velocity")) is (swing is None)
+
+
 def test_what_is_in_view_is_given_up_when_the_camera_moves_on(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(form, "_MANY_PATCHES", 100)
+    monkeypatch.setattr(pipeline, "_FEW_PATCHES", 100)
     window = opened(24)
     view, director = window.view, window.director
     wait_until(lambda: at_rest(window) and view.frame.yarns is not None)

@@ -36,6 +36,8 @@ from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in the twentieth of a second that a drag has.
 COARSE_QUADS = 8_000
+#: More patches are not drawn all together: as far as they are in sight, in facets that are seen.
+_FEW_PATCHES = 60_000
 #: Cells along each side of a sheet that moves, or is seen while the camera does.
 _MOVING_CELLS = 48
 #: More quadrilaterals have fewer in their place while the camera moves.
@@ -113,8 +115,6 @@ class Pipeline:
             drawn = sheet.moved
             if scene.moves:
                 drawn = sheet.ride(scene.deformed_cage if cage is None else cage, coarse)
-            if coarse:
-                drawn = thinned(drawn, sheet.cells, _MOVING_CELLS)
         else:
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
@@ -134,7 +134,7 @@ class Pipeline:
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion(scene, job.coarse),
         )
-        if sheet is not None and not coarse:
+        if sheet is not None:
             return self._nearer(scene, job, frame, sheet)
         if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
             return self._lighter(scene, source, frame)
@@ -142,14 +142,28 @@ class Pipeline:
 
     def _nearer(self, scene: Scene, job: Job, frame: Frame, sheet: Sheet) -> Frame:
         """Return a sheet's frame with the yarns that are seen near."""
-        thin = thinned(frame.surface, sheet.cells, _MOVING_CELLS)
-        frame = replace(frame, light=replace(frame, surface=thin), seen=job.seen)
-        if job.seen is None or job.swing is not None:
+        whole, thin = frame.surface, thinned(frame.surface, sheet.cells, _MOVING_CELLS)
+        if frame.coarse:
+            frame = replace(frame, surface=thin)
+        else:
+            frame = replace(frame, light=replace(frame, surface=thin), seen=job.seen)
+        if job.seen is None or (frame.coarse and sheet.solves_long):
             return frame
         near = self._near
         if near is None or not near.serves(scene, sheet):
             self._near = near = NearYarns(scene, sheet)
-        why = near.follow(job.seen, scene.deformed_cage if scene.moves else None)
+        cage = None
+        if scene.moves:
+            cage = scene.deformed_cage if job.swing is None else frame.cage
+        why = near.follow(job.seen, cage, job.swing is not None)
+        if frame.coarse:
+            few = None if why else near.light(job.time)
+            if few is None or near.part is None:
+                return frame
+            few = copied(few)
+            add_measure(few, frame.color)
+            around = thinned(whole, sheet.cells, _MOVING_CELLS, near.part)
+            return replace(frame, yarns=few, around=around)
         if not why:
             try:
                 for stage in near.stages:
@@ -214,7 +228,7 @@ class Pipeline:
         """Return the sheet that a cloth of many yarns is drawn as."""
         found = self._sheet
         if found is None or not found.serves(scene):
-            self._sheet = found = Sheet.of(scene)
+            self._sheet = found = Sheet.of(scene, few=_FEW_PATCHES)
         return found
 
     def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:

@@ -68,8 +68,8 @@ class Sheet:
         self._warp = _SheetWarp()
 
     @classmethod
-    def of(cls, scene: Scene, fits: bool = True) -> Sheet | None:
-        """Return a scene's sheet; None where its yarns fit into memory, or all of them must."""
+    def of(cls, scene: Scene, fits: bool = True, few: int | None = None) -> Sheet | None:
+        """Return a scene's sheet; None where yarns are few, and fit into memory, or all must."""
         if not scene.woven or scene.source is not scene.weave or not _rides(scene):
             return None
         try:
@@ -77,7 +77,8 @@ class Sheet:
         except SpacemapError:
             return None  # the stage says why
         sides = scene.surface.subdivisions
-        many = not fits or (sides is None and patches > _MANY_PATCHES)
+        few = _MANY_PATCHES if few is None else few
+        many = not fits or (sides is None and patches > few)
         return cls(scene, patches) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
 
     def serves(self, scene: Scene) -> bool:
@@ -110,6 +111,10 @@ class Sheet:
         """Return the sheet where a cage takes it."""
         self._cross(cage, coarse)
         settings = dict(self._scene.warp.settings)
+        # A mode's cage has no velocity that could ride along.
+        there = (cage.GetPointData(), cage.GetCellData())
+        names = settings["carried"].replace(",", " ").split()
+        settings["carried"] = " ".join(n for n in names if any(d.HasArray(n) for d in there))
         self._warp.follows = self._follows
         if self._follows and settings["outside"] == "error":
             settings["outside"] = "extrapolate"
@@ -125,7 +130,7 @@ class Sheet:
             self.crossings = self._array = None
             return
         name = COLORINGS[scene.view.color].array
-        if coarse and self.cloth.drawdown.size > _MANY_CROSSINGS and name == self._array:
+        if coarse and self.solves_long and name == self._array:
             return
         self._array = name
         with scene.naming_file():
@@ -138,6 +143,11 @@ class Sheet:
         for stage in stages:
             if isinstance(stage, CrimpInterchange):
                 stage.borrow(self._crimp, part)
+
+    @property
+    def solves_long(self) -> bool:
+        """Whether what crossings do is shown, and takes longer than a picture that moves may."""
+        return self._crimp is not None and self.cloth.drawdown.size > _MANY_CROSSINGS
 
     @property
     def _crimp(self) -> CrimpInterchange | None:

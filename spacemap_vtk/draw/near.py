@@ -15,6 +15,7 @@ from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.pieces import cells_in_sight, own_stages, run_of, yarns_in
 from spacemap_vtk.fabric.partition import cropped
 from spacemap_vtk.fabric.weave import estimate_counts
+from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.weave_source import WeaveSource
@@ -53,7 +54,7 @@ class NearYarns:
         """Return whether its stages are still as the scene's."""
         return sheet is self._sheet and _settings(scene) == self._settings
 
-    def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None) -> str:
+    def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None, swings: bool = False) -> str:
         """Choose what will be made; return why nothing is, or nothing."""
         sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
         columns, rows = (run_of(cells) for cells in cells_in_sight(sheet, camera, width / height))
@@ -84,6 +85,9 @@ class NearYarns:
             for stage in self.stages[1:]:
                 if len(stage.takes) > 1:
                     stage.SetInputDataObject(1, copied(cage))
+                if isinstance(stage, BarycentricWarp):
+                    # a mode's cage has no velocity that could ride along
+                    stage.carried = "" if swings else self._scene.warp.carried
         return ""
 
     @property
