@@ -135,7 +135,12 @@ def figure_of(scene: Scene, asked: FigureAsked, tell: Tell = lambda *_: None) ->
         elif name == "draft" or "draft" not in panels:
             drawn.append(_still(sweep.runs[0]))
             rows.append(
-                _weave_row(drawn[-1], [k for k in ("draft", "cloth") if k in panels], asked.dark)
+                _weave_row(
+                    drawn[-1],
+                    [k for k in ("draft", "cloth") if k in panels],
+                    asked.dark,
+                    first.weave.cloth.size,
+                )
             )
     made = page(rows, asked, tell)
     for text in dict.fromkeys(text for each in drawn for text in each.warnings):
@@ -154,7 +159,9 @@ def _still(run: Run) -> Scene:
     return scene
 
 
-def _weave_row(scene: Scene, kinds: Sequence[str], dark: bool) -> list[Tile]:
+def _weave_row(
+    scene: Scene, kinds: Sequence[str], dark: bool, whole: tuple[int, int]
+) -> list[Tile]:
     """Return draft and cloth side by side, each pick beside its row."""
     shown = shown_of(scene.weave)
     ends, picks = shown.size
@@ -173,16 +180,16 @@ def _weave_row(scene: Scene, kinds: Sequence[str], dark: bool) -> list[Tile]:
         )
         _put(axes, paper, scene, 0.0, "fabric", place=place)
 
+    # Of a large cloth its beginning is drawn.
+    part = "" if (ends, picks) == whole else f", of {whole[0]} × {whole[1]}"
     tiles = []
     if "draft" in kinds:
-        tiles.append(
-            draft_tile(
-                shown, f"Draft: where {'light' if dark else 'black'}, the end lies over the pick"
-            )
-        )
+        where = "light" if dark else "black"
+        words = f"Draft{part and ', its beginning'}: where {where}, the end lies over the pick"
+        tiles.append(draft_tile(shown, words))
     if "cloth" in kinds:
         wide = picks / shape
-        words = f"Cloth, {ends} × {picks}, {quantity(sides[0])} × {quantity(sides[1])}"
+        words = f"Cloth, {ends} × {picks}{part}, {quantity(sides[0])} × {quantity(sides[1])}"
         tiles.append(Tile(draw, lambda width: shape * width, words, wide, wide * LARGEST))
     return tiles
 
