@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkCellPicker
+from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim
+from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, rest_of
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
@@ -274,7 +274,7 @@ class View3D(QWidget):
             self.flattened.emit(flat)
         if not flat:
             # The scale of a parallel projection that shows as much as the perspective does.
-            camera.SetParallelScale(_half_height(camera))
+            camera.SetParallelScale(half_height(camera))
         self._aimed = name, self.place
         self.render()
 
@@ -304,7 +304,7 @@ class View3D(QWidget):
         """Switch between parallel and perspective projection."""
         camera = self.plotter.camera
         if on:
-            camera.SetParallelScale(_half_height(camera))
+            camera.SetParallelScale(half_height(camera))
         camera.SetParallelProjection(on)
         self.render()
 
@@ -406,8 +406,3 @@ class View3D(QWidget):
     def _extent(self) -> NDArray[np.float64] | None:
         loads = self._view is not None and self._view.loads
         return None if self.frame is None else extent_of(self.frame, loads)
-
-
-def _half_height(camera: vtkCamera) -> float:
-    """Return half the height of what a camera shows in perspective, at its focus."""
-    return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))

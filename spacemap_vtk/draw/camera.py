@@ -162,6 +162,11 @@ def aim(
         _flatten(camera, points[:, :2], aspect, zoom)
 
 
+def half_height(camera: vtkCamera) -> float:
+    """Return half the height of what a camera shows in perspective, at its focus."""
+    return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
+
+
 def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: float) -> None:
     """Take the perspective away, and with it most of the margin."""
     across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))

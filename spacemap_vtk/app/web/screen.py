@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import io
-import math
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
-from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim
+from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import cut_of
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -74,9 +73,11 @@ class Screen:
         camera, (width, height) = self.window.camera, self.window.size
         points = extent_of(self.frame, self._view.loads)
         aspect = (1.0 - self.shown.room) * width / height
+        flat = camera.GetParallelProjection() if name is None else name == FLAT
         aim(camera, points, aspect, name, self._view.zoom if name else 1.0)
-        if name is not None:
-            camera.SetParallelProjection(name == FLAT)
+        camera.SetParallelProjection(flat)
+        if name != FLAT:
+            camera.SetParallelScale(half_height(camera))
         self._aimed = name, self._place
         self.version += 1
 
@@ -89,9 +90,8 @@ class Screen:
             camera.OrthogonalizeViewUp()
         elif kind == "move":
             width, height = self.window.size
-            tall = 2 * camera.GetDistance() * math.tan(math.radians(camera.GetViewAngle() / 2))
-            if camera.GetParallelProjection():
-                tall = 2 * camera.GetParallelScale()
+            flat = camera.GetParallelProjection()
+            tall = 2 * (camera.GetParallelScale() if flat else half_height(camera))
             up = np.array(camera.GetViewUp())
             right = np.cross(camera.GetDirectionOfProjection(), up)
             by = -(right * x * width / height + up * y) * tall

@@ -199,6 +199,7 @@ class Session:
             self.state.work = None
             try:
                 frame = run.result()
+                self.screen.show(frame, self.scene.view)
             except Cancelled:
                 if self._given_up:
                     before = "" if self.screen.frame is None else "the picture is from before. "
@@ -211,7 +212,6 @@ class Session:
                 self.rows.accept()
                 self.rows.found = {"modal": measures_in(frame.cage)}
                 self.state.warnings = list(frame.warnings)
-                self.screen.show(frame, self.scene.view)
                 self._push()
             if job.coarse and not self.state.failure:
                 self._tell_time()
