@@ -116,7 +116,8 @@ class Tessellation:
         self._some = np.concatenate(nets) if nets else np.empty((0, len(order)), np.int64)
         #: Of each chunk the normals that were evaluated again last, with what goes with them.
         self._repaired: dict[int, RobustNormals] = {}
-        self._kept: tuple[tuple[float, np.dtype[Any]], Floats, Floats] | None = None
+        #: Matrices of the last scales and types: those of points, and of arrays carried over.
+        self._kept: dict[tuple[float, np.dtype[Any]], tuple[Floats, Floats]] = {}
 
     def evaluate(
         self,
@@ -351,14 +352,14 @@ class Tessellation:
 
     def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[Floats, Floats]:
         """Return B over Bu and Bv of patches of a size, and B with the origin: kept for steps."""
-        kept = self._kept
-        if kept is None or kept[0] != (scale, kind):
+        kept = self._kept.get((scale, kind))
+        if kept is None:
             basis = self._basis.copy()
             basis[1:] /= scale
             stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
-            kept = (scale, kind), stacked, _with_ones(stacked[: len(stacked) // 3])
-            self._kept = kept
-        return kept[1:]
+            kept = stacked, _with_ones(stacked[: len(stacked) // 3])
+            self._kept = {**dict(list(self._kept.items())[-2:]), (scale, kind): kept}
+        return kept
 
     def _robust(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
         """Return what is evaluated again: poles of caps are so at each step of a motion."""
