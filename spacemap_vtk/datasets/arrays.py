@@ -30,6 +30,7 @@ from spacemap_vtk.parameters import suggestion
 #: own them: it would read freed memory.
 _CELLS_NEED_COPIES = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 6)
 
+_HAVE_BUFFERS = hasattr(vtkFloatArray, "GetBuffer")
 _FLOATS = {np.dtype(np.float32): vtkFloatArray, np.dtype(np.float64): vtkDoubleArray}
 
 
@@ -64,8 +65,8 @@ def _shared(values: NDArray[Any]) -> vtkDataArray:
     array = made()
     array.SetNumberOfComponents(values.shape[1] if values.ndim == 2 else 1)
     array.SetVoidArray(values, values.size, 1)
-    # What lives as long as the memory is read: from 9.6 on a buffer may outlive its array.
-    owner = array.GetBuffer() if hasattr(array, "GetBuffer") else array
+    # On what lives as long as the memory is read: where there are buffers, they outlive arrays.
+    owner = array.GetBuffer() if _HAVE_BUFFERS else array
     owner._numpy_reference = values
     return array
 

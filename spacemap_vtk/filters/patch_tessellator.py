@@ -21,7 +21,6 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.datasets.arrays import (
-    cell_types,
     cells_of,
     points_of,
     to_array,
@@ -315,7 +314,7 @@ def _equal(first: vtkDataArray, second: vtkDataArray) -> bool:
 def _only_patches(grid: vtkPointSet) -> bool:
     if not isinstance(grid, vtkUnstructuredGrid) or not grid.GetNumberOfCells():
         return False
-    return set(cell_types(grid)) == {VTK_BEZIER_QUADRILATERAL}
+    return grid.GetCellType(0) == VTK_BEZIER_QUADRILATERAL and bool(grid.IsHomogeneous())
 
 
 def _numeric_arrays(data: vtkFieldData) -> list[vtkDataArray]:
