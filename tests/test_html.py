@@ -122,6 +122,18 @@ def test_it_turns_plays_and_scrubs_as_the_scene_moves(tmp_path: Path) -> None:
         assert names == [clip.name for clip in shapes.clips]
         period = page.evaluate("spacemap.end - spacemap.start")
         assert period == pytest.approx(1.0 / shapes.about["modes"][0]["frequency_hz"])
+        lost = "const lose = spacemap.drawing.gl.getExtension('WEBGL_lose_context')"
+        before = seen(page)
+        page.evaluate(
+            f"(() => {{ {lost}; lose.loseContext(); setTimeout(() => lose.restoreContext()) }})()"
+        )
+        page.wait_until("!spacemap.drawing.gl.isContextLost() && spacemap.settled")
+        assert abs(seen(page) - before).max() <= 3
+        page.complaints = [each for each in page.complaints if "CONTEXT_LOST" not in each]
+        nothing = "HTMLCanvasElement.prototype.getContext = () => null"
+        page.send("Page.addScriptToEvaluateOnNewDocument", source=nothing)
+        page.open(modes.as_uri())
+        page.wait_until("document.querySelector('#message').innerText.includes('WebGL 2')")
         assert page.complaints == []
         assert {address for address in page.addresses if not address.startswith("about:")} == {
             each.as_uri() for each in (file, colored, modes)

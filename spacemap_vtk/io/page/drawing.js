@@ -70,8 +70,9 @@ void main() {
   float gloss = (scaled ? 0.4 : 1.0);
   shown += gloss * (0.055 * pow(glance, 22.0) * vec3(1.0, 0.96, 0.9)
     + 0.10 * pow(along, 4.0) * (0.25 + 0.75 * key) * mix(vec3(1.0), base, 0.5));
-  // what is bright keeps its colour, as on film
-  shown = mix(shown, 1.0 - 0.3 * exp((0.7 - shown) / 0.3), step(0.7, shown));
+  // what is too bright keeps its hue, as on film
+  float most = max(shown.r, max(shown.g, shown.b));
+  if (most > 0.7) shown *= (1.0 - 0.3 * exp((0.7 - most) / 0.3)) / most;
   pixel = vec4(pow(shown, vec3(1.0 / 2.2)), 1.0);
 }`;
 

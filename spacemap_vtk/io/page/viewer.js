@@ -161,7 +161,6 @@ class Viewer {
     this.element("figures").textContent = figures.join(" · ");
     const views = this.element("views");
     views.hidden = false;
-    views.classList.toggle("alone", !this.moves);
     for (const button of views.children) button.onclick = () => this.reset(button.dataset.view);
     if (!numbers) return;
     const scale = this.element("scale"), [low, high] = numbers.span;
@@ -192,6 +191,7 @@ class Viewer {
     Object.assign(slider, { min: this.start, max: this.end });
     if (!select.options.length) this.clips.forEach(({ name }, i) => select.add(new Option(name, i)));
     select.hidden = this.clips.length < 2;
+    this.element("loop").hidden = !select.hidden; // a swing goes on
     const speeds = [...new Set([...SPEEDS, Number(speed.toPrecision(3))])].sort((a, b) => a - b);
     this.element("speed").replaceChildren(...speeds.map((each) => new Option(`${each} ×`, each)));
     this.element("speed").value = Number(speed.toPrecision(3));
@@ -283,8 +283,10 @@ class Viewer {
   /** What words and buttons leave free, in shares of the page. */
   get free() {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
-    const narrow = width <= 640, scale = this.element("scale");
-    const top = 62, bottom = narrow ? (this.moves ? 160 : 64) : this.moves ? 84 : 24;
+    const narrow = width <= 640, [scale, views, bar, words] = ["scale", "views", "bar", "figures"].map(this.element);
+    const above = bar.hidden ? 14 : bar.offsetHeight + 26, top = words.getBoundingClientRect().bottom + 10;
+    views.style.bottom = narrow ? `${above}px` : "";
+    const bottom = narrow ? above + views.offsetHeight + 10 : above;
     const right = scale.hidden ? 0 : scale.offsetWidth + 34;
     const share = Math.max(1 - (top + bottom) / height, 0.3);
     return { height: share, aspect: (width - right) / (height * share), right: -right / width, up: (bottom - top) / height };
@@ -338,7 +340,7 @@ class Viewer {
       this.drawing = new Drawing(canvas, this.content, this.arrays);
       this.ask();
     });
-    addEventListener("resize", () => this.ask());
+    addEventListener("resize", () => { camera.free = this.free; this.ask(); });
     this.element("play").onclick = () => this.play();
     this.element("slider").oninput = (event) => { this.play(false); this.go(Number(event.target.value)); };
     this.element("clip").onchange = (event) => this.chooseClip(Number(event.target.value));
