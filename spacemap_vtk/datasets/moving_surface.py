@@ -61,8 +61,9 @@ class Sight(NamedTuple):
     zoom: float
     #: Colours behind it as ``"#rrggbb"``, at the bottom and at the top; of a usual one none.
     background: tuple[str, str] | None
-    #: Depth of the folds in which it is darker [m]; 0: nowhere.
+    #: Depth of its folds [m], and whether it is darker in them.
     relief: float
+    shadows: bool
 
 
 class YarnCurves(NamedTuple):

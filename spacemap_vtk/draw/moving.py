@@ -361,10 +361,11 @@ def _still(
 
 def _sight(scene: Scene) -> Sight:
     view, look, usual = scene.view, scene.view.look, View().look
-    depth = relief_of(scene) if view.shadows and not COLORINGS[view.color].numbers else 0.0
+    shadows = view.shadows and not COLORINGS[view.color].numbers
     back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
     own = (look.below, look.above) != (usual.below, usual.above)
-    return Sight(CAMERAS, view.camera, view.zoom, back if own else None, depth)
+    found = back if own else None
+    return Sight(CAMERAS, view.camera, view.zoom, found, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

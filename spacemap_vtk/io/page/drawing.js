@@ -137,7 +137,7 @@ ${DEPTH}
 uniform sampler2D drawn, near, wide;
 uniform vec2 factors, size;
 uniform bool shaded;
-uniform int fine;
+uniform int fine, line; // half the width of lines, in what is drawn
 uniform vec3 below, above;
 out vec4 pixel;
 float mean(sampler2D image, ivec2 pixel, float factor) {
@@ -155,6 +155,17 @@ float kept(float behind, float darkness, float radius) {
   // of what is far behind, as of a flap, the edge is no fold
   return 1.0 - clamp(behind / radius, 0.0, 1.0) * darkness * mix(1.0, 0.4, smoothstep(0.8, 3.0, behind));
 }
+// Without shadows it takes a line to see yarns of one colour cross: behind what is nearer.
+float lined(ivec2 at, float far) {
+  float most = 0.0;
+  for (int k = 0; k < 4; k++) {
+    ivec2 step = line * ivec2(k < 3 ? 1 : 0, k < 3 ? k - 1 : 1);
+    float one, other;
+    bool both = behind(at + step, one) && behind(at - step, other);
+    if (both) most = max(most, 2.0 * far - one - other);
+  }
+  return 1.0 - 0.6 * smoothstep(0.08, 0.2, most);
+}
 void main() {
   vec4 color = vec4(0);
   for (int k = 0; k < fine * fine; k++) {
@@ -164,6 +175,7 @@ void main() {
     if (shaded && behind(at, far))
       light = kept(far - mean(near, at, factors.x), 0.55, 0.35)
         * kept(far - mean(wide, at, factors.y), 0.5, 1.0);
+    else if (line > 0 && behind(at, far)) light = lined(at, far);
     // shadows of cloth are warm: light goes through it
     color += vec4(one.rgb * pow(vec3(light), vec3(0.92, 1.0, 1.06)), one.a);
   }
@@ -179,7 +191,7 @@ class Drawing {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("webgl2");
     Object.assign(this, { gl, content, arrays, count: arrays.points.length / 3 });
-    this.shades = content.sight.relief > 0 && gl.getExtension("EXT_color_buffer_float") !== null;
+    this.shades = content.sight.shadows && gl.getExtension("EXT_color_buffer_float") !== null;
     this.surface = this.program(VERTEX, FRAGMENT, ["at"]);
     this.coarser = this.program(WHOLE, COARSER);
     this.blur = this.program(WHOLE, BLUR);
@@ -399,6 +411,7 @@ class Drawing {
     gl.uniform2f(pass.factors, shades[0]?.factor ?? 1, shades[1]?.factor ?? 1);
     gl.uniform2f(pass.size, gl.canvas.width, gl.canvas.height);
     gl.uniform1i(pass.fine, this.fine);
+    gl.uniform1i(pass.line, this.content.numbers ? Math.max(1, Math.round(this.fine * camera.point)) : 0);
     gl.uniform3fv(pass.below, below);
     gl.uniform3fv(pass.above, above);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -432,7 +445,7 @@ class Drawing {
     const gl = this.gl;
     gl.useProgram(program);
     this.bind(places, textures, gl.TEXTURE_2D, 0);
-    gl.uniform4f(places.range, ...camera.range, camera.distance, this.content.sight.relief || 1);
+    gl.uniform4f(places.range, ...camera.range, camera.distance, this.content.sight.relief);
     gl.uniform1i(places.flat_, camera.flat);
     return places;
   }

@@ -93,7 +93,7 @@ class Camera {
     const lens = flat
       ? [x, 0, 0, 0, 0, y, 0, 0, 0, 0, -2 / (far - near), 0, free.right, free.up, -(far + near) / (far - near), 1]
       : [x, 0, 0, 0, 0, y, 0, 0, -free.right, -free.up, -(far + near) / (far - near), -1, 0, 0, (-2 * far * near) / (far - near), 0];
-    return { eye, lens, flat, distance, range: [near, far], fold: fold / this.pixel(height) };
+    return { eye, lens, flat, distance, range: [near, far], fold: fold / this.pixel(height), point: height / innerHeight };
   }
 }
 
