@@ -10,6 +10,8 @@ from spacemap_vtk import PatchTessellator, WeaveSource
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.plies import outline
+from spacemap_vtk.fabric.strand_curves import strand_curves
+from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.fabric.yarn import twist, usual_twist
 from spacemap_vtk.filters.patch_tessellator import STRANDS
 
@@ -88,6 +90,27 @@ def test_usual_fibres_lean_by_24_degrees_and_are_that_much_longer() -> None:
     length = np.hypot(*steps).sum() / 0.1
     assert length == pytest.approx(np.hypot(1.0, np.pi * diameter * turns), rel=1e-5)
     assert length == pytest.approx(1 / np.cos(np.radians(24.0)), rel=1e-5)
+
+
+def test_fibres_of_a_straight_yarn_are_helices() -> None:
+    cloth = WeaveSource(**STRAIGHT, weft_twist="Z 500").cloth
+    made = build(cloth)
+    curves = strand_curves(cloth, made.tubes, made.places, made.points, fibres=20)
+    lines = np.split(curves.points, np.cumsum(curves.counts)[:-1])
+    for line, yarn in zip(lines, curves.yarn, strict=True):
+        if not yarn:
+            continue
+        knots = ((line[:-2] + 4 * line[1:-1] + line[2:]) / 6).astype(float)
+        x, y, z = knots[knots[:, 0] < -1e-3].T
+        z = z - made.points[made.points[:, 0] < -0.019, 2].mean()
+        (turns, _), radius = np.polyfit(x, np.unwrap(np.arctan2(z, y)), 1), np.hypot(y, z)
+        assert turns / (2 * np.pi) == pytest.approx(500.0, rel=1e-3)  # right-handed
+        assert np.ptp(radius) < 0.13 * 0.125e-3  # it wanders from its layer
+        steps = np.linalg.norm(np.diff(np.column_stack([x, y, z]), axis=0), axis=1)
+        length = steps.sum() / np.ptp(x)
+        # chords of a twelfth of a turn, and the closed form
+        mean = 2 * np.pi * 500 * np.sqrt((radius**2).mean())
+        assert length == pytest.approx(np.hypot(1.0, mean), rel=0.01)
 
 
 @pytest.mark.parametrize("text", ["Z 600 S", "-600 Z", "600 X", "Z"])

@@ -84,3 +84,32 @@ def test_each_mode_is_a_variant(tmp_path: Path) -> None:
         np.testing.assert_allclose(points, made.points + made.targets[number], atol=1e-9)
     assert usd_geom.GetStageUpAxis(stage) == "Z"
     assert usd_geom.GetStageMetersPerUnit(stage) == 1.0
+
+
+def test_plies_and_fibres_are_splines_inside_their_yarns(tmp_path: Path) -> None:
+    weave = {"ends": 2, "picks": 3, "warp_plies": 2, "warp_twist": "S 900", "weft_twist": "Z 400"}
+    scene = Scene({"weave": weave, "surface": {"subdivisions": 2}})
+    axes = moving(scene, [0.0], None, lambda done, of: None).curves
+    assert axes is not None
+    u = np.linspace(0.0, 1.0, 257)
+    bezier = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3], axis=1)
+    middles = [
+        np.concatenate([bezier @ line[k : k + 4] for k in range(0, len(line) - 1, 3)])
+        for line in np.split(axes.points[0], np.cumsum(axes.counts)[:-1])
+    ]
+    for strands, strength in (("plies", [2, 2, 1, 1, 1]), ("40", [40] * 5)):
+        made = moving(scene, [0.0], None, lambda done, of: None, strands=strands)
+        writer(file := tmp_path / f"{strands}.usdc").write(file, made)
+        stage = usd.Stage.Open(str(file))
+        curves = usd_geom.BasisCurves(stage.GetPrimAtPath("/Cloth/Yarns"))
+        assert curves.GetBasisAttr().Get() == usd_geom.Tokens.bspline
+        points = np.array(curves.GetPointsAttr().Get(), float)
+        lines = np.split(points, np.cumsum(curves.GetCurveVertexCountsAttr().Get())[:-1])
+        widths = curves.GetWidthsAttr().Get()
+        assert len(lines) == len(widths) == sum(strength)
+        for line, yarn, width in zip(lines, np.repeat(np.arange(5), strength), widths, strict=True):
+            knots = (line[:-2] + 4 * line[1:-1] + line[2:]) / 6
+            off = cKDTree(middles[yarn]).query(knots)[0]
+            assert off.max() + width / 2 < 1.02 * 0.125e-3
+            for end in (0, -1):  # as long as the yarn
+                assert np.abs(knots[end] - middles[yarn][end]).max() < 0.126e-3

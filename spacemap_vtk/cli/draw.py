@@ -28,7 +28,7 @@ from spacemap_vtk.cli.options import (
     tell_warnings,
 )
 from spacemap_vtk.cli.progress import progress
-from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_file
@@ -55,6 +55,21 @@ def render(
     scale_bar: ScaleBar = False,
     triad: Triad = False,
     time_stamp: TimeStamp = False,
+    raytrace: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Trace rays of light from fibre to fibre (slow; needs the extra [raytrace]): for "
+            "close-ups, with --set view.zoom=6.",
+            show_default=False,
+        ),
+    ] = False,
+    samples: Annotated[
+        int | None,
+        Parameter(
+            help="Rays for each pixel, with --raytrace; by default 64. Noise falls with them."
+        ),
+    ] = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -66,6 +81,15 @@ def render(
         Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     order = Order("picture", output)
+    if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
+        raise InputError(
+            "no number of rays" if raytrace else "nothing is traced",
+            key="--samples",
+            value=samples,
+            allowed=f"1 to {MOST_SAMPLES}, with --raytrace",
+        )
+    if raytrace:
+        order.samples = samples or SAMPLES
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
     chosen = opened(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
     _carry_out(order, chosen, "Drawing", quiet)
@@ -213,6 +237,13 @@ def export(
             "0.01mm; by default a fiftieth of the thinnest yarn. The less, the larger the file."
         ),
     ] = None,
+    curves: Annotated[
+        str | None,
+        Parameter(
+            help="What a .usdc has as curves with widths, for a renderer's hair: yarns (default), "
+            "plies, fibres, or a number of fibres for each yarn."
+        ),
+    ] = None,
     pieces: Annotated[
         int | None,
         Parameter(
@@ -271,6 +302,8 @@ def export(
         order.times = [chosen.view.time]
     if tolerance is not None:
         order.tolerance = _tolerance(order, tolerance)
+    if curves is not None:
+        order.curves = _curves(order, curves)
     _carry_out(order, chosen, "Computing", quiet)
 
 
@@ -346,6 +379,17 @@ def _check_times(order: Order, options: list[str]) -> None:
         raise InputError(
             f"beside {options[1]}", key="--times", cure="Give either the times or their range."
         )
+
+
+def _curves(order: Order, text: str) -> str:
+    from spacemap_vtk.draw.seen_yarns import checked_strands
+
+    curved = order.what == "moving" and not order.numbered
+    if not (curved and order.output.suffix.lower() in (".usdc", ".usda")):
+        raise InputError(
+            f"{order.output.name} holds no curves to choose", key="--curves", allowed="of a .usdc"
+        )
+    return checked_strands(text)
 
 
 def _tolerance(order: Order, text: str) -> float:

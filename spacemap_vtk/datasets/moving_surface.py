@@ -67,7 +67,7 @@ class Sight(NamedTuple):
 
 
 class YarnCurves(NamedTuple):
-    """The middles of yarns as cubic Bézier curves, end to end."""
+    """The middles of yarns as cubic Bézier curves, or plies or fibres as B-splines, end to end."""
 
     #: In m, at each of the first clip's times, (T, R, 3).
     points: NDArray[np.floating]
@@ -76,6 +76,8 @@ class YarnCurves(NamedTuple):
     #: Diameter of a round yarn of the same section [m], and colour, of each curve.
     widths: NDArray[np.floating]
     colors: NDArray[np.uint8]
+    #: USD's word for the kind: ``"bezier"`` or ``"bspline"``.
+    basis: str = "bezier"
 
 
 @dataclass(frozen=True)

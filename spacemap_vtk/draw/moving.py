@@ -76,6 +76,7 @@ def moving(
     span: Span | None = None,
     most: int = 2**32,
     numbers: bool = False,
+    strands: str = "yarns",
 ) -> MovingSurface:
     """Return a scene's surface at the first of some times, and its motion from there on."""
     # Of one time its colours may be those of a scale, with the ends `span`; or it has the numbers
@@ -86,7 +87,7 @@ def moving(
         _settle_colors(scene)
     scene.update(times[0])
     still, rows = _still(scene, scene.polygons, most, span, numbers)
-    seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers)
+    seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers, strands)
     if not lasts:
         seen.see(0)
         return replace(still, curves=seen.curves, numbers=seen.numbers)

@@ -43,6 +43,9 @@ _NUMBER = re.compile(r"%(\d+[a-z]?|[dis])(?![a-z])")
 #: Pieces where nobody says how many, and at most.
 _PIECES, _MOST_PIECES = 4, 10_000
 
+#: Rays for each pixel of a traced picture, and at most.
+SAMPLES, MOST_SAMPLES = 64, 65_536
+
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
 #: Told in a sentence what a file cannot hold.
@@ -85,6 +88,10 @@ class Order:
     #: Of a plot: a place at rest in m, by default where the first mode moves most, and what of it.
     point: Sequence[float] = ()
     quantity: str = "displacement"
+    #: Of what moves: what yarns are as curves, see `spacemap_vtk.draw.seen_yarns.STRANDS`.
+    curves: str = "yarns"
+    #: Of a picture: rays that are traced for each pixel; 0: it is drawn.
+    samples: int = 0
     #: Of a figure: fields of `spacemap_vtk.draw.figure_page.FigureAsked`.
     page: Mapping[str, Any] | None = None
 
@@ -243,6 +250,10 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     if order.place is None:
         fill(scene, size)
     time = order.times[0] if order.times else scene.view.time
+    if order.samples:
+        from spacemap_vtk.draw.raytrace import raytraced
+
+        return raytraced(scene, time, size, order.samples, tell)
     tell(0, 1)
     times = scene.animation.frame_times() if order.framed else [time]
     picture = Picture(scene, times, size, order.panels, order.place)
@@ -379,7 +390,7 @@ def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
         made = mode_shapes(scene, tell, most)
     else:
         times = moments(scene, order.times)
-        made = moving(scene, times, order.tolerance, tell, None, most, numbers)
+        made = moving(scene, times, order.tolerance, tell, None, most, numbers, order.curves)
     with _file(order, whole) as file:
         format_.write(file, made)
         size = file.stat().st_size

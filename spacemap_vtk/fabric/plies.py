@@ -34,16 +34,20 @@ _PRESSED = 0.8
 #: How sharp the grooves are: at 1 circles would meet in an edge, between samples of a surface.
 _SHARP = 0.985
 #: In turns, from the beginning of a yarn to that of the next: no number of yarns comes round to it.
-_APART = 0.6180339887498949
+APART = 0.6180339887498949
 #: Samples round a yarn that each ply needs to be made, and not only shaded.
 _LEAST_SAMPLES = 4
 _ORDER = quadrilateral_order(3, 3)
 
 
+def middle_of_plies(plies: Floats) -> Floats:
+    """Return how far the middles of plies are from the yarn's, as a share of its radius."""
+    return _PRESSED / (1.0 + np.sin(pi / plies))
+
+
 def outline(phase: Floats, plies: Floats) -> tuple[Floats, Floats]:
     """Return how far plies reach, 1 on crowns, and its slope by the phase: turns from a crown."""
-    touching = 1.0 / (1.0 + np.sin(pi / plies))
-    middle = _PRESSED * touching
+    middle = middle_of_plies(plies)
     wave, rise = np.sin(pi * plies * phase), np.cos(pi * plies * phase)
     turn = 2.0 / plies * np.arcsin(_SHARP * wave)
     by_phase = 2.0 * pi * _SHARP * rise / np.sqrt(1.0 - (_SHARP * wave) ** 2)
@@ -119,7 +123,7 @@ class Strands:
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
         # looms do not turn bobbins alike: plies beside each other begin anywhere
-        begin = turns * places[:, 0] + _APART * yarn
+        begin = turns * places[:, 0] + APART * yarn
         self._turned = begin - np.floor(begin), turns * self._along[1]
         t = np.linspace(0.0, 1.0, sides + 1)
         self._u, self._v = np.tile(t, sides + 1), np.repeat(t, sides + 1)

@@ -89,18 +89,7 @@ class Tubes(NamedTuple):
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
 
     def middles(self, points: NDArray[Any]) -> NDArray[Any]:
-        """Return the middles of the rings, which are the points of cubic Bézier curves.
-
-        Parameters
-        ----------
-        points : ndarray of float, shape (N, 3)
-            Control points, wherever they have been moved to.
-
-        Returns
-        -------
-        ndarray of float, shape (rings, 3)
-            Line by line: three for each part, and one.
-        """
+        """Return the middles of all rings, (rings, 3): points of cubic Bézier curves."""
         rings = 3 * int(self.parts.sum()) + len(self.parts)
         there = points[self.first : self.first + rings * self.ring]
         return there.reshape(rings, self.ring, 3).mean(axis=1)

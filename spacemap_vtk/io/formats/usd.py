@@ -168,7 +168,7 @@ def _fill(stage: Any, moving: MovingSurface) -> None:
 
 
 def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
-    """Add the middles of yarns, and what chooses whether they or the surface are drawn."""
+    """Add yarns, plies or fibres, and what chooses whether they or the surface are drawn."""
     import numpy as np
     from pxr import Usd, UsdGeom, Vt
 
@@ -176,7 +176,7 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
 
     made = UsdGeom.BasisCurves.Define(stage, "/Cloth/Yarns")
     made.CreateTypeAttr(UsdGeom.Tokens.cubic)
-    made.CreateBasisAttr(UsdGeom.Tokens.bezier)
+    made.CreateBasisAttr(curves.basis)
     counts = np.ascontiguousarray(curves.counts, np.int32)
     made.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(counts))
     widths = np.ascontiguousarray(curves.widths, np.float32)

@@ -1,0 +1,244 @@
+"""A picture of a cloth by rays of light, fibre by fibre: Mitsuba 3, with its model of hair.
+
+Fibres are B-spline curves. Light goes through them and from one to the next, which is what floats
+shine by and crossings are dark by; nothing here says where.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.moving_surface import linear
+from spacemap_vtk.draw.camera import VIEW_ANGLE, aim
+from spacemap_vtk.draw.compose import gradient
+from spacemap_vtk.draw.form import pixels_per_metre
+from spacemap_vtk.draw.picture import Image, over_motion
+from spacemap_vtk.draw.seen_yarns import SeenYarns
+from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.fabric.strand_curves import StrandCurves, fibre_count
+from spacemap_vtk.memory import require
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.styles import STYLES
+
+#: Rays are traced in so many passes, for progress.
+_PASSES = 8
+#: Of hair: how rough fibres are along and around, how often light goes on, and in how many tones
+#: fibres of a colour are, by how much lighter or darker.
+_ALONG, _AROUND, _BOUNCES, _TONES, _TONE = 0.45, 0.6, 14, 3, 0.10
+#: By how much lamps are stronger than those that light a surface: fibres swallow more.
+_EXPOSED = 1.7
+_FULLER = 1.3
+#: What is traced beyond the edges of the picture, as a share of it: shadows fall from there.
+_MARGIN = 0.15
+#: Bytes that a control point takes with what finds rays' hits, and a pixel.
+_POINT, _PIXEL = 260, 400
+#: Narrower than so many pixels fibres are fewer and thicker: else they are noise.
+_NARROWEST = 0.7
+
+Tell = Callable[[int, int], object]
+
+
+def require_mitsuba() -> None:
+    """Refuse what cannot be traced because nobody has installed what traces."""
+    from importlib.util import find_spec
+
+    if find_spec("mitsuba") is None:
+        raise MissingLibraryError(
+            "--raytrace needs the package mitsuba",
+            cure="Run: pip install 'spacemap_vtk[raytrace]', or leave --raytrace out.",
+        )
+
+
+def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
+    """Return a scene's cloth at a time, traced by so many rays a pixel."""
+    require_mitsuba()
+    if scene.source is not scene.weave:
+        raise InputError(
+            "rays are traced from fibre to fibre, and this is no weave", key="raytrace"
+        )
+    tell(0, _PASSES + 1)
+    scene.update(time)
+    camera, aspect = vtkCamera(), size[0] / size[1]
+    aim(camera, over_motion(scene, [time])[0], aspect, scene.view.camera, scene.view.zoom)
+    curves, colors = _curves(scene, camera, size)
+    require(
+        _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
+        f"to trace {len(curves.counts)} fibres",
+        cure="Come nearer (view.zoom), or take a smaller picture.",
+    )
+    tell(1, _PASSES + 1)
+    light = _traced(curves, colors, camera, size, samples, tell)
+    behind = gradient(size, scene.view.look.below, scene.view.look.above)
+    return _developed(light, np.asarray(behind))
+
+
+def _curves(
+    scene: Scene, camera: vtkCamera, size: tuple[int, int]
+) -> tuple[StrandCurves, NDArray[np.float64]]:
+    """Return the fibres in sight, and the colour of each as shares of light."""
+    cloth = scene.weave.cloth
+    matrix = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
+    table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+    def in_sight(places: NDArray[Any]) -> NDArray[np.bool_]:
+        seen = np.column_stack([places, np.ones(len(places))]) @ table.T
+        edge = (1.0 + 2.0 * _MARGIN) * seen[:, 3]
+        return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
+
+    scale = pixels_per_metre(camera, points_of(scene.patches).astype(np.float64), size[1])
+    thick = float(np.mean([np.mean(t.strands(1)[2]) for t in cloth.threads])) * scale
+    fibres = min(fibre_count(cloth), max(20, round(0.75 * (thick / _NARROWEST) ** 2)))
+    yarns = SeenYarns(scene, 1)
+    curves = yarns.strands(fibres, in_sight)
+    if not len(curves.counts):
+        raise InputError("none of the cloth is in sight", key="zoom", value=scene.view.zoom)
+    return curves, linear(yarns.colors)[curves.yarn]
+
+
+def _traced(
+    curves: StrandCurves,
+    colors: NDArray[np.float64],
+    camera: vtkCamera,
+    size: tuple[int, int],
+    samples: int,
+    tell: Tell,
+) -> NDArray[np.float64]:
+    """Return light and cover of each pixel, (height, width, 4)."""
+    import mitsuba as mi
+
+    # LLVM 14 ends the process that lets it compile hair for AVX-512; this variant needs no compiler
+    mi.set_variant("scalar_rgb")
+    scale = 1e3  # millimetres: rays leave what they hit by steps that do not shrink with it
+    with TemporaryDirectory() as folder:
+        shapes = _shapes(mi, curves, colors, scale, folder)
+        world = mi.load_dict(
+            {
+                "type": "scene",
+                "integrator": {"type": "path", "max_depth": _BOUNCES, "hide_emitters": True},
+                "sensor": _sensor(mi, camera, size, scale),
+                **_lights(mi, camera, scale),
+                **shapes,
+            }
+        )
+    total: NDArray[np.float64] = np.zeros((size[1], size[0], 4))
+    passes = min(_PASSES, samples)
+    for number in range(passes):
+        spp = samples * (number + 1) // passes - samples * number // passes
+        total += spp * np.array(mi.render(world, spp=spp, seed=mi.UInt32(number)))[..., :4]
+        tell(2 + number * _PASSES // passes, _PASSES + 1)
+    tell(_PASSES + 1, _PASSES + 1)
+    return total / samples
+
+
+def _shapes(
+    mi: Any, curves: StrandCurves, colors: NDArray[np.float64], scale: float, folder: str
+) -> dict[str, Any]:
+    """Return curves by colour and tone."""
+    tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
+    # what they reflect white is made up for by a fuller colour
+    full = (colors * (1.0 + _TONE * tones[:, None])) ** _FULLER
+    shown = np.round(np.clip(full, 0.004, 0.92), 3)
+    kinds, kind = np.unique(shown, axis=0, return_inverse=True)
+    starts = np.cumsum(curves.counts) - curves.counts
+    shapes = {}
+    for number, color in enumerate(kinds):
+        which, file = np.flatnonzero(kind.reshape(-1) == number), f"{folder}/{number}.txt"
+        with open(file, "w", encoding="ascii") as out:
+            for curve in which:
+                own = curves.points[starts[curve] : starts[curve] + curves.counts[curve]] * scale
+                row = np.column_stack([own, np.full(len(own), curves.radii[curve] * scale)])
+                np.savetxt(out, row, "%.6g")
+                out.write("\n")
+        shapes[f"fibres_{number}"] = {
+            "type": "bsplinecurve",
+            "filename": file,
+            "bsdf": {
+                "type": "hair",
+                "longitudinal_roughness": _ALONG,
+                "azimuthal_roughness": _AROUND,
+                "scale_tilt": 0.0,
+                "sigma_a": {"type": "rgb", "value": _absorption(color).tolist()},
+            },
+        }
+    return shapes
+
+
+def _absorption(color: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the absorption by which a mass of fibres has a colour."""
+    # M. J.-Y. Chiang et al., "A Practical and Controllable Hair and Fur Model for Production Path
+    # Tracing", Computer Graphics Forum 35 (2016), equation 9: of what many reflect together.
+    b = _AROUND
+    fit = 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5
+    return np.asarray((np.log(color) / fit) ** 2)
+
+
+def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> dict[str, Any]:
+    place, focus = (scale * np.array(p) for p in (camera.GetPosition(), camera.GetFocalPoint()))
+    at = mi.ScalarTransform4f().look_at(place.tolist(), focus.tolist(), list(camera.GetViewUp()))
+    film = {
+        "type": "hdrfilm",
+        "width": size[0],
+        "height": size[1],
+        "pixel_format": "rgba",
+        "rfilter": {"type": "gaussian"},
+    }
+    far = float(np.linalg.norm(place - focus))
+    if camera.GetParallelProjection():
+        half = scale * camera.GetParallelScale() * size[0] / size[1]
+        at = at @ mi.ScalarTransform4f().scale([half, half, 1.0])
+        return {"type": "orthographic", "to_world": at, "film": film, "far_clip": 10 * far}
+    return {
+        "type": "perspective",
+        "to_world": at,
+        "fov": VIEW_ANGLE,
+        "fov_axis": "y",
+        "near_clip": 1e-3 * far,
+        "far_clip": 10 * far,
+        "film": film,
+    }
+
+
+def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
+    """Return the lamps of the studio style as soft boxes, and its sky."""
+    focus, place = np.array(camera.GetFocalPoint()), np.array(camera.GetPosition())
+    back = place - focus
+    away = float(np.linalg.norm(back))
+    back /= away
+    up = np.array(camera.GetViewUp()) - np.dot(camera.GetViewUp(), back) * back
+    up /= np.linalg.norm(up)
+    right = np.cross(up, back)
+    style = STYLES["studio"]
+    sky = {
+        "type": "constant",
+        "radiance": {"type": "rgb", "value": [_EXPOSED * 0.5 * c for c in style.sky]},
+    }
+    lights: dict[str, Any] = {"sky": sky}
+    for number, lamp in enumerate(style.lamps):
+        towards = np.array(lamp.place) / np.linalg.norm(lamp.place)
+        at = scale * (focus + 2.0 * away * (towards @ np.array([right, up, back])))
+        half = scale * 2.0 * away * 0.3
+        # what a lamp of such a size sends: its strength is that of light from all over the sky
+        value = [_EXPOSED * lamp.strength * c * math.pi / (4 * 0.3**2) for c in lamp.color]
+        look = mi.ScalarTransform4f().look_at(at.tolist(), (scale * focus).tolist(), up.tolist())
+        lights[f"lamp_{number}"] = {
+            "type": "rectangle",
+            "to_world": look @ mi.ScalarTransform4f().scale([half, half, 1.0]),
+            "emitter": {"type": "area", "radiance": {"type": "rgb", "value": value}},
+        }
+    return lights
+
+
+def _developed(light: NDArray[np.float64], behind: NDArray[Any]) -> Image:
+    """Return what is seen of light before a background, by the styles' gamma."""
+    cover = np.clip(light[..., 3:], 0.0, 1.0)
+    own = np.sqrt(np.clip(light[..., :3], 0.0, 1.0) / np.maximum(cover, 1e-6))
+    shown = np.clip(own, 0.0, 1.0) * cover + behind / 255.0 * (1.0 - cover)
+    return np.asarray(np.round(255.0 * shown), dtype=np.uint8)

@@ -1,0 +1,92 @@
+"""Yarns, plies or fibres of a scene as curves, at some times."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.moving_surface import YarnCurves
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.fabric.strand_curves import StrandCurves, Within, fibre_count, strand_curves
+from spacemap_vtk.fabric.weave import Weave, build
+from spacemap_vtk.memory import require
+from spacemap_vtk.scenes.scene import Scene
+
+#: What curves may be; or a number of fibres for each yarn.
+STRANDS = ("yarns", "plies", "fibres")
+
+
+def checked_strands(text: str) -> str:
+    """Refuse what is no kind of curve."""
+    if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
+        return text
+    raise InputError(
+        "no such curves", key="curves", value=text, allowed=f"{', '.join(STRANDS)}, or a number"
+    )
+
+
+class SeenYarns:
+    """The middles of yarns: of rings of control points, which they stay if moved; or strands."""
+
+    def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
+        self._scene, self._strands, self._times = scene, strands, times
+        self._made: Weave | None = None
+        if scene.source is scene.weave:
+            made = build(scene.weave.cloth, kind=np.float32)
+            # a part of a weave has other points
+            if len(made.points) == scene.patches.GetNumberOfPoints():
+                self._made = made
+        self._points: NDArray[np.float32] = np.zeros((times, 0, 3), np.float32)
+        self._curves: StrandCurves | None = None
+
+    def see(self, number: int) -> None:
+        """Take what the scene's last update has made, for one of the times."""
+        if self._made is None:
+            return
+        if self._strands == "yarns":
+            points = points_of(self._scene.patches)
+            found = np.concatenate([tubes.middles(points) for tubes in self._made.tubes])
+        else:
+            count = int(self._strands) if self._strands.isdecimal() else None
+            self._curves = self.strands(0 if self._strands == "plies" else count)
+            found = self._curves.points
+        if not self._points.size:
+            size = 12 * self._times * len(found)
+            require(size, f"{self._strands} at {self._times} times", cure="Take fewer of them.")
+            self._points = np.zeros((self._times, *found.shape), np.float32)
+        self._points[number] = found
+
+    def strands(self, fibres: int | None, within: Within | None = None) -> StrandCurves:
+        """Return plies (0) or so many fibres of each yarn, as the last update has moved them."""
+        assert self._made is not None
+        patches, cloth = self._scene.patches, self._scene.weave.cloth
+        rational = patches.GetPointData().GetRationalWeights()
+        weights = None if rational is None else vtk_to_numpy(rational)
+        fibres = fibre_count(cloth) if fibres is None else fibres
+        made, points = self._made, points_of(patches)
+        return strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
+
+    @property
+    def colors(self) -> NDArray[np.uint8]:
+        """Red, green and blue of each yarn."""
+        cells = self._scene.patches.GetCellData()
+        first = np.unique(vtk_to_numpy(cells.GetArray("yarn")), return_index=True)[1]
+        return vtk_to_numpy(cells.GetArray("color"))[first][:, :3]
+
+    @property
+    def curves(self) -> YarnCurves | None:
+        """What was seen; None where there are no yarns."""
+        if self._made is None:
+            return None
+        if (curves := self._curves) is not None:
+            colors = self.colors[curves.yarn]
+            return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
+        tubes, yarns = self._made.tubes, self._scene.weave.cloth.yarns
+        widths = [
+            np.broadcast_to(own.diameter, len(each.parts)) * np.sqrt(each.aspect)
+            for own, each in zip(yarns, tubes, strict=True)
+        ]
+        counts = np.concatenate([3 * each.parts + 1 for each in tubes])
+        return YarnCurves(self._points, counts, np.concatenate(widths), self.colors)

@@ -1,0 +1,30 @@
+"""Pictures by rays of light, where Mitsuba is installed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.scenes.scene import Scene
+
+pytest.importorskip("mitsuba")
+raytrace = pytest.importorskip("spacemap_vtk.draw.raytrace")
+
+
+def test_fibres_have_the_colours_of_their_yarns_and_gaps_are_dark() -> None:
+    # seen flat, cloth of blue ends and red picks with gaps between them
+    weave = {"ends": 4, "picks": 4, "warp_color": "#3060c0", "weft_color": "#c04030"}
+    view = {"camera": "front", "zoom": 1.6, "background": "#ffffff", "background_top": "#ffffff"}
+    steps: list[tuple[int, int]] = []
+    scene = Scene({"weave": weave, "view": view})
+    image = raytrace.raytraced(scene, 0.0, (64, 48), 4, lambda *at: steps.append(at))
+    assert image.shape == (48, 64, 3)
+    assert steps[0] == (0, 9)
+    assert steps[-1] == (9, 9)
+    red, _, blue = np.moveaxis(image.astype(float), 2, 0)
+    clear = image.min(axis=2) > 250
+    assert 0.1 < clear.mean() < 0.5  # a plain weave of yarns half as thick as apart lets a quarter
+    # families lie on top of each other as often
+    for ours, others in ((red, blue), (blue, red)):
+        assert 0.25 < (ours > 1.2 * others)[~clear].mean() < 0.75
+    assert np.percentile(image[~clear].mean(axis=1), 10) < 0.6 * image[~clear].mean(axis=1).max()
