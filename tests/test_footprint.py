@@ -91,8 +91,9 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     assert [stage.executions for stage in scene.stages] == [0] * 6
     message = str(caught.value)
     assert message.startswith("surface.subdivisions = 4: a picture of 60 x 60 yarns would need")
-    found = re.search(r"Lower surface.subdivisions to (\d), or use .* about (\d+) x \2\.", message)
+    found = re.search(r"Lower surface.subdivisions to (\d), or use .* (\d+) x \2, or", message)
     assert found is not None
+    assert message.endswith("or another view.color: clearance is found of all yarns together.")
     # What the message says will do does.
     scene.surface.subdivisions = int(found[1])
     require_picture(scene, 640 * 480)

@@ -130,6 +130,8 @@ def _require_picture(scene: Scene, pixels: int, frames: int, pieces: int) -> Non
         share = next((k / 100 for k in range(99, 0, -1) if needed(now, k / 100) <= free), 0.01)
         few = max(1, int(share * ends)), max(1, int(share * picks))
         fewer = "use fewer ends and picks, about {} x {}".format(*few)
+        if scene.view.color == "clearance":
+            fewer += ", or another view.color: clearance is found of all yarns together"
         for n in range(now - 1, 0, -1):
             if needed(n) <= free:
                 return f"Lower surface.subdivisions to {n}, or {fewer}."
