@@ -75,10 +75,10 @@ class Style:
             colored=1.0,
             occlusion=0.0,
             # Without shadows it takes lines to see yarns of one colour cross.
-            outline=max(self.outline, 1.5),
+            outline=max(self.outline, 1.2),
             outline_ink=(0, 0, 0) if self.lamps else self.outline_ink,
-            outline_share=0.025 if self.lamps else self.outline_share,
-            outline_afar=0.02 if self.lamps else self.outline_afar,
+            outline_share=0.02 if self.lamps else self.outline_share,
+            outline_afar=0.08 if self.lamps else self.outline_afar,
         )
 
 
