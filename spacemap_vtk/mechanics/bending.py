@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -245,9 +246,9 @@ class _Ritz:
         self, vertices: FloatArray, corners: IntArray, held: NDArray[np.bool_], sheet: Proportions
     ) -> None:
         low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
-        gauss, weights = legendre.leggauss(_DEGREE + 1)
+        weights, polynomials = _quadrature()
         sides = extent[sheet.long] / extent.max()
-        bases = [[_polynomials(gauss, k) / side**k for k in range(3)] for side in sides]
+        bases = [[each / side**k for k, each in enumerate(polynomials)] for side in sides]
 
         def integral(x: tuple[int, int], y: tuple[int, int]) -> FloatArray:
             """Of a derivative of each function times one of each other."""
@@ -302,6 +303,13 @@ class _Ritz:
         moduli *= [factors[0], factors[1], 1.0, factors[2]]
         stiffness = modes.T @ np.einsum("k,kij->ij", moduli, self._squares) @ modes
         return 1 / np.diag(np.linalg.inv(stiffness))[:_MODES]
+
+
+@cache
+def _quadrature() -> tuple[FloatArray, list[FloatArray]]:
+    """Return Gauss's weights, and the polynomials and their derivatives at his places."""
+    gauss, weights = legendre.leggauss(_DEGREE + 1)
+    return weights, [_polynomials(gauss, k) for k in range(3)]
 
 
 def _polynomials(places: FloatArray, derivative: int) -> FloatArray:
