@@ -56,7 +56,7 @@ class Screen:
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Draw as many pixels as the browser has; they are so many for each of its units."""
         most = _MOST / max(width, height, 1.0)
-        self._ratio = min(max(ratio, 0.5), 3.0, max(most, 0.1))
+        self._ratio = min(max(ratio, 0.5), 2.0, max(most, 0.1))
         size = tuple(max(_LEAST, round(side * self._ratio)) for side in (width, height))
         self.dark = dark
         self.window.size = size[0], size[1]
