@@ -82,10 +82,8 @@ class Annotations:
         self._say({})
         edge = 0.7 * letter
         if self._scaled:
-            share = scale_share(self._size)
-            self._plate(
-                width * (1 - share) - edge, 0.25 * height - edge, width, 0.75 * height + edge
-            )
+            left = width * (1.0 - scale_share(self._size))
+            self._plate(left, 0.25 * height - edge, width, 0.75 * height + edge)
         seen = measures_of(self._renderer.GetActiveCamera(), height)
         if view.triad:
             middle = np.full(2, edge + 2.9 * letter)

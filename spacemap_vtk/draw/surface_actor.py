@@ -257,8 +257,9 @@ def fit_scale(
 ) -> None:
     """Fit a scale to a picture."""
     (width, height), share = size, scale_share(size)
-    bar.SetPosition(1.0 - share, 0.25)
-    bar.SetWidth(share)
+    edge = 0.7 * letters_of(size) / max(1, width)  # of the plate
+    bar.SetPosition(1.0 - share + edge, 0.25)
+    bar.SetWidth(share - edge)
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         text.SetFontSize(letters_of(size))
         text.SetColor(*inks(background)[0])
