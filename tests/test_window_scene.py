@@ -19,6 +19,7 @@ from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
 from spacemap_vtk.draw import frame  # noqa: E402
 from spacemap_vtk.draw.load_arrows import load_arrows  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+from spacemap_vtk.scenes.styles import STYLES  # noqa: E402
 
 
 def arrows_of(loads: list[dict[str, Any]], time: float, gravity: Any = (0, 0, 0)) -> Any:
@@ -195,6 +196,19 @@ def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) 
         assert window.document.undo.count() == 1
         window.document.undo.undo()
     assert window.document.text == before
+
+
+def test_a_style_is_chosen_and_undone(open_scene: Any) -> None:
+    window = open_scene()
+    before = window.document.text
+    window.tools.styles["blueprint"].trigger()
+    wait_until(lambda: settled(window))
+    corner = window.view.image()[-4, 4].astype(int)
+    assert np.abs(corner - STYLES["blueprint"].below).max() < 3
+    assert 'style = "blueprint"' in window.document.text
+    window.document.undo.undo()
+    assert window.document.text == before
+    assert window.tools.styles["studio"].isChecked()
 
 
 def test_picked_points_are_kept_offered_and_ride_along(open_scene: Any) -> None:
