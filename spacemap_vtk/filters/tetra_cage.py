@@ -216,18 +216,18 @@ class TetraCage(Stage):
     def _wild(
         self, data: vtkDataSet, cloth: Cloth | None
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        if cloth is not None:
-            whole = bounds_of_whole(data, self.piece, self._processes)
-            low, high = np.array(whole).reshape(3, 2).T
-            touch = partial(_touched_by_yarns, cloth, points_of(data).dtype, whole)
-            shape = envelope(low, high, touch, self.inflate)
-            return self._filled(shape, float(np.linalg.norm(high - low)))
-        points, triangles = outline(data, polygons_of(data))
-        diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+        whole = bounds_of_whole(data, self.piece, self._processes)
+        low, high = np.array(whole).reshape(3, 2).T
+        diagonal = float(np.linalg.norm(high - low))
         if diagonal == 0.0:
             raise GeometryError("the object is a single point")
+        if cloth is not None:
+            touch = partial(_touched_by_yarns, cloth, points_of(data).dtype, whole)
+            return self._filled(envelope(low, high, touch, self.inflate), diagonal)
+        points, triangles = outline(data, polygons_of(data))
+        touch = partial(touched, points, triangles)
         if self.inflate > 0.0:
-            return self._filled(_envelope(points, triangles, self.inflate), diagonal)
+            return self._filled(envelope(low, high, touch, self.inflate), diagonal)
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
             raise GeometryError(
@@ -255,7 +255,7 @@ class TetraCage(Stage):
             "on an edge or a vertex alone: the cage fills an envelope at "
             f"{format_quantity(float(f'{distance:.3g}'), 'm')} from it (cage.inflate sets another)"
         )
-        return self._filled(_envelope(points, triangles, distance), diagonal)
+        return self._filled(envelope(low, high, touch, distance), diagonal)
 
     def _filled(
         self, surface: Outline, diagonal: float
@@ -339,10 +339,3 @@ def _touched_by_yarns(
                 shape = outline(patches, polygons_of(patches))
                 kept |= touched(*shape, origin, spacing, divisions)
     return kept
-
-
-def _envelope(
-    points: NDArray[np.float64], triangles: NDArray[np.int64], distance: float
-) -> Outline:
-    low, high = points.min(axis=0), points.max(axis=0)
-    return envelope(low, high, partial(touched, points, triangles), distance)
