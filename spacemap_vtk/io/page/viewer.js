@@ -4,6 +4,8 @@ const VIEW_ANGLE = (24 * Math.PI) / 180; // opening of the lens, as in the progr
 const MOST = 2.3e6; // pixels of which four can be drawn for one
 const MARGIN = 0.04; // share of what is free that stays free at each edge
 const KEYS = ["three-quarter", "front", "side", "top", "lying", "face"];
+// What the buttons do where z is up; keys are the program's.
+const LYING = { "three-quarter": "lying", front: [[0, -1, 0], [0, 0, 1]], side: [[1, 0, 0], [0, 0, 1]], top: "front" };
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -26,13 +28,13 @@ class Camera {
   }
 
   /** Look at all points from where a view is, in what is free of the page. */
-  aim(name, points, free) {
-    const [direction, up] = this.sight.cameras[name], size = Math.hypot(...direction);
+  aim(view, points, free) {
+    const [direction, up] = this.sight.cameras[view] ?? view, size = Math.hypot(...direction);
     this.upright = up[2] < 0.5;
     const [x, y, z] = (this.upright ? direction : [direction[0], direction[2], -direction[1]]).map((part) => part / size);
     this.yaw = Math.atan2(x, z);
     this.pitch = Math.asin(y);
-    this.flat = name === "face";
+    this.flat = view === "face";
     const axes = this.axes, slope = Math.tan(VIEW_ANGLE / 2) * free.height * (1 - 2 * MARGIN);
     const wide = slope * free.aspect;
     const seen = [];
@@ -52,7 +54,7 @@ class Camera {
       }
     }
     this.focus = axes.reduce((place, axis, k) => sum(place, axis, middle[k]), [0, 0, 0]);
-    this.distance /= this.sight.zoom;
+    if (view === this.sight.camera) this.distance /= this.sight.zoom;
     this.free = free;
   }
 
@@ -161,7 +163,11 @@ class Viewer {
     this.element("figures").textContent = figures.join(" · ");
     const views = this.element("views");
     views.hidden = false;
-    for (const button of views.children) button.onclick = () => this.reset(button.dataset.view);
+    for (const button of views.children) {
+      const { view } = button.dataset, lying = sight.camera === "lying";
+      if (lying) button.removeAttribute("title");
+      button.onclick = () => this.reset(lying ? LYING[view] : view);
+    }
     if (!numbers) return;
     const scale = this.element("scale"), [low, high] = numbers.span;
     scale.hidden = false;
