@@ -102,6 +102,13 @@ def _example(unit: str) -> str:
     return "a number" if not units else "a number, or one with a unit of " + ", ".join(units)
 
 
+def pretty(text: str) -> str:
+    """Write units as they are set in print: m/s², N·m."""
+    return re.sub(
+        r"(?<![a-zA-Z])((?:[kmcuµ]?m|s|yd))([23])\b", lambda m: m[1] + "²³"[int(m[2]) - 2], text
+    ).replace("N.m", "N·m")
+
+
 def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
     """Write numbers with as many decimals each as give the least that many digits."""
     numbers = list(values)

@@ -143,7 +143,7 @@ def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
         for time in ("pulse", "ramp", "table", "harmonic", "periodic", "step"):
             box = loads.cards[card].rows["time"].editor.box
             box.setCurrentText(time)
-            box.textActivated.emit(time)
+            box.activated.emit(box.currentIndex())
             assert window.errors.text == ""
             assert window.document.scene.response.loads[card].time == time
     type_into(loads.cards[0].rows["pressure"].editor.line, "3 kPa")

@@ -35,7 +35,7 @@ def test_the_table_has_the_figures_of_the_command_line(open_scene: Any) -> None:
         frequency = float(table.item(row, 1).text())
         assert abs(frequency / figures[row]["frequency_hz"] - 1) < 1e-3
         damping = float(table.item(row, 2).text())
-        assert abs(damping / figures[row]["damping_ratio"] - 1) < 0.01
+        assert abs(damping / figures[row]["damping_ratio"] - 1) < 0.03
     decimals = {len(table.item(row, 1).text().split(".")[1]) for row in range(180)}
     assert len(decimals) == 1
     window.tabs.setCurrentWidget(window.modes)

@@ -66,16 +66,16 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     found, told = report.modes(Scene.read(strip))["sheet"], notes(window)
     assert told["elements"] == "in force: sheet"  # "auto" has decided
     assert told["bending_rigidity"] == (
-        "in force: warp 12 µN.m (0.1224 gf.cm2/cm), weft 8 µN.m (0.08158 gf.cm2/cm)"
+        "in force: warp 12 µN·m (0.1224 gf.cm²/cm), weft 8 µN·m (0.08158 gf.cm²/cm)"
     )
-    assert told["areal_mass"] == "in force: 150 g/m2 (4.424 oz/yd2)"
+    assert told["areal_mass"] == "in force: 150 g/m² (4.424 oz/yd²)"
     warp, weft = (f"{1e3 * c:.4g} mm ({1e2 * c:.4g} cm)" for c in found["bending_length"])
     assert told["bending_length"] == f"in force: warp {warp}, weft {weft}"
     assert f"bending length warp {warp}, weft {weft}" in window.modes.sheet.text()
     for name in found:
         assert told[name].startswith("in force: ")
     assert not window.properties.rows["material"].note.text()
-    headings = window.properties.headings
+    headings = window.properties.groups
     assert list(headings) == ["Sheet", "Hung"]
     assert all(heading.isVisibleTo(window) for heading in headings.values())
     # Of two layers it is no sheet: what is a sheet's alone goes, but for what is written.

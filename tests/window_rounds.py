@@ -37,7 +37,7 @@ stop = 0.1
 
 def one_round(app: QApplication, scene: Path, whole: bool) -> None:
     window = MainWindow()
-    window.resize(900, 600)
+    window.resize(1000, 600)
     window.start(str(scene))
     window.show()
     wait_until(lambda: settled(window))

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QSettings, QSize, Qt
-from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QLabel,
     QMainWindow,
@@ -38,7 +38,7 @@ from spacemap_vtk.app.stage_list import StageList
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
-from spacemap_vtk.app.widgets import OneLine, column
+from spacemap_vtk.app.widgets import OneLine, action, column
 from spacemap_vtk.datasets.modal_model import measures_in
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
@@ -51,6 +51,8 @@ from spacemap_vtk.scenes.settings import View
 _NOT_YET = 99
 #: Milliseconds that a deed is told.
 _TOLD = 10_000
+#: Pixels: less than its panels take together.
+_LEAST = 690
 #: How many times as thick a press of a key makes lines and dots.
 _THICKER = 1.25
 
@@ -63,6 +65,8 @@ class MainWindow(QMainWindow):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         # What is left of a small screen by the window's frame and a panel.
         self.resize(QSize(1440, 900).boundedTo(self.screen().availableSize() - QSize(20, 60)))
+        #: What shows and hides them, by panel.
+        self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
         self.look = Look()
@@ -99,6 +103,7 @@ class MainWindow(QMainWindow):
             self.tools,
             self.view,
             self.properties,
+            self.panels.values(),
         )
         self._connect()
         self.setAcceptDrops(True)
@@ -169,6 +174,18 @@ class MainWindow(QMainWindow):
         if columns is not None:
             self.splitter.restoreState(columns)
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Show the panels that are wanted, as far as there is room."""
+        room = self.width() - self.splitter.widget(1).minimumSizeHint().width()
+        for widget, shown in self.panels.items():
+            needed = max(widget.minimumWidth(), widget.minimumSizeHint().width())
+            widget.setVisible(shown.isChecked() and room >= needed)
+            room -= needed * shown.isChecked()
+
     def _lay_out(self) -> None:
         left, middle = QWidget(), QWidget()
         column(left, self.stages, (self.properties, 1), spacing=0)
@@ -184,9 +201,14 @@ class MainWindow(QMainWindow):
         # Of another width the view takes most, but not all.
         for place, share in enumerate((1, 3, 1)):
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([310, 770, 360])
+        self.splitter.setSizes([340, 740, 360])
         self.splitter.setChildrenCollapsible(False)
         self.setCentralWidget(self.splitter)
+        # A narrower window leaves out the tabs, as if they were hidden.
+        self.setMinimumWidth(_LEAST)
+        for widget, name, key in ((left, "Properties", "F9"), (self.tabs, "Tabs", "F10")):
+            self.panels[widget] = shown = action(self, name, self._fit, key, checkable=True)
+            shown.setChecked(True)
         # The view is a window of its own within this one. Into a larger one Qt would blend all that
         # is in there at every frame: a sixth of the frame's time where software draws. Not before
         # it has its place: another window means another context of OpenGL.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from PySide6.QtCore import QEvent, QObject, QSettings, Signal
 from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence
@@ -59,6 +59,7 @@ class Menus(QObject):
         tools: ViewBar,
         view: View3D,
         properties: Properties,
+        panels: Iterable[QAction],
     ) -> None:
         super().__init__(window)
         self._properties = properties
@@ -111,9 +112,8 @@ class Menus(QObject):
         menu = self._menu("&View")
         menu.addActions([*tools.shown.values()])
         menu.addSeparator()
-        menu.addActions(tools.keys.looks)
-        menu.addSeparator()
         for name, choices in (
+            ("Lines and points", tools.keys.looks),
             ("Colour by", [*tools.colorings.values()]),
             ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
             ("Cut open", [tools.clip, *tools.clip_sides]),
@@ -122,7 +122,11 @@ class Menus(QObject):
         ):
             menu.addMenu(name).addActions(choices)
         menu.addSeparator()
-        self.dark = self._add(menu, "Dark window", "Ctrl+D", self._theme)
+        inside = menu.addMenu("Window")
+        for shown in panels:
+            inside.addAction(shown)
+            self.actions[shown.text()] = shown
+        self.dark = self._add(inside, "Dark window", "Ctrl+D", self._theme)
         self.dark.setCheckable(True)
         self.dark.setChecked(QSettings().value("dark") == "true")
         menu = self._menu("&Help")

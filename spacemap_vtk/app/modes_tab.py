@@ -168,7 +168,7 @@ class ModesTab(QWidget):
         self.response.frequencies = frequencies
         spectrum = self.response.spectrum
         swinging = [number for number, kind in enumerate(kinds) if kind == "underdamped"]
-        told = dict(zip(swinging, aligned(ratios[swinging], 3), strict=True))
+        told = dict(zip(swinging, aligned(ratios[swinging], 2), strict=True))
         columns = (
             range(1, len(values) + 1),
             aligned(frequencies),

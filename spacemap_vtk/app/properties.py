@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QScrollArea, QWidget
+from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QWidget
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of
 from spacemap_vtk.app.fields.lines import FileEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
-from spacemap_vtk.app.fields.row import ParameterRow, editor_of
+from spacemap_vtk.app.fields.row import Group, Pair, ParameterRow, editor_of
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
-from spacemap_vtk.parameters import Parameterised
+from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
 
 #: Feasible intervals are found no more often, and in no more than this share of the time: during
 #: a drag, finding them costs as much as a few frames.
 _LIMIT_SECONDS, _LIMIT_SHARE = 0.25, 0.02
+#: Of more parameters than these one wants to search.
+_MANY = 8
 
 
 class Properties(QScrollArea):
@@ -43,8 +46,12 @@ class Properties(QScrollArea):
         self.section = ""
         self._shown: tuple[str, dict[str, Any], dict[str, Any]] | None = None
         self.rows: dict[str, ParameterRow] = {}
-        #: What stands over the rows of a group.
-        self.headings: dict[str, QLabel] = {}
+        #: Rows that stand below a heading, and side by side.
+        self.groups: dict[str, Group] = {}
+        self.pairs: list[Pair] = []
+        #: Sections and titles of groups that are folded.
+        self._folded: set[tuple[str, str]] = set()
+        self.search = QLineEdit()
         #: What the last run has found of the section's values, by name; see `show_found`.
         self._found: dict[str, dict[str, Any]] = {}
         self._limited = 0.0
@@ -60,34 +67,72 @@ class Properties(QScrollArea):
         # A slider that goes while it is held is never let go.
         self.held.emit(False)
         self.section = section
-        self.rows, self.headings = {}, {}
+        self.rows, self.groups, self.pairs = {}, {}, []
         self._shown = None
         self._limited = 0.0
         page = QWidget()
-        cls, rows = sections()[section], list[QWidget]()
+        cls = sections()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
-        for name, parameter in cls.parameters.items():
-            # That of loads alone has rows of its own.
-            editor: Editor = (
-                LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
-            )
-            if parameter.group and parameter.group not in self.headings:
-                self.headings[parameter.group] = heading = note(parameter.group, name="group")
-                heading.setIndent(0)
-                rows.append(heading)
-            if isinstance(editor, FileEditor):
-                editor.told = self._document.drafts.told
-            row = ParameterRow(parameter, editor)
-            row.edited.connect(self._edited)
-            row.held.connect(self.held)
-            row.restored.connect(self._restored)
-            self.rows[name] = row
-            rows.append(row)
+        self.search = QLineEdit()
+        self.search.setPlaceholderText("Search what can be set")
+        self.search.setClearButtonEnabled(True)
+        self.search.textChanged.connect(self._seek)
         self.add = QPushButton("Add to the scene")
         self.add.clicked.connect(self._add)
-        column(page, about, self.add, *rows, None, margins=(10, 6, 10, 10))
+        parts: list[QWidget] = [about, self.add]
+        if len(cls.parameters) > _MANY:
+            parts.insert(1, self.search)
+        names, group = list(cls.parameters), parts
+        for name, parameter in cls.parameters.items():
+            if parameter.group and parameter.group not in self.groups:
+                self.groups[parameter.group] = made = Group(parameter.group)
+                parts.append(made)
+            group = self.groups[parameter.group].rows if parameter.group else parts
+            partner = name.replace("warp_", "weft_", 1)
+            if partner != name and partner in names:
+                self.pairs.append(
+                    Pair(*(self._row(cls.parameters[n], n[:4]) for n in (name, partner)))
+                )
+                group.append(self.pairs[-1])
+            elif name not in self.rows:
+                group.append(self._row(parameter))
+        for made in self.groups.values():
+            made.lay_out((section, made.title) in self._folded)
+            made.head.toggled.connect(partial(self._fold, section, made.title))
+        column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
         self.setWidget(page)
         self.refresh()
+
+    def _row(self, parameter: Parameter[Any], half: str = "") -> ParameterRow:
+        # That of loads alone has rows of its own.
+        editor: Editor = (
+            LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
+        )
+        if isinstance(editor, FileEditor):
+            editor.told = self._document.drafts.told
+        made = ParameterRow(parameter, editor, half.capitalize())
+        made.edited.connect(self._edited)
+        made.held.connect(self.held)
+        made.restored.connect(self._restored)
+        self.rows[parameter.name] = made
+        return made
+
+    def _fold(self, section: str, title: str, open_: bool) -> None:
+        (self._folded.discard if open_ else self._folded.add)((section, title))
+
+    def _seek(self, text: str) -> None:
+        """Show the rows alone that are searched for."""
+        for row in self.rows.values():
+            row.seek(text.lower().split())
+        self._frame()
+
+    def _frame(self) -> None:
+        """Show what stands round rows where there are such."""
+        for pair in self.pairs:
+            pair.setVisible(not all(row.isHidden() for row in pair.rows))
+        for group in self.groups.values():
+            group.setVisible(not all(row.isHidden() for row in group.rows))
+            group.unfold(bool(self.search.text()))
 
     def refresh(self) -> None:
         """Show what the document says."""
@@ -115,9 +160,7 @@ class Properties(QScrollArea):
         for name, row in self.rows.items():
             if row.parameter.when:
                 row.show_idle(self._idle(part, name), written=name in written)
-        for group, heading in self.headings.items():
-            members = (row for row in self.rows.values() if row.parameter.group == group)
-            heading.setVisible(not all(row.isHidden() for row in members))
+        self._frame()
         rest = self._limited - time.perf_counter()
         if rest <= 0.0:
             self._show_limits()
@@ -145,7 +188,7 @@ class Properties(QScrollArea):
         if part is self._document.scene.view:
             known = {"size": picture_size(self._document.scene)}
         for name, row in self.rows.items():
-            row.resolved = known.get(name)
+            row.show_resolved(known.get(name))
             row.show_feasible(feasible.get(name))
             row.show_in_force(row.parameter.tell(found[name]) if name in found else "")
         taken = time.thread_time() - begun
@@ -156,6 +199,8 @@ class Properties(QScrollArea):
         row = self.rows.get(error.key or "")
         if row is not None and error.section in (None, self.section):
             row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
+            if row.parameter.group:
+                self.groups[row.parameter.group].head.setChecked(True)
             self.ensureWidgetVisible(row)
 
     def take_back(self) -> bool:

@@ -37,7 +37,10 @@ _SHEET = """
 QToolTip {{ padding: 4px; }}
 QLabel#about, QLabel#note {{ color: {faint}; }}
 QLabel#note[bad="true"] {{ color: {bad}; }}
-QLabel#group {{ font-weight: 600; padding-top: 6px; }}
+QToolButton#group {{ font-weight: 600; border: none; padding: 4px 0; }}
+QToolButton#group:checked {{ background: transparent; }}
+QToolButton#auto {{ color: {faint}; font-size: 11px; padding: 1px 0; }}
+QToolButton#auto:checked {{ color: {accent}; }}
 QLabel#heading {{ font-size: 20px; font-weight: 600; }}
 ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
 Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft, pattern_names
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
+from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.fabric.yarn import linear_density, twist
-from spacemap_vtk.parameters import Color, Integer, Parameter, Real, Series
+from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
 
 _P = TypeVar("_P", bound=Parameter[Any])
 
@@ -34,9 +35,12 @@ _WARP, _WEFT = (
 )
 
 
-def both(declare: Callable[[FamilyWords], _P]) -> tuple[_P, _P]:
+def both(declare: Callable[[FamilyWords], _P], group: str) -> tuple[_P, _P]:
     """Declare a parameter once for the warp and the weft."""
-    return declare(_WARP), declare(_WEFT)
+    made = declare(_WARP), declare(_WEFT)
+    for each in made:
+        each.group = group
+    return made
 
 
 class Pattern(Parameter[Any]):
@@ -95,6 +99,89 @@ class PerYarn(Series):
     """One value for all yarns of a family, or a list of values that is repeated over them."""
 
     each = "repeated over the yarns"
+
+
+def diameter_of(family: FamilyWords) -> PerYarn:
+    """Declare how thick a family's yarns are."""
+    return PerYarn(
+        Real(
+            "0.25 mm",
+            f"Diameter d{family.number} of the {family.name} yarns; of flattened yarns, their "
+            "height.",
+            unit="m",
+            above=0.0,
+        ),
+        automatic="from the yarn count, the draft's thickness, or half the spacing",
+    )
+
+
+def count_of(family: FamilyWords) -> PerYarn:
+    """Declare how heavy a family's yarns are."""
+    return PerYarn(
+        YarnCount(
+            "30 tex",
+            f"Yarn count of the {family.name}, in place of its diameter.",
+            unit="kg/m",
+            above=0.0,
+            maximum=1.0,
+        ),
+        automatic="from the diameter",
+    )
+
+
+def spacing_of(family: FamilyWords) -> PerYarn:
+    """Declare how far a family's yarns are apart."""
+    return PerYarn(
+        Real(
+            "0.5 mm",
+            f"Distance p{family.number} between neighbouring {family.yarns}.",
+            unit="m",
+            above=0.0,
+        ),
+        automatic="from the sett, the draft's spacing, or 0.5 mm",
+    )
+
+
+def sett_of(family: FamilyWords) -> Real:
+    """Declare how many of a family's yarns are in a length."""
+    return Real(
+        None,
+        f"{family.yarns.capitalize()} in a length, in place of their spacing: "
+        '"20 /cm" or "50 /in".',
+        unit="1/m",
+        above=0.0,
+        automatic="from the spacing",
+    )
+
+
+def crimp_of(family: FamilyWords) -> Real:
+    """Declare how much longer a family's yarns are than the cloth."""
+    return Real(
+        None,
+        f"Crimp c{family.number} = l{family.number} / p{family.crossed} - 1 of the "
+        f'{family.name} where it changes side, as 0.09 or "9 %".',
+        minimum=0.0,
+        automatic="from the crimp height",
+    )
+
+
+def section_of(family: FamilyWords) -> Choice:
+    """Declare what section a family's yarns have."""
+    return Choice(
+        "circular",
+        f"Section of the {family.name} yarns; a racetrack is a rectangle between two half circles.",
+        SECTIONS,
+    )
+
+
+def aspect_of(family: FamilyWords) -> Real:
+    """Declare how wide a family's yarns are for their height."""
+    return Real(
+        None,
+        f"Width over height of the {family.name}'s section.",
+        minimum=1.0,
+        automatic="1 for circular yarns, 1.5 for others",
+    )
 
 
 def twist_of(family: FamilyWords) -> PerYarn:

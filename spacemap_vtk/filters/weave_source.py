@@ -21,17 +21,21 @@ from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
-from spacemap_vtk.fabric.threads import SECTIONS
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.weave_parameters import (
     Pattern,
-    PerYarn,
-    YarnCount,
+    aspect_of,
     both,
     color_of,
+    count_of,
+    crimp_of,
+    diameter_of,
     layer_of,
     plies_of,
     repeat_of,
+    section_of,
+    sett_of,
+    spacing_of,
     twist_of,
 )
 from spacemap_vtk.io.draft_file import read_draft
@@ -112,89 +116,35 @@ class WeaveSource(Stage):
         maximum=100_000,
         automatic="the draft's own number, or 7",
     )
-    warp_diameter, weft_diameter = both(
-        lambda family: PerYarn(
-            Real(
-                "0.25 mm",
-                f"Diameter d{family.number} of the {family.name} yarns; of flattened yarns, their "
-                "height.",
-                unit="m",
-                above=0.0,
-            ),
-            automatic="from the yarn count, the draft's thickness, or half the spacing",
-        )
-    )
-    warp_count, weft_count = both(
-        lambda family: PerYarn(
-            YarnCount(
-                "30 tex",
-                f"Yarn count of the {family.name}, in place of its diameter.",
-                unit="kg/m",
-                above=0.0,
-                maximum=1.0,
-            ),
-            automatic="from the diameter",
-        )
-    )
+    warp_diameter, weft_diameter = both(diameter_of, "Yarn")
+    warp_count, weft_count = both(count_of, "Yarn")
     fibre_density = Real(
-        yarn.COTTON, "Density of the fibres; the default is cotton's.", unit="kg/m3", above=0.0
+        yarn.COTTON,
+        "Density of the fibres; the default is cotton's.",
+        unit="kg/m3",
+        above=0.0,
+        group="Yarn",
     )
     packing = Real(
-        yarn.PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
+        yarn.PACKING,
+        "Share of fibre in a yarn's section; the rest is air.",
+        above=0.0,
+        maximum=1.0,
+        group="Yarn",
     )
-    warp_spacing, weft_spacing = both(
-        lambda family: PerYarn(
-            Real(
-                "0.5 mm",
-                f"Distance p{family.number} between neighbouring {family.yarns}.",
-                unit="m",
-                above=0.0,
-            ),
-            automatic="from the sett, the draft's spacing, or 0.5 mm",
-        )
-    )
-    warp_sett, weft_sett = both(
-        lambda family: Real(
-            None,
-            f"{family.yarns.capitalize()} in a length, in place of their spacing: "
-            '"20 /cm" or "50 /in".',
-            unit="1/m",
-            above=0.0,
-            automatic="from the spacing",
-        )
-    )
+    warp_spacing, weft_spacing = both(spacing_of, "Spacing")
+    warp_sett, weft_sett = both(sett_of, "Spacing")
     warp_crimp_height = Real(
         None,
         "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
         unit="m",
         minimum=0.0,
         automatic="from a crimp, or the middle of the feasible interval",
+        group="Crimp",
     )
-    warp_crimp, weft_crimp = both(
-        lambda family: Real(
-            None,
-            f"Crimp c{family.number} = l{family.number} / p{family.crossed} - 1 of the "
-            f'{family.name} where it changes side, as 0.09 or "9 %".',
-            minimum=0.0,
-            automatic="from the crimp height",
-        )
-    )
-    warp_section, weft_section = both(
-        lambda family: Choice(
-            "circular",
-            f"Section of the {family.name} yarns; a racetrack is a rectangle between two half "
-            "circles.",
-            SECTIONS,
-        )
-    )
-    warp_aspect, weft_aspect = both(
-        lambda family: Real(
-            None,
-            f"Width over height of the {family.name}'s section.",
-            minimum=1.0,
-            automatic="1 for circular yarns, 1.5 for others",
-        )
-    )
+    warp_crimp, weft_crimp = both(crimp_of, "Crimp")
+    warp_section, weft_section = both(section_of, "Section")
+    warp_aspect, weft_aspect = both(aspect_of, "Section")
     thick_yarns = Choice(
         "scale",
         "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
@@ -202,14 +152,16 @@ class WeaveSource(Stage):
         "spacing, also where the draft gives no thickness), or refuse the draft.",
         ["scale", "flatten", "refuse"],
         when={"draft": ()},
+        group="Section",
     )
-    warp_layer, weft_layer = both(layer_of)
+    warp_layer, weft_layer = both(layer_of, "Layers")
     layer_gap = Real(
         None,
         "Room between the two cloths of a double weave.",
         unit="m",
         above=0.0,
         automatic="a tenth of d1 + d2",
+        group="Layers",
     )
     overhang = Real(
         None,
@@ -217,24 +169,31 @@ class WeaveSource(Stage):
         unit="m",
         above=0.0,
         automatic="half the spacing crossed",
+        group="Cut ends",
     )
-    caps = Flag(True, "Close the cut ends of the yarns.")
-    exact = Flag(False, "Make rational patches, exact to rounding where yarns are round.")
+    caps = Flag(True, "Close the cut ends of the yarns.", group="Cut ends")
+    exact = Flag(
+        False,
+        "Make rational patches, exact to rounding where yarns are round.",
+        group="Patches",
+    )
     precision = Choice(
         "double",
         "Of the control points: single precision takes half the memory, and is enough for what is "
         "looked at. What is computed of the cloth stays double.",
         ["double", "single"],
+        group="Patches",
     )
     axis = Choice(
         "arcs",
         "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
         "curvature, which holds no distance between yarns.",
         AXES,
+        group="Patches",
     )
-    warp_twist, weft_twist = both(twist_of)
-    warp_plies, weft_plies = both(plies_of)
-    warp_color, weft_color = both(color_of)
+    warp_twist, weft_twist = both(twist_of, "Twist and colour")
+    warp_plies, weft_plies = both(plies_of, "Twist and colour")
+    warp_color, weft_color = both(color_of, "Twist and colour")
 
     @property
     def cloth(self) -> Cloth:

@@ -11,7 +11,9 @@ from PySide6.QtWidgets import QColorDialog, QWidget
 from spacemap_vtk.app.fields.editor import LineEditor
 from spacemap_vtk.app.widgets import column, row
 
-_SIDE, _GAP, _IN_A_ROW = 20, 3, 11
+_SIDE, _GAP = 20, 3
+#: Side by side at most, in all the room and in half of it.
+_IN_A_ROW, _IN_HALF = 11, 5
 
 
 class ColorsEditor(LineEditor):
@@ -24,6 +26,9 @@ class ColorsEditor(LineEditor):
         self._colors: list[str] = []
         column(self, row(None, self.swatches, None), self.line, spacing=4)
         self.swatches.chosen.connect(self._choose)
+
+    def stack(self) -> None:
+        self.swatches.in_a_row = _IN_HALF
 
     def show_value(self, value: Any) -> None:
         """Show swatches and digits."""
@@ -49,18 +54,19 @@ class Swatches(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.colors: list[str] = []
+        self.in_a_row = _IN_A_ROW
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setToolTip("Click to choose another colour")
 
     def show_colors(self, colors: list[str]) -> None:
         self.colors = colors
         count = max(1, len(colors))
-        columns, rows = min(count, _IN_A_ROW), -(-count // _IN_A_ROW)
+        columns, rows = min(count, self.in_a_row), -(-count // self.in_a_row)
         self.setFixedSize(QSize(columns * (_SIDE + _GAP), rows * (_SIDE + _GAP)))
         self.update()
 
     def place(self, number: int) -> QRectF:
-        row, column = divmod(number, _IN_A_ROW)
+        row, column = divmod(number, self.in_a_row)
         step = _SIDE + _GAP
         return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
 

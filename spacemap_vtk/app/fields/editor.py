@@ -9,11 +9,14 @@ from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.units import pretty
 
 
 class Editor(QWidget):
     """Shows and edits one value; base of one class for each kind of parameter."""
 
+    #: Whether it takes a line of its own, below its name.
+    wide = True
     #: A value as a scene file would have it, and a number that is the same during one drag.
     edited = Signal(object, int)
     #: Whether a drag goes on.
@@ -30,6 +33,12 @@ class Editor(QWidget):
     def show_value(self, value: Any) -> None:
         """Show a checked value; emits nothing."""
         raise NotImplementedError
+
+    def show_in_use(self, value: Any) -> None:
+        """Learn what the value is in force where it is automatic."""
+
+    def stack(self) -> None:
+        """Stand in half the room, beside another one."""
 
     def limit(self, low: float, high: float) -> None:
         """Learn the interval in which a value is feasible at present."""
@@ -51,6 +60,13 @@ class LineEditor(Editor):
         self.setFocusProxy(self.line)
         self.line.textEdited.connect(self.is_new)
         self.line.editingFinished.connect(self._typed)
+
+    def show_in_use(self, value: Any) -> None:
+        """Show it in grey, in place of where it comes from."""
+        if isinstance(value, float):
+            value = float(f"{value:.4g}")
+        text = self.parameter.automatic if value is None else pretty(self.parameter.show(value))
+        self.line.setPlaceholderText(text)
 
     def show_text(self, text: str) -> None:
         """Let the line have the text of the value that holds."""

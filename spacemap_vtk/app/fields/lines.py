@@ -11,11 +11,16 @@ from PySide6.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, Q
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
 from spacemap_vtk.app.widgets import row
-from spacemap_vtk.parameters import Choice, Parameter
+from spacemap_vtk.parameters import Choice, Integer, Parameter
+
+#: So many numbers are chosen from, not slid over.
+_FEW = 5
 
 
 class TextEditor(LineEditor):
     """A line of text, as a scene file would have it: for any kind of parameter."""
+
+    wide = False
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
@@ -31,26 +36,43 @@ class TextEditor(LineEditor):
 
 
 class ChoiceEditor(Editor):
-    """A combo box with the declared words."""
+    """A combo box with the declared words, or with the few whole numbers that are allowed."""
 
-    def __init__(self, parameter: Choice) -> None:
+    wide = False
+
+    def __init__(self, parameter: Choice | Integer) -> None:
         super().__init__(parameter)
         self.box = QComboBox()
         leave_wheel(self.box)
-        self.box.addItems(parameter.choices)
+        self.box.setMinimumContentsLength(4)
+        self.box.setSizeAdjustPolicy(
+            self.box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
+        for choice in few(parameter) if isinstance(parameter, Integer) else parameter.choices:
+            self.box.addItem(str(choice), choice)
         row(self, self.box)
         self.setFocusProxy(self.box)
-        self.box.textActivated.connect(self._chosen)
+        self.box.activated.connect(self._chosen)
 
     def show_value(self, value: Any) -> None:
         self.box.setCurrentText(str(value))
 
-    def _chosen(self, text: str) -> None:
-        self.edited.emit(text, 0)
+    def _chosen(self) -> None:
+        self.edited.emit(self.box.currentData(), 0)
+
+
+def few(parameter: Integer) -> range:
+    """Return the numbers that are allowed, if they are few; else none."""
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.optional or low is None or high is None or high - low >= _FEW:
+        return range(0)
+    return range(round(low), round(high) + 1)
 
 
 class FlagEditor(Editor):
     """A check box."""
+
+    wide = False
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
@@ -68,6 +90,8 @@ class FlagEditor(Editor):
 
 class ColorEditor(LineEditor):
     """A patch of the colour, which opens a dialog, and its digits."""
+
+    wide = False
 
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)

@@ -5,15 +5,29 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QLabel, QSlider
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QPainter, QPaintEvent, QPalette, QPen
+from PySide6.QtWidgets import (
+    QBoxLayout,
+    QGridLayout,
+    QLabel,
+    QSlider,
+    QStyle,
+    QStyleOptionSlider,
+)
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
 from spacemap_vtk.app.fields.span import STEPS, SliderSpan, span_of
-from spacemap_vtk.app.widgets import column
+from spacemap_vtk.app.widgets import row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
+from spacemap_vtk.units import pretty
 
+_Role = QPalette.ColorRole
 _bursts = itertools.count(1)
+#: Pixels of a line beside its slider; Qt's word for no limit.
+_LINE, _WIDEST = 72, 16_777_215
+#: What `pretty` writes, as files have it.
+_PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 
 
 def next_burst() -> int:
@@ -21,8 +35,49 @@ def next_burst() -> int:
     return next(_bursts)
 
 
+class Slider(QSlider):
+    """A slider whose groove is filled from zero to its handle."""
+
+    def __init__(self) -> None:
+        super().__init__(Qt.Orientation.Horizontal)
+        #: The step that stands for zero, or for the end nearest to it.
+        self.origin = 0
+        self.setMinimumWidth(28)
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        option, control = QStyleOptionSlider(), QStyle.ComplexControl.CC_Slider
+        self.initStyleOption(option)
+        parts = (QStyle.SubControl.SC_SliderGroove, QStyle.SubControl.SC_SliderHandle)
+        groove, handle = (self.style().subControlRect(control, option, p, self) for p in parts)
+        colors = self.palette()
+        paint = colors.color(_Role.Highlight if self.isEnabled() else _Role.Mid)
+        half = handle.width() / 2
+        share = self.origin / max(self.maximum(), 1)
+        zero = groove.left() + half + share * (groove.width() - 2 * half)
+        at, y = handle.center().x() + 0.5, groove.center().y() + 0.5
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        for ends, color in (
+            ((groove.left() + 2, groove.right() - 1), _Role.Mid),
+            ((zero, at), None),
+        ):
+            pen = QPen(paint if color is None else colors.color(color), 3.0)
+            pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+            painter.setPen(pen)
+            painter.drawLine(QPointF(ends[0], y), QPointF(ends[1], y))
+        if 0 < self.origin < self.maximum():
+            painter.setPen(QPen(colors.color(_Role.PlaceholderText), 1.0))
+            painter.drawLine(QPointF(zero, y - 5), QPointF(zero, y + 5))
+        painter.setPen(QPen(paint, 2.0 if self.hasFocus() else 1.2))
+        painter.setBrush(colors.color(_Role.Base))
+        painter.drawEllipse(QPointF(at, y), 5.5, 5.5)
+        painter.end()
+
+
 class NumberEditor(LineEditor):
     """A number with its unit; the slider sets it while it is dragged."""
+
+    wide = False
 
     # Also for a series of numbers, whose slider rests while there are several.
 
@@ -31,12 +86,15 @@ class NumberEditor(LineEditor):
         self._bare = bare
         component: Any = getattr(parameter, "component", parameter)
         self.real: Real = component
-        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider = Slider()
         leave_wheel(self.slider)
         self.slider.setRange(0, STEPS)
         self.slider.setPageStep(STEPS // 20)
-        column(self, self.line, self.slider, spacing=2)
+        self._layout = row(self, self.line, (self.slider, 1), spacing=4)
+        self.line.setFixedWidth(_LINE)
         self._value: float | None = None
+        #: What it is where it is automatic.
+        self._in_use: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: SliderSpan | None = None
         self._burst = 0
@@ -44,12 +102,27 @@ class NumberEditor(LineEditor):
         self.slider.sliderPressed.connect(self._pressed)
         self.slider.sliderReleased.connect(self._released)
 
+    def stack(self) -> None:
+        """Let the slider stand below the line."""
+        self._layout.setDirection(QBoxLayout.Direction.TopToBottom)
+        self._layout.setSpacing(1)
+        self.line.setMinimumWidth(34)
+        self.line.setMaximumWidth(_WIDEST)
+
+    def show_in_use(self, value: Any) -> None:
+        """Show it in grey, on the slider, too."""
+        super().show_in_use(value)
+        self._in_use = value if isinstance(value, (int, float)) else None
+        if self._value is None:
+            self._place_slider()
+
     def show_value(self, value: Any) -> None:
         """Show it in the line, and on the slider unless that is being dragged."""
         self._value = value if isinstance(value, (int, float)) else None
         self.shown = "" if value is None else self._text(value)
         if not (self.line.hasFocus() and self.line.isModified()):
             self.line.setText(self.shown)
+            self.line.setCursorPosition(0)
         self.slider.setEnabled(self._value is not None)
         if not self.slider.isSliderDown():
             self._place_slider()
@@ -63,11 +136,11 @@ class NumberEditor(LineEditor):
                 self._place_slider()
 
     def _text(self, value: Any) -> str:
-        return f"{value:.6g}" if self._bare else self.parameter.show(value)
+        return f"{value:.6g}" if self._bare else pretty(self.parameter.show(value))
 
     def _place_slider(self) -> None:
         # The span stays while the value is inside: a slider that jumps is no ruler.
-        value = self._value
+        value = self._in_use if self._value is None else self._value
         inside = (
             self._span is not None
             and value is not None
@@ -77,13 +150,16 @@ class NumberEditor(LineEditor):
             self._span = span_of(self.real, value, self._feasible)
         self.slider.blockSignals(True)
         assert self._span is not None
+        self.slider.origin = self._span.step(min(max(0.0, self._span.low), self._span.high))
         self.slider.setValue(0 if value is None else self._span.step(value))
         self.slider.blockSignals(False)
 
     def written(self, text: str) -> Any:
         """Return a number, or a text with a unit; None where a value can be left out."""
         self.line.setModified(False)  # it is taken: the line shows what comes of it
-        return None if text.strip() == "" and self.parameter.optional else written_from(text)
+        if text.strip() == "" and self.parameter.optional:
+            return None
+        return written_from(text.translate(_PLAIN))
 
     def _pressed(self) -> None:
         self._burst = next_burst()
@@ -125,7 +201,8 @@ class VectorEditor(Editor):
             editor.restored.connect(self._restored)
             editor.line.setMinimumWidth(34)
             editor.slider.setMinimumWidth(34)
-            head = f"{label}  [{parameter.unit}]" if parameter.unit else label
+            head = f"{label}  [{pretty(parameter.unit)}]" if parameter.unit else label
+            editor.stack()
             name = QLabel(head if place == 0 else label)
             name.setObjectName("about")
             layout.addWidget(name, 0, place)

@@ -1,12 +1,12 @@
-"""A parameter's row among the properties, and the editor that its kind gets there."""
+"""A parameter's row among the properties, the editor that its kind gets, and rows together."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QCheckBox, QLabel, QWidget
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QLabel, QToolButton, QWidget
 
 from spacemap_vtk.app.fields.colors_editor import ColorsEditor
 from spacemap_vtk.app.fields.editor import Editor
@@ -17,12 +17,14 @@ from spacemap_vtk.app.fields.lines import (
     FileEditor,
     FlagEditor,
     TextEditor,
+    few,
 )
 from spacemap_vtk.app.fields.number import NumberEditor, VectorEditor
 from spacemap_vtk.app.fields.pattern import PatternEditor
 from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.app.widgets import column, mark, note, row, tool_button
-from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.parameters import Integer, Parameter
+from spacemap_vtk.units import pretty
 
 _EDITORS: dict[str, Callable[[Any], Editor]] = {
     "real": NumberEditor,
@@ -37,8 +39,12 @@ _EDITORS: dict[str, Callable[[Any], Editor]] = {
 }
 
 
+#: Pixels of the names, so that lines stand below each other.
+_NAMES = 94
+
+
 class ParameterRow(QWidget):
-    """Name, "automatic" where that is a value, reset, editor, and a line for what is to be said."""
+    """Name, editor, "auto" where that is a value, reset, and a line for what is to be said."""
 
     #: Name, value as a scene file would have it (None: the default), burst.
     edited = Signal(str, object, int)
@@ -47,31 +53,46 @@ class ParameterRow(QWidget):
     #: As `Editor.restored`.
     restored = Signal()
 
-    def __init__(self, parameter: Parameter[Any], editor: Editor) -> None:
+    def __init__(self, parameter: Parameter[Any], editor: Editor, half: str = "") -> None:
         super().__init__()
         self.parameter = parameter
         self.editor = editor
         self.note = note(name="note")
         self.note.hide()
-        back = f"Back to the default: {parameter.show(parameter.default)}"
+        back = f"Back to the default: {pretty(parameter.show(parameter.default))}"
         self.reset = tool_button("↺", back)
-        self.label = QLabel(parameter.label)
+        kept = self.reset.sizePolicy()
+        kept.setRetainSizeWhenHidden(True)
+        self.reset.setSizePolicy(kept)
+        self.label = QLabel(half or parameter.label)
         self.label.setBuddy(self.editor)
-        self.automatic: QCheckBox | None = None
+        self.automatic: QToolButton | None = None
         if parameter.automatic:
-            self.automatic = QCheckBox("automatic")
-            self.automatic.setToolTip(f"Automatic: {parameter.automatic}")
+            self.automatic = tool_button("auto", f"Automatic: {parameter.automatic}", True)
+            self.automatic.setObjectName("auto")
             self.automatic.clicked.connect(self._automatic_clicked)
         right = [self.automatic] if self.automatic is not None else []
-        head = row(None, self.label, None, *right, self.reset, spacing=4)
-        column(self, head, self.editor, self.note, margins=(0, 0, 0, 4), spacing=2)
+        if half or editor.wide:
+            head = row(None, self.label, None, *right, self.reset, spacing=2)
+            column(self, head, self.editor, self.note, margins=(0, 0, 0, 2), spacing=1)
+        else:
+            self.label.setFixedWidth(_NAMES)
+            self.label.setWordWrap(True)
+            line = row(None, self.label, (self.editor, 1), *right, self.reset, spacing=2)
+            column(self, line, self.note, margins=(0, 0, 0, 2), spacing=1)
+        if half:
+            editor.stack()
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
-        self.setToolTip(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}.")
+        self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
+        #: Whether it can be reset.
+        self.can_go = True
         self.resolved: Any = None
         #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
         self.about = ""
         self._feasible = self._in_force = ""
         self._idle = ""
+        #: Whether its value counts or is written, and whether it is what is searched for.
+        self._there = self._sought = True
         self.editor.edited.connect(self._edited)
         self.editor.held.connect(self.held)
         self.editor.restored.connect(self.restored)
@@ -81,12 +102,14 @@ class ParameterRow(QWidget):
         self.editor.show_value(value)
         if self.automatic is not None:
             self.automatic.setChecked(value is None)
-        self.reset.setEnabled(not is_default)
+        self.reset.setVisible(self.can_go and not is_default)
+        self._show_in_use()
         self.mark(None)
 
     def show_idle(self, why: str, written: bool) -> None:
         """Hide the row where its value counts for nothing; one that is written stays, in grey."""
-        self.setVisible(not why or written)
+        self._there = not why or written
+        self.setVisible(self._there and self._sought)
         idle = f"does not count: {why}" if why else ""
         if idle != self._idle:
             self._idle = idle
@@ -94,9 +117,27 @@ class ParameterRow(QWidget):
                 widget.setEnabled(not why)
             self.mark(None)
 
+    def seek(self, words: list[str]) -> None:
+        """Hide the row unless all these words stand in its name, its key or its help."""
+        parameter = self.parameter
+        text = f"{parameter.label} {parameter.name} {parameter.group} {parameter.help}".lower()
+        self._sought = all(word in text for word in words)
+        self.setVisible(self._there and self._sought)
+
+    def show_resolved(self, value: Any) -> None:
+        """Learn what the value has come to where it is automatic."""
+        if value != self.resolved:
+            self.resolved = value
+            self._show_in_use()
+
+    def _show_in_use(self) -> None:
+        if self.automatic is not None:
+            self.editor.show_in_use(self.resolved if self.automatic.isChecked() else None)
+
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the interval in which the value is feasible at present."""
-        self._feasible = told_interval(self.parameter, interval)
+        self._feasible = pretty(told_interval(self.parameter, interval))
+        self.editor.setToolTip(f"{self.toolTip()}\n{self._feasible}" if self._feasible else "")
         if interval is not None:
             self.editor.limit(*interval)
         if not self.note.property("bad"):
@@ -104,7 +145,7 @@ class ParameterRow(QWidget):
 
     def show_in_force(self, figure: str) -> None:
         """Show what the last run has made of the value; empty: nothing is known."""
-        text = f"in force: {figure}" if figure else ""
+        text = f"in force: {pretty(figure)}" if figure else ""
         if text != self._in_force:
             self._in_force = text
             if not self.note.property("bad"):
@@ -113,8 +154,7 @@ class ParameterRow(QWidget):
     def mark(self, message: str | None, about: str = "") -> None:
         """Mark the row as refused, with the reason; None: as good."""
         self.about = about
-        text = message or self._idle or self._feasible or self._in_force
-        self._say(text, bad=message is not None)
+        self._say(message or self._idle or self._in_force, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:
         self.note.setText(text)
@@ -141,9 +181,56 @@ class ParameterRow(QWidget):
             self.editor.setFocus()
 
 
+class Group(QWidget):
+    """Rows below a heading; a click on that folds them."""
+
+    def __init__(self, title: str) -> None:
+        super().__init__()
+        self.title = title
+        self.rows: list[QWidget] = []
+        self.head = tool_button(title, "Fold or unfold", checkable=True)
+        self.head.setObjectName("group")
+        self.head.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.body = QWidget()
+        self._sought = False
+        self.head.toggled.connect(self._show)
+
+    def lay_out(self, folded: bool) -> None:
+        """Take the rows in, once all are there."""
+        column(self.body, *self.rows, spacing=4)
+        column(self, self.head, self.body, spacing=2)
+        self.head.setChecked(not folded)
+        self._show()
+
+    def unfold(self, sought: bool) -> None:
+        """Show the rows, folded or not, while they are searched."""
+        self._sought = sought
+        self._show()
+
+    def _show(self) -> None:
+        opened = self.head.isChecked()
+        self.body.setVisible(opened or self._sought)
+        arrows = Qt.ArrowType
+        self.head.setArrowType(arrows.DownArrow if opened else arrows.RightArrow)
+
+
+class Pair(QWidget):
+    """The warp's row and the weft's, side by side below what both are called."""
+
+    def __init__(self, warp: ParameterRow, weft: ParameterRow) -> None:
+        super().__init__()
+        self.rows = warp, weft
+        words = warp.parameter.label.split(maxsplit=1)[1]
+        title = QLabel(words.capitalize())
+        title.setToolTip(warp.toolTip())
+        column(self, title, row(None, (warp, 1), (weft, 1), spacing=10), spacing=0)
+
+
 def editor_of(parameter: Parameter[Any]) -> Editor:
     """Return a new editor for any kind but loads, whose editor is made of rows."""
     component: Any = getattr(parameter, "component", None)
+    if isinstance(parameter, Integer) and few(parameter):
+        return ChoiceEditor(parameter)
     if parameter.kind == "series" and component.kind in ("real", "integer"):
         return NumberEditor(parameter)
     if parameter.kind == "series" and component.kind == "color":
