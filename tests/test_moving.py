@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.draw import moving as moving_module
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.moving import mode_shapes, moving
 from spacemap_vtk.io.registry import writer
@@ -54,15 +56,24 @@ def farthest(found: Any, surface: vtkPolyData) -> float:
 
 
 @pytest.mark.parametrize(
-    "more", [(), ("warp.smooth=true", "view.camera=lying"), ("yarns.inextensible=true",)]
+    ("more", "short"),
+    [
+        ((), False),
+        (("warp.smooth=true", "view.camera=lying"), False),
+        (("yarns.inextensible=true",), False),
+        (("view.camera=lying",), True),
+    ],
 )
 def test_the_motion_is_within_the_tolerance_at_every_frame(
-    more: tuple[str, ...], tmp_path: Path
+    more: tuple[str, ...], short: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if short:  # as of a surface with many points
+        monkeypatch.setattr(moving_module, "_POINTS", 10)
     scene, file = changed("plain_weave", *SMALL, *more), tmp_path / "a.glb"
     times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
-    made = moving(scene, times, tolerance, lambda done, of: None)
+    made = moving(scene, times, tolerance, lambda done, of: None, sides=2)
     assert 2 <= len(made.targets) < 12
+    assert (made.short is not None) == short
     assert made.about["largest_error"] <= tolerance
     writer(file).write(file, made)
     step, places = 1.0 / scene.animation.speed, (0, 3, 8, 12)
@@ -74,6 +85,11 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
             there = there[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
         assert farthest(there, scene.polygons) <= 1.01 * tolerance
     assert np.ptp(np.array(told["played"]), axis=0).max() > 1000 * tolerance
+    if short:  # half of what it takes otherwise
+        writer(file).write(tmp_path / "long.glb", replace(made, short=None))
+        sizes = [each.stat().st_size for each in (file, tmp_path / "long.glb")]
+        saved = 12 * len(made.points) * len(made.targets)
+        assert sizes[1] - sizes[0] == pytest.approx(saved, rel=0.05)
     assert told["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
 
 

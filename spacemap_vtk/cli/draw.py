@@ -244,6 +244,13 @@ def export(
             "plies, fibres, or a number of fibres for each yarn."
         ),
     ] = None,
+    subdivisions: Annotated[
+        int | None,
+        Parameter(
+            help="Of each patch of the surface in a .glb or .usdc that moves; by default as the "
+            "scene says, or fewer where there would be more than half a million points."
+        ),
+    ] = None,
     pieces: Annotated[
         int | None,
         Parameter(
@@ -304,6 +311,9 @@ def export(
         order.tolerance = _tolerance(order, tolerance)
     if curves is not None:
         order.curves = _curves(order, curves)
+    if subdivisions is not None:
+        _check_subdivisions(order, chosen, subdivisions)
+        order.subdivisions = subdivisions
     _carry_out(order, chosen, "Computing", quiet)
 
 
@@ -358,8 +368,12 @@ def convert(
 
 
 def _carry_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
+    def lose(text: str) -> None:
+        if not quiet:
+            print(f"spacemap: warning: {text}", file=sys.stderr, flush=True)
+
     with progress(scene, doing, quiet) as tell:
-        told = carry_out(order, scene, tell)
+        told = carry_out(order, scene, tell, lose=lose)
     tell_warnings(scene, quiet)
     if not quiet and told:
         print(f"{order.output}: {told}")
@@ -390,6 +404,20 @@ def _curves(order: Order, text: str) -> str:
             f"{order.output.name} holds no curves to choose", key="--curves", allowed="of a .usdc"
         )
     return checked_strands(text)
+
+
+def _check_subdivisions(order: Order, scene: Scene, subdivisions: int) -> None:
+    try:
+        if order.what not in ("moving", "modes"):
+            raise InputError(
+                f"{order.what} has those of the scene",
+                value=subdivisions,
+                cure=f"Say --set surface.subdivisions={subdivisions}.",
+            )
+        scene.surface.parameter("subdivisions").check(subdivisions)
+    except InputError as error:
+        error.key = "--subdivisions"
+        raise
 
 
 def _tolerance(order: Order, text: str) -> float:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 #: Materials there may be; of more colours than that each point has its own.
 _MATERIALS = 32
+#: Points that are worked on together.
+_TOGETHER = 2**14
 
 
 class Shade(NamedTuple):
@@ -80,6 +82,17 @@ class YarnCurves(NamedTuple):
     basis: str = "bezier"
 
 
+class ShortTargets(NamedTuple):
+    """Targets in few bits: whole numbers, of which each target has its own step."""
+
+    #: What is 1 in the file [m], and what a target's weights are multiplied by there, (K,).
+    unit: float
+    factors: NDArray[np.float64]
+    #: In 32767ths of the unit, (K, N, 3), and normals in 127ths.
+    targets: NDArray[np.int16]
+    normals: NDArray[np.int8] | None
+
+
 @dataclass(frozen=True)
 class MovingSurface:
     """Triangles, and the targets of which their motions are sums."""
@@ -91,7 +104,7 @@ class MovingSurface:
     #: Where it has them, of unit length, and what each target adds before they are made so again.
     normals: NDArray[np.float32] | None
     normal_targets: NDArray[np.float32] | None
-    #: ScaledNumbers of points, counter-clockwise seen from outside, (M, 3).
+    #: Numbers of points, counter-clockwise seen from outside, (M, 3).
     triangles: NDArray[np.integer[Any]]
     #: Red, green and blue as screens have them, (N, 3).
     colors: NDArray[np.uint8]
@@ -106,6 +119,8 @@ class MovingSurface:
     #: Of woven cloth with its motion.
     curves: YarnCurves | None = None
     numbers: ScaledNumbers | None = None
+    #: The targets once more, where there are so many that their size counts.
+    short: ShortTargets | None = None
     #: What is known of it, for people and programs.
     about: Mapping[str, Any] = field(default_factory=dict)
 
@@ -135,6 +150,33 @@ class MovingSurface:
             )
             for number, (part, *rgb) in enumerate(found.tolist())
         ]
+
+
+def shortened(
+    targets: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
+    weights: NDArray[np.floating],
+) -> tuple[ShortTargets, float]:
+    """Return targets in few bits, and how far any point gets from its place by that [m]."""
+    sizes = np.abs(targets).max(axis=(1, 2)).astype(np.float64)
+    turns = 0.0 * sizes if normals is None else np.abs(normals).max(axis=(1, 2))
+    # The smaller the unit, the finer the places, and the coarser the normals: at this one normals
+    # of the largest target have steps of less than a degree.
+    unit = sizes.max() / 2
+    factors = np.maximum(sizes / unit, turns)
+    places, facing = np.empty(targets.shape, np.int16), None
+    facing = None if normals is None else np.empty(normals.shape, np.int8)
+    for k, factor in enumerate(factors):
+        places[k] = np.rint(targets[k] * (32767 / (unit * factor)))
+        if facing is not None and normals is not None:
+            facing[k] = np.rint(normals[k] * (127 / factor))
+    error, steps = 0.0, unit * factors / 32767
+    for begin in range(0, targets.shape[1], _TOGETHER):
+        part = slice(begin, begin + _TOGETHER)
+        off = targets[:, part] - places[:, part] * steps[:, None, None]
+        sums = np.tensordot(weights, off, 1)
+        error = max(error, float(np.sqrt(np.einsum("tnk,tnk->tn", sums, sums).max())))
+    return ShortTargets(unit, factors, places, facing), error
 
 
 def linear(colors: NDArray[np.uint8]) -> NDArray[np.float64]:

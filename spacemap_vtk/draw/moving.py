@@ -20,7 +20,7 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight
+from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.frame import copied, relief_of
@@ -34,6 +34,7 @@ from spacemap_vtk.draw.surface_actor import (
 )
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_work
 from spacemap_vtk.memory import require
@@ -52,10 +53,15 @@ _TRIES = 4
 _AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
 #: Places are told apart by the size over this, up to 21 bits, directions by a unit over this.
 _PLACES, _DIRECTIONS = 2**19, 100
+#: Frames whose normals are added up together.
+_TOGETHER = 8
+#: Points of a surface that moves, about, unless more are asked for, and bytes of a file that are
+#: told before they are made.
+_POINTS, _LARGE = 500_000, 2**26
 _COARSER = "Lower surface.subdivisions, or weave.ends and weave.picks."
 _SMALLER = {
-    "tolerance": "Raise --tolerance, take fewer times, or lower surface.subdivisions.",
-    "modes": "Take fewer modes (modal.modes), or lower surface.subdivisions.",
+    "tolerance": "Raise --tolerance, take fewer times, or lower --subdivisions.",
+    "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
 
 #: Where what has no normal faces.
@@ -64,6 +70,7 @@ _WORK = 430
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
 Tell = Callable[[int, int], object]
+Say = Callable[[str], object]
 FloatArray = NDArray[np.float64]
 Rows = NDArray[np.integer[Any]]
 
@@ -77,14 +84,19 @@ def moving(
     most: int = 2**32,
     numbers: bool = False,
     strands: str = "yarns",
+    sides: int = 0,
+    say: Say | None = None,
 ) -> MovingSurface:
     """Return a scene's surface at the first of some times, and its motion from there on."""
     # Of one time its colours may be those of a scale, with the ends `span`; or it has the numbers
     # that colours stand for, at all times. It takes at most so many bytes in single precision.
+    say = say or scene.warn
     tell(0, 2 * len(times))
     lasts = scene.moves and len(times) > 1
     if lasts and not numbers:
         _settle_colors(scene)
+    if lasts:
+        _subdivide(scene, sides, say)
     scene.update(times[0])
     still, rows = _still(scene, scene.polygons, most, span, numbers)
     seen = SeenOverTime(scene, rows, len(times) if lasts else 1, numbers, strands)
@@ -97,17 +109,25 @@ def moving(
         raise _too_small(tolerance, least)
     error = np.inf
     for stage in _movers(scene):
-        places, aim = _places(scene, stage, times, tell), tolerance
+        # Of what is large a little is left for its rounding.
+        large = len(still.points) > _POINTS / 5
+        places, aim = _places(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
         for _ in range(_TRIES):
             scene.update(times[0])
             found = morph_targets(places, aim)
-            targets, _ = _carried(scene, stage, found.shapes, still, rows, most)
+            targets, _ = _carried(scene, stage, found.shapes, still, rows, most, say)
             weights = found.weights.astype(np.float32)
             error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
             if error <= tolerance:
                 # as a film shows it, which may be slower
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
                 clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
+                short, more = None, 0.0
+                if large and len(targets):
+                    short, more = shortened(targets, normals, weights)
+                if error + more > tolerance:
+                    short, more = None, 0.0
+                error += more
                 about = {"targets": len(targets), "tolerance": tolerance, "largest_error": error}
                 return replace(
                     still,
@@ -117,6 +137,7 @@ def moving(
                     clips=[clip],
                     curves=seen.curves,
                     numbers=seen.numbers,
+                    short=short,
                     tolerance=tolerance,
                     about={**still.about, **about, "frames": len(times)},
                 )
@@ -124,9 +145,13 @@ def moving(
     raise _too_small(tolerance, 2.0 * error)
 
 
-def mode_shapes(scene: Scene, tell: Tell, most: int = 2**32) -> MovingSurface:
+def mode_shapes(
+    scene: Scene, tell: Tell, most: int = 2**32, sides: int = 0, say: Say | None = None
+) -> MovingSurface:
     """Return a scene's surface as it hangs, a target for each mode, and a swing of each."""
+    say = say or scene.warn
     _settle_colors(scene)
+    _subdivide(scene, sides, say)
     scene.warp.carried = ""  # a mode has no velocity that could ride along
     figures = modes(scene)["modes"]
     tell(0, len(figures))
@@ -141,7 +166,7 @@ def mode_shapes(scene: Scene, tell: Tell, most: int = 2**32) -> MovingSurface:
     hung = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
     add_array(data, "displacement", hung)
     still, rows = _still(scene, _below(scene, stage, cage), most)
-    targets, normals = _carried(scene, stage, shapes, still, rows, most, cage)
+    targets, normals = _carried(scene, stage, shapes, still, rows, most, say, cage)
     frequencies = [mode["frequency_hz"] for mode in figures]
     labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
     seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
@@ -178,17 +203,19 @@ def _movers(scene: Scene) -> list[Stage]:
     return [warp] if scene.stage("crimp") else [scene.deforming, warp]
 
 
-def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> FloatArray:
+def _places(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> NDArray[np.floating]:
     """Return how far a stage moves its points from where they are at the first time, (T, n, 3)."""
-    found: FloatArray = np.empty(0)
+    found: NDArray[np.floating] = np.empty(0)
     for number, time in enumerate(times):
         scene.update_stage(stage, time)
         now = _field(stage, stage.output)
         if not number:
-            size = 5 * 8 * len(times) * now.size  # and their decomposition
+            # In single precision, of what is so large that a tolerance is far above its rounding.
+            kind = np.float64 if len(times) * now.size < 2**22 else np.float32
+            size = (np.dtype(kind).itemsize + 4) * len(times) * now.size  # and targets of it
             require(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
-            found, first = np.empty((len(times), *now.shape)), now.astype(np.float64)
-        np.subtract(now, first, out=found[number])
+            found, first = np.empty((len(times), *now.shape), kind), now.astype(np.float64)
+        np.subtract(now, first, out=found[number], casting="same_kind")
         tell(number + 1, 2 * len(times))
     return found
 
@@ -215,6 +242,7 @@ def _carried(
     still: MovingSurface,
     rows: Rows,
     most: int,
+    say: Say,
     data: Any = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Carry a stage's displacements to the surface and its normals: half of there and back."""
@@ -223,6 +251,10 @@ def _carried(
     what = f"{len(shapes)} targets of {len(still.points)} points"
     cure = _SMALLER["tolerance" if data is None else "modes"]
     _require_fitting(12 * kinds * len(still.points) + size, what, most, cure)
+    if size > _LARGE:
+        whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
+        less = "with fewer --subdivisions, or a larger --tolerance, less"
+        say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
     # and as much again while they are made
     require(size + 48 * len(still.points), what, cure=cure)
     data = stage.output if data is None else data
@@ -262,6 +294,7 @@ def _compared(
     error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
     # The least squares of what the normals do: the weights are orthogonal over time.
     shares = weights / np.square(weights).sum(axis=0)
+    waiting: list[NDArray[np.float32]] = []
     for number, time in enumerate(times):
         scene.update(time)
         seen.see(number)
@@ -269,8 +302,11 @@ def _compared(
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
         if turned is not None and normals is not None and still.normals is not None:
-            for target, share in zip(turned, shares[number], strict=True):
-                target += share * (normals - still.normals)
+            waiting.append(normals - still.normals)
+            if len(waiting) == _TOGETHER or number == len(times) - 1:  # in one product
+                rows_now = shares[number + 1 - len(waiting) : number + 1]
+                turned += np.tensordot(rows_now, np.array(waiting), (0, 0))
+                waiting.clear()
         tell(len(times) + number + 1, 2 * len(times))
     return error, turned
 
@@ -286,6 +322,21 @@ def _taken(
     facing = vtk_to_numpy(normals)[rows].astype(np.float32, copy=False)
     lengths = np.linalg.norm(facing, axis=1, keepdims=True)
     return points, np.where(lengths > 0.0, facing / np.maximum(lengths, 1e-30), _NOWHERE)
+
+
+def _subdivide(scene: Scene, sides: int, say: Say) -> None:
+    """Subdivide patches as asked, or less than the scene says where a file would be too large."""
+    if scene.source is scene.weave and scene.stages[-1] is scene.surface:
+        usual = scene.surface.sides
+        patches = estimate_counts(scene.weave.cloth).patches
+        chosen = sides or max(1, min(usual, int((_POINTS / patches) ** 0.5)))
+        if not sides and chosen < usual:
+            say(
+                f"patches are subdivided by {chosen}, not by {usual} as a picture's: "
+                f"{patches * usual**2 / 1e6:.1f} million points would be many to play "
+                f"(--subdivisions {usual})"
+            )
+        scene.take({"surface": {"subdivisions": chosen}})
 
 
 def _settle_colors(scene: Scene) -> None:

@@ -81,6 +81,8 @@ class Order:
     again: bool = False
     #: How far a surface that moves may be from its motion [m]; by default so that nobody sees it.
     tolerance: float | None = None
+    #: Of each patch of a surface that moves; by default as the scene says, or as a player bears.
+    subdivisions: int = 0
     #: Parts that data are made and written in, one after another, where the format has them.
     pieces: int = 0
     #: Whether a picture is a film's frame: seen from where its film is.
@@ -113,8 +115,8 @@ class Order:
                 given["size"] = width, height
             if given.get("tolerance"):
                 given["tolerance"] = float(given["tolerance"])
-            if "pieces" in given:
-                given["pieces"] = int(given["pieces"])
+            for key in {"pieces", "subdivisions"} & given.keys():
+                given[key] = int(given[key])
             for key in ("panels", "motions"):
                 given[key] = [str(word) for word in given.get(key, ())]
             return cls(**{**given, "what": str(given["what"]), "output": output})
@@ -238,7 +240,7 @@ def _carry_out(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose |
         tell(1, 1)
         return ""
     if order.what in ("moving", "modes") and not order.numbered:
-        return _write_moving(order, scene, tell, whole)
+        return _write_moving(order, scene, tell, whole, lose or scene.warn)
     return _write_data(order, scene, tell, whole, lose or scene.warn)
 
 
@@ -381,16 +383,20 @@ def _bytes(folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
-def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
+def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose) -> str:
     from spacemap_vtk.draw.moving import mode_shapes, moving
 
     format_ = writer(order.output, order.what)
     most, numbers = format_.most, format_.numbers
     if order.what == "modes":
-        made = mode_shapes(scene, tell, most)
+        made = mode_shapes(scene, tell, most, order.subdivisions, lose)
     else:
         times = moments(scene, order.times)
-        made = moving(scene, times, order.tolerance, tell, None, most, numbers, order.curves)
+        made = moving(
+            *(scene, times, order.tolerance, tell, None, most, numbers, order.curves),
+            sides=order.subdivisions,
+            say=lose,
+        )
     with _file(order, whole) as file:
         format_.write(file, made)
         size = file.stat().st_size

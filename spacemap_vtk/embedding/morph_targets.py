@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
+#: Points times times that are decomposed, and points of which targets are made together.
+_POINTS, _PART = 2**20, 2**15
+
+
 class MorphTargets(NamedTuple):
     """Shapes and how much of each there is at some times."""
 
@@ -37,7 +41,8 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     -------
     MorphTargets
         Of no shapes where nothing moves further than that. The error is above the tolerance only
-        where that is less than the rounding of the displacements.
+        where that is less than the rounding of the displacements. Of very many points (a million
+        over all times) evenly chosen ones decide, and the error is theirs.
 
     Notes
     -----
@@ -53,20 +58,27 @@ def morph_targets(displacements: NDArray[np.floating], tolerance: float) -> Morp
     >>> morph_targets(swing, 1e-9).weights.shape
     (50, 1)
     """
-    left = displacements.reshape(len(displacements), -1).astype(np.float64)
+    count, points, parts = displacements.shape
+    # Of many points as many as say what the others do: neighbours move alike.
+    few = displacements[:, :: -(-points * count // _POINTS)]
+    left = few.reshape(count, -1).astype(np.float64)
     # of little moving much, or much moving little: times need not be fewer than coordinates
-    times, sizes, shapes = np.linalg.svd(left, full_matrices=False)
-    parts = displacements.shape[-1]
-    count, error = 0, _largest(left, parts)
-    while error > tolerance and count < len(sizes):
-        left -= np.outer(times[:, count] * sizes[count], shapes[count])
-        count, error = count + 1, _largest(left, parts)
-    weights = times[:, :count] * sizes[:count]
+    times = np.linalg.svd(left, full_matrices=False)[0]
+    taken, error = 0, _largest(left, parts)
+    while error > tolerance and taken < times.shape[1]:
+        left -= np.outer(times[:, taken], times[:, taken] @ left)
+        taken, error = taken + 1, _largest(left, parts)
+    weights = times[:, :taken]
+    shapes = np.empty((taken, points, parts))
+    for begin in range(0, points, _PART):  # all in double precision would not fit
+        part = displacements[:, begin : begin + _PART].reshape(count, -1)
+        made = weights.T @ part.astype(np.float64)
+        shapes[:, begin : begin + _PART] = made.reshape(taken, part.shape[1] // parts, parts)
     peaks = np.abs(weights).max(axis=0, initial=0.0)
-    kept = peaks > 0.0  # of what does not move at all a column of zeros may come
+    # of what does not move at all there may be terms of nothing
+    kept = (peaks > 0.0) & shapes.any(axis=(1, 2))
     weights, peaks = weights[:, kept], peaks[kept]
-    full = shapes[:count][kept] * peaks[:, None]
-    return MorphTargets(full.reshape(-1, *displacements.shape[1:]), weights / peaks, error)
+    return MorphTargets(shapes[kept] * peaks[:, None, None], weights / peaks, error)
 
 
 def _largest(displacements: FloatArray, parts: int) -> float:

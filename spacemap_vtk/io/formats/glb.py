@@ -22,7 +22,7 @@ _ROUGHNESS = 0.75
 #: Turns z up into y up.
 _LYING = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 #: Numbers of glTF: of components, and of what a buffer's part is for.
-_COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123}
+_COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123, "<i2": 5122, "|i1": 5120}
 _VERTICES, _INDICES = 34962, 34963
 
 
@@ -36,14 +36,15 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     from spacemap_vtk.datasets.moving_surface import linear
     from spacemap_vtk.io.output import write
 
-    buffer = _Buffer()
+    buffer, short = _Buffer(), moving.short
+    unit, factors = (1.0, 1.0) if short is None else (short.unit, short.factors)
     materials, primitives = [], []
     for number, material in enumerate(moving.materials):
         rows = np.flatnonzero(material.points)
         look = {"baseColorFactor": [*material.color, 1.0], "metallicFactor": 0.0}
         look["roughnessFactor"] = _ROUGHNESS
         materials.append({"name": material.name, "pbrMetallicRoughness": look, "doubleSided": True})
-        attributes = {"POSITION": buffer.add(moving.points[rows], bounds=True)}
+        attributes = {"POSITION": buffer.add(moving.points[rows] / unit, bounds=True)}
         if moving.normals is not None:
             attributes["NORMAL"] = buffer.add(moving.normals[rows])
         if moving.painted:
@@ -51,10 +52,13 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
             table = np.round(65535 * shares).astype("<u2")
             attributes["COLOR_0"] = buffer.add(table, normalized=True)
         targets = []
-        for k, target in enumerate(moving.targets):
-            targets.append({"POSITION": buffer.add(target[rows], bounds=True)})
-            if moving.normal_targets is not None:
-                targets[-1]["NORMAL"] = buffer.add(moving.normal_targets[k][rows])
+        places: Any = moving.targets if short is None else short.targets
+        facing: Any = moving.normal_targets if short is None else short.normals
+        for k, target in enumerate(places):
+            whole = target.dtype.kind == "i"
+            targets.append({"POSITION": buffer.add(target[rows], bounds=True, normalized=whole)})
+            if facing is not None:
+                targets[-1]["NORMAL"] = buffer.add(facing[k][rows], normalized=whole)
         place = np.zeros(len(moving.points), "<u4")
         place[rows] = np.arange(len(rows))
         corners = place[moving.triangles[material.points[moving.triangles[:, 0]]]]
@@ -68,6 +72,8 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     node = {"name": moving.title or "surface", "mesh": 0} | (
         {"rotation": _LYING} if moving.lying else {}
     )
+    if short is not None:
+        node["scale"] = [unit] * 3
     content: dict[str, Any] = {
         "asset": {
             "version": "2.0",
@@ -83,11 +89,14 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     animations = []
     for clip in moving.clips:
         sampler = {"input": buffer.add(clip.times, target=None, bounds=True)}
-        sampler["output"] = buffer.add(clip.weights.reshape(-1), target=None)
+        sampler["output"] = buffer.add((clip.weights * factors).reshape(-1), target=None)
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
         animations.append({"name": clip.name, "samplers": [sampler], "channels": [channel]})
     if animations:
         content["animations"] = animations
+    if short is not None:
+        names = ["KHR_mesh_quantization"]
+        content |= {"extensionsUsed": names, "extensionsRequired": names}
     content |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
     content["buffers"] = [{"byteLength": buffer.size}]
     text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
@@ -117,16 +126,19 @@ class _Buffer:
         import numpy as np
 
         kind = "<f4" if values.dtype.kind == "f" else values.dtype.str
-        table = np.ascontiguousarray(values, kind)
-        view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes}
+        table, stride = np.ascontiguousarray(values, kind), {}
+        rows = table.reshape(len(table), -1)
+        if kind in ("<i2", "|i1"):  # each row begins at a multiple of four bytes
+            table = np.pad(table, ((0, 0), (0, 1)))
+            stride = {"byteStride": table.itemsize * 4}
+        view = {"buffer": 0, "byteOffset": self.size, "byteLength": table.nbytes, **stride}
         accessor: dict[str, Any] = {
             "bufferView": len(self.views),
             "componentType": _COMPONENTS[kind],
             "count": len(table),
-            "type": "SCALAR" if table.ndim == 1 else f"VEC{table.shape[1]}",
+            "type": "SCALAR" if table.ndim == 1 else f"VEC{rows.shape[1]}",
         }
         if bounds:
-            rows = table.reshape(len(table), -1)
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
         self.views.append(view | ({} if target is None else {"target": target}))
         self.accessors.append(accessor | ({"normalized": True} if normalized else {}))
