@@ -93,6 +93,27 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     assert told["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
 
 
+def test_a_surface_with_many_points_is_made_of_less_and_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(moving_module, "_POINTS", 1000)
+    monkeypatch.setattr(moving_module, "_LARGE", 1)
+    monkeypatch.setattr(moving_module, "_OF_YARN", 4e-6)
+    scene, said = changed("plain_weave", *SMALL), list[str]()
+    made = moving(
+        scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, say=said.append
+    )
+    assert "subdivided by 1, not by 2" in said[0]
+    assert re.fullmatch(r"8 of 1\d targets are taken: all would be too large.*", said[1])
+    assert re.match(r"8 targets of \d+ points make up to 0 MB; with fewer --sub", said[2])
+    assert len(made.targets) == 8
+    # How far it is off is told, and is no more.
+    assert 0.0 < made.about["largest_error"] <= made.tolerance < 1e-6
+    scene = changed("plain_weave", *SMALL)
+    asked = moving(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
+    assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
+
+
 def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     scene, file = changed("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
     writer(file).write(file, mode_shapes(scene, lambda done, of: None))

@@ -103,7 +103,7 @@ def moving(
     if not lasts:
         seen.see(0)
         return replace(still, curves=seen.curves, numbers=seen.numbers)
-    tolerance = still.tolerance if tolerance is None else tolerance
+    usual, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
         raise _too_small(tolerance, least)
@@ -115,10 +115,16 @@ def moving(
         for _ in range(_TRIES):
             scene.update(times[0])
             found = morph_targets(places, aim)
+            cut = usual and len(found.shapes) > (room := max(8, 2 * _LARGE // (12 * len(rows))))
+            if cut:
+                count = len(found.shapes)
+                say(f"{room} of {count} targets are taken: all would be too large (--tolerance)")
+                found = found._replace(shapes=found.shapes[:room], weights=found.weights[:, :room])
             targets, _ = _carried(scene, stage, found.shapes, still, rows, most, say)
             weights = found.weights.astype(np.float32)
             error, normals = _compared(scene, times, still, rows, targets, weights, seen, tell)
-            if error <= tolerance:
+            if error <= tolerance or cut:
+                tolerance = max(tolerance, 1.1 * error) if cut else tolerance
                 # as a film shows it, which may be slower
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
                 clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
@@ -253,7 +259,7 @@ def _carried(
     _require_fitting(12 * kinds * len(still.points) + size, what, most, cure)
     if size > _LARGE:
         whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
-        less = "with fewer --subdivisions, or a larger --tolerance, less"
+        less = "with fewer --subdivisions, a larger --tolerance, or a smaller --fps less"
         say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
     # and as much again while they are made
     require(size + 48 * len(still.points), what, cure=cure)
