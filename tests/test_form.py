@@ -135,9 +135,9 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     # Such an open net that none of the sheet's corners is in a hexahedron with a yarn in it.
     apart = {"warp_spacing": 3e-3, "weft_spacing": 3e-3, "warp_diameter": 3e-4}
     values: dict[str, Any] = {
-        "weave": {"ends": 9, "picks": 9, **apart, "weft_diameter": 3e-4},
-        "cage": {"method": "carved", "divisions": [36, 36, 1], "fill": False},
-        "modal": {"elements": "sheet", "youngs_modulus": "1 MPa"},
+        "weave": {"ends": 5, "picks": 5, **apart, "weft_diameter": 3e-4},
+        "cage": {"method": "carved", "divisions": [20, 20, 1], "fill": False},
+        "modal": {"modes": 4, "youngs_modulus": "1 MPa"},
         "response": {"gravity": [2.0, -9.8, 4.0]},
         "warp": {"outside": "error"},
     }
@@ -151,7 +151,7 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     assert np.allclose(sheet.update(0.05).GetBounds(), bounds, atol=4e-4)
     assert (
         len(points_of(scene.source.output))
-        < len(points_of(Scene(values).weave.update().output)) / 9
+        < len(points_of(Scene(values).weave.update().output)) / 5
     )
 
 
