@@ -32,6 +32,7 @@ WRITERS = {
     "x.stl": f"export plain_weave {SMALL} -o",
     "x.ply": f"export plain_weave {SMALL} -o",
     "x.glb": f"export plain_weave {SMALL} --times 0,0.02 -o",
+    "x.html": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.pvd": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.pvtp": f"export plain_weave {SMALL} -o",
     "x.pvtu": f"export plain_weave {SMALL} -o",
