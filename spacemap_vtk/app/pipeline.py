@@ -27,7 +27,7 @@ from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, PatchTessellator
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes import report
@@ -40,6 +40,8 @@ COARSE_QUADS = 8_000
 _FEW_PATCHES = 60_000
 #: Cells along each side of a sheet that moves, or is seen while the camera does.
 _MOVING_CELLS = 48
+#: Of more patches, all in sight, fibres are too fine for the window; those in view have theirs.
+_FIBRED = 60_000
 #: More quadrilaterals have fewer in their place while the camera moves.
 _HEAVY_QUADS = 150_000
 
@@ -116,6 +118,9 @@ class Pipeline:
             if scene.moves:
                 drawn = sheet.ride(scene.deformed_cage if cage is None else cage, coarse)
         else:
+            fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
+            for each in (scene.surface, self._coarse):
+                each.choose(AUTOMATIC_SIDES, fibres)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
             if surface is self._coarse:

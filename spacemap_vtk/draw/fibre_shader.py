@@ -32,8 +32,9 @@ vec3 right = cross(strandsY, normalVCVSOutput), up = cross(normalVCVSOutput, str
 if (dot(strandsX, right) < 0.0) {{ right = -right; up = -up; }}
 vec2 slope = vec2(dFdx(strands.x), dFdy(strands.x));
 float width = abs(slope.x) + abs(slope.y), tilt = 0.0, light = 1.0;
-// fibres wander, and come and go: they are short
-float wander = strands.x + 0.014 * sin(2.3 * strands.z);
+// fibres wander, in parabolas, and come and go: they are short
+float along = fract(0.366 * strands.z) - 0.5;
+float wander = strands.x + 0.11 * along * (1.0 - 2.0 * abs(along));
 for (int size = 0; size < 2; size++) {{
   float count = size == 0 ? 13.0 : 47.0, seen = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
   if (seen > 0.0) {{
