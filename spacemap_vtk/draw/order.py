@@ -403,8 +403,9 @@ def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Los
     count = len(made.targets)
     words = [_several(count, "target")] if count else []
     if "largest_error" in made.about:
-        error = 1e6 * made.about["largest_error"]
-        words.append(f"{made.about['frames']} frames, each within {error:.3g} µm")
+        error = made.about["largest_error"]
+        near = f"{1e6 * error:.3g} µm" if error < 1e-3 else f"{1e3 * error:.3g} mm"
+        words.append(f"{made.about['frames']} frames, each within {near}")
     return ", ".join([*words, f"{size / 1e6:.3g} MB"])
 
 
