@@ -38,8 +38,8 @@ _EXPOSED = 1.7
 _FULLER = 1.3
 #: What is traced beyond the edges of the picture, as a share of it: shadows fall from there.
 _MARGIN = 0.15
-#: Bytes that a control point takes with what finds rays' hits, and a pixel.
-_POINT, _PIXEL = 260, 400
+#: Bytes that Mitsuba takes, a control point with what finds rays' hits (170 measured), and a pixel.
+_MITSUBA, _POINT, _PIXEL = 120_000_000, 190, 400
 #: Narrower than so many pixels fibres are fewer and thicker: else they are noise.
 _NARROWEST = 0.7
 
@@ -70,7 +70,7 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
     aim(camera, over_motion(scene, [time])[0], aspect, scene.view.camera, scene.view.zoom)
     curves, colors = _curves(scene, camera, size)
     require(
-        _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
+        _MITSUBA + _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
         f"to trace {len(curves.counts)} fibres",
         cure="Come nearer (view.zoom), or take a smaller picture.",
     )

@@ -23,7 +23,7 @@ def checked_strands(text: str) -> str:
     if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
         return text
     raise InputError(
-        "no such curves", key="curves", value=text, allowed=f"{', '.join(STRANDS)}, or a number"
+        "no such curves", key="--curves", value=text, allowed=f"{', '.join(STRANDS)}, or a number"
     )
 
 
