@@ -379,7 +379,8 @@ def _still(
     if not numbers and (values := measure(surface, color)) is not None:
         low, high = span or natural_span(values)
         colors, of_points = ramp_colors(values, (low, high)), True
-        about["colors"] = f"{COLORINGS[color].label}, {low:g} to {high:g} {COLORINGS[color].unit}"
+        shown = COLORINGS[color]
+        about["colors"] = f"{shown.label}, {low:g} to {high:g} {shown.unit}"
     # Points are told apart by what they are of: materials do not blend into each other.
     look: Rows = parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
     if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
