@@ -73,7 +73,7 @@ class Strands:
         Of a cloth, or of a piece of it, as `spacemap_vtk.fabric.weave.build` makes them.
     cloth : Cloth
         Theirs.
-    places : ndarray of float, shape (parts, 3)
+    places : ndarray of float, shape (parts, 4)
         Their `Weave.places`.
     sides : int
         Quadrilaterals along each side of a patch.
@@ -123,7 +123,7 @@ class Strands:
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
         # looms do not turn bobbins alike: plies beside each other begin anywhere
-        begin = turns * places[:, 0] + APART * yarn
+        begin = turns * places[:, 0] + APART * places[:, 3]
         self._turned = begin - np.floor(begin), turns * self._along[1]
         t = np.linspace(0.0, 1.0, sides + 1)
         self._u, self._v = np.tile(t, sides + 1), np.repeat(t, sides + 1)

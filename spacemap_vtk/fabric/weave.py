@@ -59,8 +59,9 @@ class Weave:
     #: error round the yarn and along its arcs together; 0 for exact cloth. For splines the largest
     #: deviation found along the yarn takes the place of the bound. Of the yarns that were built.
     radial_error: float
-    #: (parts, 3) Of each part of a yarn, in the tubes' order, the way along the yarn's axis to its
-    #: start and to its end [m], and its yarn.
+    #: (parts, 4) Of each part of a yarn, in the tubes' order, where along the cloth it starts and
+    #: ends [m], its yarn, and that again as the whole counts whose part this may be. Twist
+    #: goes by these: by the yarn's own length it would not be known of a part of it.
     places: NDArray[np.float64]
 
 
@@ -117,11 +118,9 @@ def build(cloth: Cloth, share: Share = ALL, kind: DTypeLike = np.float64) -> Wea
 
 def _places(path: Axes, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the rows of `Weave.places` of one family."""
-    stop = np.cumsum(path.length)
-    before = np.concatenate([[0.0], stop])[np.cumsum(path.parts) - path.parts]
-    start = stop - path.length
-    begun = np.repeat(before, path.parts)
-    return np.stack([start - begun, stop - begun, numbers[path.owner]], axis=1)
+    start = np.arange(len(path.length)) + path.owner
+    own = numbers[path.owner]
+    return np.stack([path.along[start], path.along[start + 1], own, own], axis=1)
 
 
 def _sections(cloth: Cloth) -> tuple[Section, Section]:

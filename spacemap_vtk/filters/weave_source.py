@@ -430,6 +430,7 @@ class WeaveSource(Stage):
         _, mass, bounds = self._whole
         add_array(output.GetFieldData(), "areal_mass", np.array([mass]))  # for one that is a sheet
         add_cloth(output, cloth)
+        made.places[:, 3] = numbers[made.places[:, 3].astype(np.int64)]
         add_array(output.GetFieldData(), PLACES, made.places)
         if self.piece.of > 1:
             tell_bounds(output, whole_bounds(cloth) if bounds is None else bounds)
