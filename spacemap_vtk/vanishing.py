@@ -23,7 +23,7 @@ from typing import NoReturn
 #: By which a program is asked to end; SIGHUP by a terminal that is closed.
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 #: Seconds in which what goes must have gone.
-_PATIENCE = 3.0
+_PATIENCE = 10.0
 
 
 @contextmanager

@@ -96,4 +96,5 @@ def test_ends_that_nothing_holds_are_offered_to_be_trimmed(
     assert run("convert", str(file), str(cut), "--trim", "-q") == 0
     assert read_wif(cut).drawdown.shape == (4, 6)
     assert run("export", str(file), "-o", str(file.with_name("b.wif")), "-q", *trim) == 0
-    assert file.with_name("b.wif").read_bytes() == cut.read_bytes()
+    # What is exported tells how it was made, too, behind the draft.
+    assert file.with_name("b.wif").read_bytes().startswith(cut.read_bytes())

@@ -12,8 +12,9 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonTransforms import vtkTransform
-from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+from vtkmodules.vtkFiltersGeneral import vtkPassArrays, vtkTransformFilter
 from vtkmodules.vtkIOXML import vtkXMLPPolyDataReader, vtkXMLUnstructuredGridReader
 from weaves import woven
 
@@ -178,7 +179,11 @@ def test_a_piece_that_was_moved_is_not_taken_for_the_whole() -> None:
 
 def test_a_cage_that_follows_the_shape_needs_all_of_it() -> None:
     weave, cage = WeaveSource(ends=4, picks=4), TetraCage(method="carved")
-    cage.SetInputConnection(weave.GetOutputPort())
+    shape = vtkPassArrays()  # that it is a cloth is not told
+    shape.UseFieldTypesOn()
+    shape.AddFieldType(vtkDataObject.FIELD_ASSOCIATION_NONE)
+    shape.SetInputConnection(weave.GetOutputPort())
+    cage.SetInputConnection(shape.GetOutputPort())
     with pytest.raises(InputError, match="only piece 0 of 2 is here"):
         cage.update(piece=Piece(0, 2))
 

@@ -478,7 +478,7 @@ def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
     modal, response = clamped(50.0, initial="equilibrium")
     with pytest.raises(InputError, match=r"response\.initial.*rounding leaves no digit of \d"):
         response.update(time=0.0)
-    assert "modes 0 to 2 is lost in rounding, no digit of it holds" in modal.warnings[0]
+    assert "modes 1 to 3 is lost in rounding, no digit of it holds" in modal.warnings[0]
     response.initial = "rest"
     response.residual_vectors = False
     response.update(time=0.0)

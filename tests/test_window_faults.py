@@ -53,11 +53,11 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": None})
     wait_until(lambda: settled(window) and window.errors.text == "")
     table = window.modes.table
-    assert {table.item(row, 2).text() for row in range(10)} == {"0.0500"}
+    assert {table.item(row, 2).text() for row in range(10)} == {"0.050"}
     # Two ways that contradict each other are told, and nothing breaks.
     window.document.set("response", "alpha", 3.0)
     wait_until(lambda: "damping_ratio" in window.errors.text)
-    assert table.item(0, 2).text() == "0.0500"
+    assert table.item(0, 2).text() == "0.050"
 
 
 @pytest.mark.parametrize("answer", ["Yes", "No"])

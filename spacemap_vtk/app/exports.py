@@ -27,7 +27,7 @@ from spacemap_vtk.io.registry import DATA, name_filter, writable, written, writt
 from spacemap_vtk.scenes.face import picture_size
 
 #: Milliseconds that a process which is ended has for ending its own.
-_PATIENCE = 3000
+_PATIENCE = 500
 
 
 class Exports(QObject):

@@ -234,6 +234,7 @@ class Pipeline:
         found = self._sheet
         if found is None or not found.serves(scene):
             self._sheet = found = Sheet.of(scene, few=_FEW_PATCHES)
+            self._near = self._near_drawn = None  # of the scene before
         return found
 
     def _update(self, scene: Scene, stage: Stage, at: float, piece: Piece) -> None:

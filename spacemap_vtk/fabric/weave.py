@@ -169,11 +169,11 @@ class Counts(NamedTuple):
         Returns
         -------
         int
-            Of points, connectivity with offsets, yarn, family and colour.
+            Of points, connectivity with offsets, yarn, family and colour, and where parts are.
         """
         number = 8 if self.points >= 2**31 else 4
         size = self.points * (3 * (4 if single else 8) + 8 * exact)
-        return size + self.patches * (17 * number + 4 + 4 + 3)
+        return size + self.patches * (17 * number + 4 + 4 + 3) + 32 * self.parts
 
 
 def estimate_counts(cloth: Cloth) -> Counts:
