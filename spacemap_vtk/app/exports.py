@@ -161,10 +161,7 @@ class Exports(QObject):
         if dialog.exec():
             panels, place = [], None
             if dialog.as_window:
-                look = view.look
-                fabric = look.fabric or not scene.moves
-                panels = ["both" if fabric and look.cage else "fabric" if fabric else "cage"]
-                place = view.place
+                panels, place = view.panels(scene), view.place
             self.start(kind, dialog.file, dialog.size_chosen, panels, place)
 
     def _show_progress(self, kind: str) -> None:

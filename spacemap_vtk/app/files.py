@@ -11,9 +11,12 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.provenance import Record, recorded
 from spacemap_vtk.io.registry import name_filter, opened_filters, writer, written
+from spacemap_vtk.scenes.origin import record_of
 
 _RECENT = 8
 
@@ -79,12 +82,22 @@ class Files(QObject):
             return
         try:
             check_output(path, endings)
-            with whole_file(path) as file:
+            with whole_file(path) as file, recorded(self._record(path, view)):
                 writer(path, "picture").write(file, view.image())
         except (SpacemapError, OSError) as error:
             self._errors.say(error, "picture")
         else:
             self._errors.clear("picture")
+
+    def _record(self, path: Path, view: View3D) -> Record | None:
+        """Return how a picture of that size, seen so, is made again; of an edited draft nothing."""
+        scene = self._document.scene
+        if view.frame is None or self._document.drafts.holds(scene.weave.draft):
+            return None
+        height, width, _ = view.image().shape
+        times = [view.frame.time]
+        order = Order("picture", path, times, (width, height), view.panels(scene), view.place)
+        return record_of(scene, order.told, times)
 
     def may_leave(self) -> bool:
         """Ask what becomes of unsaved changes."""

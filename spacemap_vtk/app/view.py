@@ -21,6 +21,7 @@ from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, rest_of
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.draw.surface_actor import rgb
+from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 
 if TYPE_CHECKING:
@@ -312,6 +313,11 @@ class View3D(QWidget):
     def place(self) -> Viewpoint:
         """Where the camera stands."""
         return Viewpoint.of(self.plotter.camera)
+
+    def panels(self, scene: Scene) -> list[str]:
+        """Return what a picture of a scene shows that shows what is seen here."""
+        fabric = self.look.fabric or not scene.moves
+        return ["both" if fabric and self.look.cage else "fabric" if fabric else "cage"]
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it."""
