@@ -188,6 +188,8 @@ def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
     thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
     plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
     sides = sides_seen([thickest], scale)
+    # A flattened yarn's diameter is its height: seen is its width.
+    thickest = max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
     if plies > 1 and thickest * scale > _PLIED:  # their outline is as many times as curved
         sides = min(_MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
     return sides, thickest * scale > _STRANDS
