@@ -191,7 +191,7 @@ class MainWindow(QMainWindow):
         column(left, self.stages, (self.properties, 1), spacing=0)
         # The widest page of fields and its scroll bar. Not found anew for each page or value: the
         # view would change its size under a drag.
-        left.setMinimumWidth(302)
+        left.setMinimumWidth(298)
         self.tools = ViewBar(self.view)
         column(middle, self.tools, self.errors, (self.view, 1), self.times, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal)
