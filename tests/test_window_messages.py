@@ -84,6 +84,8 @@ def test_a_frame_clears_what_a_run_said_and_a_swing_does_not(open_scene: Any) ->
     window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
     wait_until(lambda: "damping_ratio" in window.errors.text)
+    # A run that fails ends a swing: the last one that the change has asked for has failed by now.
+    wait_until(lambda: not window.engine.busy and not window.director.rest.isActive())
     # A swing needs no damping: its frames say nothing of it.
     window.tabs.setCurrentWidget(window.modes)
     window.modes.table.cellClicked.emit(1, 0)
