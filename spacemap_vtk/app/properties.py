@@ -82,19 +82,22 @@ class Properties(QScrollArea):
         parts: list[QWidget] = [about, self.add]
         if len(cls.parameters) > _MANY:
             parts.insert(1, self.search)
-        names, group = list(cls.parameters), parts
         for name, parameter in cls.parameters.items():
+            if name in self.rows:
+                continue  # the weft's, which stands beside the warp's
             if parameter.group and parameter.group not in self.groups:
                 self.groups[parameter.group] = made = Group(parameter.group)
                 parts.append(made)
             group = self.groups[parameter.group].rows if parameter.group else parts
             partner = name.replace("warp_", "weft_", 1)
-            if partner != name and partner in names:
-                self.pairs.append(
-                    Pair(*(self._row(cls.parameters[n], n[:4]) for n in (name, partner)))
+            if partner != name and partner in cls.parameters:
+                warp, weft = (
+                    self._row(parameter, "Warp"),
+                    self._row(cls.parameters[partner], "Weft"),
                 )
+                self.pairs.append(Pair(warp, weft))
                 group.append(self.pairs[-1])
-            elif name not in self.rows:
+            else:
                 group.append(self._row(parameter))
         for made in self.groups.values():
             made.lay_out((section, made.title) in self._folded)
@@ -103,14 +106,14 @@ class Properties(QScrollArea):
         self.setWidget(page)
         self.refresh()
 
-    def _row(self, parameter: Parameter[Any], half: str = "") -> ParameterRow:
+    def _row(self, parameter: Parameter[Any], beside: str = "") -> ParameterRow:
         # That of loads alone has rows of its own.
         editor: Editor = (
             LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
         )
         if isinstance(editor, FileEditor):
             editor.told = self._document.drafts.told
-        made = ParameterRow(parameter, editor, half.capitalize())
+        made = ParameterRow(parameter, editor, beside)
         made.edited.connect(self._edited)
         made.held.connect(self.held)
         made.restored.connect(self._restored)

@@ -129,7 +129,7 @@ class _Card(QFrame):
         for name in self.keys:
             parameter = Load.parameters[name]
             made = ParameterRow(parameter, editor_of(parameter))
-            made.can_go = name in _optional(load)
+            made.resettable = name in _optional(load)
             made.edited.connect(self._row_edited)
             made.held.connect(self.held)
             made.restored.connect(self.restored)

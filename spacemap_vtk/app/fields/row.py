@@ -53,8 +53,9 @@ class ParameterRow(QWidget):
     #: As `Editor.restored`.
     restored = Signal()
 
-    def __init__(self, parameter: Parameter[Any], editor: Editor, half: str = "") -> None:
+    def __init__(self, parameter: Parameter[Any], editor: Editor, beside: str = "") -> None:
         super().__init__()
+        # `beside`: its name where it has half the room, next to another one; else empty.
         self.parameter = parameter
         self.editor = editor
         self.note = note(name="note")
@@ -64,7 +65,7 @@ class ParameterRow(QWidget):
         kept = self.reset.sizePolicy()
         kept.setRetainSizeWhenHidden(True)
         self.reset.setSizePolicy(kept)
-        self.label = QLabel(half or parameter.label)
+        self.label = QLabel(beside or parameter.label)
         self.label.setBuddy(self.editor)
         self.automatic: QToolButton | None = None
         if parameter.automatic:
@@ -72,7 +73,7 @@ class ParameterRow(QWidget):
             self.automatic.setObjectName("auto")
             self.automatic.clicked.connect(self._automatic_clicked)
         right = [self.automatic] if self.automatic is not None else []
-        if half or editor.wide:
+        if beside or editor.wide:
             head = row(None, self.label, None, *right, self.reset, spacing=2)
             column(self, head, self.editor, self.note, margins=(0, 0, 0, 2), spacing=1)
         else:
@@ -80,12 +81,12 @@ class ParameterRow(QWidget):
             self.label.setWordWrap(True)
             line = row(None, self.label, (self.editor, 1), *right, self.reset, spacing=2)
             column(self, line, self.note, margins=(0, 0, 0, 2), spacing=1)
-        if half:
+        if beside:
             editor.stack()
         when = f" Counts where {parameter.counts}." if parameter.counts else ""
         self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
-        #: Whether it can be reset.
-        self.can_go = True
+        #: Whether it may be left out: a load's time function cannot do without some.
+        self.resettable = True
         self.resolved: Any = None
         #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
         self.about = ""
@@ -102,7 +103,7 @@ class ParameterRow(QWidget):
         self.editor.show_value(value)
         if self.automatic is not None:
             self.automatic.setChecked(value is None)
-        self.reset.setVisible(self.can_go and not is_default)
+        self.reset.setVisible(self.resettable and not is_default)
         self._show_in_use()
         self.mark(None)
 
