@@ -115,7 +115,7 @@ def _grid(
     if cell >= _LINED:
         axes.add_collection(LineCollection(fine, colors=paper.faint, linewidths=0.2))
     frame = heavy if _GROUP * cell >= _LINED else [heavy[0], heavy[-1]]
-    axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45))
+    axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45, clip_on=False))
 
 
 def _back(paper: Paper) -> str:

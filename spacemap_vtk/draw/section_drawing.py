@@ -225,7 +225,8 @@ def _level(
     text = np.array([float(np.mean(across)), line + 0.4])
     words = f"{name} = {quantity(value)}"
     if letters_wide(words) > float(np.ptp(across)) - 2.0:
-        text[1] = line - 0.8
+        # Beside the words at the left, which go down as far.
+        text = np.array([max(text[0], _LEFT - _STEP + 1.0 + 0.5 * letters_wide(words)), line - 0.8])
         _words_at(sheet, text, words, ha="center", va="top")
     else:
         _words_at(sheet, text, words, ha="center", va="bottom")
