@@ -125,7 +125,7 @@ class Real(Parameter[Any]):
 
     def tell(self, value: Any) -> str:
         """Return the value to four digits with a handy unit, and in that of the trade."""
-        text = format_quantity(float(f"{value:.4g}"), self.unit)
+        text = format_quantity(value, self.unit, 4)
         if not self.trade:
             return text
         return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"

@@ -117,8 +117,9 @@ def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
     return [f"{number:.{decimals}f}" for number in numbers]
 
 
-def format_quantity(value: float, unit: str) -> str:
-    """Write a value in the unit that gives it one to three digits before the point."""
+def format_quantity(value: float, unit: str, digits: int = 17) -> str:
+    """Write a rounded value in the unit that gives it one to three digits before the point."""
+    value = float(f"{value:.{digits}g}")
     scales = {
         "m": ("µm", "mm", "m"),
         "Pa": ("Pa", "kPa", "MPa", "GPa"),

@@ -35,7 +35,7 @@ class Pick:
     def text(self) -> str:
         """One line for people."""
         size = sum(c * c for c in self.displacement) ** 0.5
-        where = ", ".join(format_quantity(float(f"{c:.4g}"), "m") for c in self.position)
+        where = ", ".join(format_quantity(c, "m", 4) for c in self.position)
         of = ""
         if self.number is not None and self.family is not None:
             of = f"{('end', 'pick')[self.family]} {self.number}   "

@@ -101,7 +101,7 @@ class TimeBar(QWidget):
             return
         self._adopted = animation.settings
         self._step = animation.speed / animation.frames_per_second
-        end = format_quantity(float(f"{self._stop:.6g}"), "s")
+        end = format_quantity(self._stop, "s", 6)
         self.end.setText(f"of {end}")
         self.slider.setToolTip(f"Time, up to {end}")
         self._show(self.time if at is None else at)
@@ -137,7 +137,7 @@ class TimeBar(QWidget):
         self.slider.blockSignals(False)
         # What is being typed stays.
         if not (self.line.hasFocus() and self.line.isModified()):
-            self.line.setText(format_quantity(float(f"{at:.4g}"), "s") if at else "0 s")
+            self.line.setText(format_quantity(at, "s", 4) if at else "0 s")
             mark(self.line, bad=False)
 
     def _toggled(self, on: bool) -> None:

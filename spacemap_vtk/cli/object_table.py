@@ -89,4 +89,4 @@ def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _length(value: float) -> str:
-    return format_quantity(float(f"{value:.5g}"), "m")
+    return format_quantity(value, "m", 5)

@@ -58,7 +58,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
 
     figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
-    where = ", ".join(format_quantity(float(f"{x:.4g}"), "m") for x in place)
+    where = ", ".join(format_quantity(x, "m", 4) for x in place)
     figure.suptitle(f"{scene.title}\n{quantity} at ({where})", fontsize=12)
     over_time, below = figure.subplots(2, 1)
     for axis, color in enumerate(_COLORS):

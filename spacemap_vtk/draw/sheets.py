@@ -132,7 +132,7 @@ def _labelled(
         middle = left + (column + 0.5) * width / len(times)
         pen.text(
             (middle, height + size),
-            format_quantity(float(f"{time:.4g}"), "s"),
+            format_quantity(time, "s", 4),
             _INK,
             font,
             anchor="mm",

@@ -135,7 +135,5 @@ def _named(thick: Thick, *lengths: Lengths) -> str:
 
 
 def _range(values: Lengths) -> str:
-    shown = [
-        format_quantity(float(f"{value:.4g}"), "m") for value in (np.min(values), np.max(values))
-    ]
+    shown = [format_quantity(value, "m", 4) for value in (np.min(values), np.max(values))]
     return " to ".join(dict.fromkeys(shown))

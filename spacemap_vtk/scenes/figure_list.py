@@ -186,7 +186,7 @@ def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
     if hung is None:
         return []
     sag, drape = hung["sag"], hung["drape_coefficient"]
-    told = format_quantity(float(format(sag, ".4g")), "m")
+    told = format_quantity(sag, "m", 4)
     found = [Figure("sag", "hangs down by", told, sag, "m")]
     if hung["shadow_area"] is not None:
         share = hung["shadow_area"] / hung["cloth_area"]
@@ -223,4 +223,4 @@ def _cell(value: float | None, unit: str | None) -> str:
         return f"{value:.2%}"
     if unit == "deg":
         return f"{value:.4g}°"
-    return format_quantity(float(f"{value:.5g}"), unit)
+    return format_quantity(value, unit, 5)

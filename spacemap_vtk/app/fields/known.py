@@ -43,7 +43,6 @@ def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | Non
     if interval is None:
         return ""
     low, high = (
-        "∞" if end == float("inf") else format_quantity(float(f"{end:.4g}"), parameter.unit)
-        for end in interval
+        "∞" if end == float("inf") else format_quantity(end, parameter.unit, 4) for end in interval
     )
     return f"feasible: {low} to {high}"

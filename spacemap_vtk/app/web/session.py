@@ -328,4 +328,4 @@ def _put(values: dict[str, Any], section: str, key: str, written: Any) -> dict[s
 
 
 def _seconds(at: float) -> str:
-    return format_quantity(float(f"{at:.3g}"), "s") if at else "0 s"
+    return format_quantity(at, "s", 3) if at else "0 s"

@@ -132,7 +132,7 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
         count, error = len(moving.targets), moving.about["largest_error"] + rounding
         shapes, near = (
             f"{count} shape{'s' * (count != 1)}",
-            format_quantity(float(f"{error:.2g}"), "m"),
+            format_quantity(error, "m", 2),
         )
         found.append(f"{shapes}, within {near} of the motion")
     elif len(moving.targets):
