@@ -19,9 +19,9 @@ def test_a_bar_is_as_long_as_it_says_and_axes_point_along_the_yarns(
     written: dict[int, str] = {}
     write = Annotations._write
 
-    def noting(self, number, words, place, centred=False):
+    def noting(self, number, words, place):
         written[number] = words
-        write(self, number, words, place, centred)
+        write(self, number, words, place)
 
     monkeypatch.setattr(Annotations, "_write", noting)
     view = {"camera": "face", "background": "#ffffff", "background_top": "#ffffff"}

@@ -37,9 +37,13 @@ class Annotations:
     def __init__(self, renderer: vtkRenderer) -> None:
         self._renderer = renderer
         self._plates, self._shapes = _Polygons(), _Polygons()
+        #: The length, the time, and the axes' names, which stand about their places.
         self._texts = [vtkTextActor() for _ in range(5)]
         for text in self._texts:
             take_font(text.GetTextProperty())
+        for text in self._texts[2:]:
+            text.GetTextProperty().SetJustificationToCentered()
+            text.GetTextProperty().SetVerticalJustificationToCentered()
         #: All that may be seen.
         self.props: list[vtkProp] = [self._plates, self._shapes, *self._texts]
         for prop in self.props:
@@ -79,7 +83,8 @@ class Annotations:
         width, height = (side / self._pixels for side in self._renderer.GetSize())
         letter = letters_of(self._size)
         self.boxes, shapes, view = [], [], self._view
-        self._say({})
+        for text in self._texts:
+            text.SetInput("")
         edge = 0.7 * letter
         if self._scaled:
             left = width * (1.0 - scale_share(self._size))
@@ -92,12 +97,9 @@ class Annotations:
                 tip = middle + 1.75 * letter * seen.axes[k, :2]
                 shapes += [(shape, self._axes[k]) for shape in _arrow(middle, tip, letter)]
                 way = tip - middle
-                far = (
-                    way / max(np.hypot(*way), 1e-9)
-                    if np.hypot(*way) > 0.15 * letter
-                    else (-0.7, 0.7)
-                )
-                self._write(2 + k, "xyz"[k], tip + 0.62 * letter * np.asarray(far), centred=True)
+                size = float(np.hypot(*way))
+                far = way / size if size > 0.15 * letter else np.array([-0.7, 0.7])
+                self._write(2 + k, "xyz"[k], tip + 0.62 * letter * far)
         if view.scale_bar:
             length = round_length(_LONGEST * width * seen.length)
             words = format_quantity(length, "m")
@@ -109,7 +111,7 @@ class Annotations:
             shapes.append((_box(low, low + np.array([wide, 0.28 * letter])), self._ink))
             self._write(0, words, low + np.array([0.0, 0.7 * letter]))
         if view.time_stamp and self._time is not None:
-            words = f"t = {format_quantity(float(f'{self._time:.4g}'), 's')}"
+            words = f"t = {format_quantity(self._time, 's', 4)}"
             high, right = height - edge, 3 * edge + _WIDTH * letter * len(words)
             self._plate(edge, high - 2.0 * letter, right, high)
             self._write(1, words, np.array([2 * edge, high - 1.35 * letter]))
@@ -119,17 +121,9 @@ class Annotations:
     def _plate(self, left: float, low: float, right: float, high: float) -> None:
         self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
 
-    def _say(self, words: dict[int, str]) -> None:
-        for number, text in enumerate(self._texts):
-            text.SetInput(words.get(number, ""))
-
-    def _write(self, number: int, words: str, place: Polygon, centred: bool = False) -> None:
-        text, look = self._texts[number], self._texts[number].GetTextProperty()
-        text.SetInput(words)
-        text.SetPosition(*(self._pixels * place).tolist())
-        if centred:
-            look.SetJustificationToCentered()
-            look.SetVerticalJustificationToCentered()
+    def _write(self, number: int, words: str, place: Polygon) -> None:
+        self._texts[number].SetInput(words)
+        self._texts[number].SetPosition(*(self._pixels * place).tolist())
 
 
 class _Polygons(vtkActor2D):

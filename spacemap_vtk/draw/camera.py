@@ -82,9 +82,8 @@ class Seen(NamedTuple):
 _MARGIN, _FLAT_MARGIN = 0.06, 0.01
 
 
-#: Place, strength and colour of each light, in the camera's coordinates: it looks along -z, y is
-#: up. A raking key light from the upper left shows the crowns of the yarns; a weak one from the
-#: right opens the shadows.
+#: Place, strength and colour of each light of what no style lights (signs, ghosts, lines), in the
+#: camera's coordinates: it looks along -z, y is up.
 LIGHTS = (
     ((-0.9, 1.0, 0.9), 0.85, (1.0, 0.98, 0.94)),
     ((1.0, 0.1, 0.8), 0.30, (0.90, 0.94, 1.0)),
@@ -190,7 +189,14 @@ def metres_from(camera: vtkCamera, depths: NDArray[np.float32]) -> NDArray[np.fl
 
 def pixels_of(camera: vtkCamera, height: float) -> float:
     """Return how many pixels of a picture's height a metre has at the camera's focus."""
-    half = camera.GetDistance() * np.tan(np.radians(camera.GetViewAngle() / 2))
-    if camera.GetParallelProjection():
-        half = camera.GetParallelScale()
-    return float(height / (2 * half))
+    flat = camera.GetParallelProjection()
+    return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
+
+
+def projected(
+    camera: vtkCamera, points: NDArray[np.floating], aspect: float
+) -> NDArray[np.float64]:
+    """Return homogeneous places of points, (n, 4): in the picture x and y are within w."""
+    matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
+    table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    return np.column_stack([points, np.ones(len(points))]) @ table.T

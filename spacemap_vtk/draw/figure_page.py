@@ -22,6 +22,7 @@ from spacemap_vtk.draw.section_drawing import section_tile
 from spacemap_vtk.draw.sheets import swing_times
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cross_section import cross_section
+from spacemap_vtk.scenes.face import lengths_of
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
 from spacemap_vtk.scenes.scene import Scene
@@ -165,12 +166,7 @@ def _weave_row(
     """Return draft and cloth side by side, each pick beside its row."""
     shown = shown_of(scene.weave)
     ends, picks = shown.size
-    sides = [
-        yarns.position[-1]
-        - yarns.position[0]
-        + threads.mean_spacing(scene.weave.cloth.diameter_sum)
-        for yarns, threads in zip(scene.weave.cloth.yarns, scene.weave.cloth.threads, strict=True)
-    ]
+    sides = lengths_of(scene.weave.cloth)
     shape = sides[1] / sides[0]
 
     def draw(axes: Axes, paper: Paper) -> None:
@@ -189,7 +185,8 @@ def _weave_row(
         tiles.append(draft_tile(shown, words))
     if "cloth" in kinds:
         wide = picks / shape
-        words = f"Cloth, {ends} × {picks}{part}, {quantity(sides[0])} × {quantity(sides[1])}"
+        long = " × ".join(format_quantity(side, "m", 3) for side in sides)
+        words = f"Cloth, {ends} × {picks}{part}, {long}"
         tiles.append(Tile(draw, lambda width: shape * width, words, wide, wide * LARGEST))
     return tiles
 
@@ -245,7 +242,7 @@ class _Shots:
         for k, (each, value) in enumerate(zip(self._sweep.axes, run.chosen, strict=True)):
             words.append(f"{name_of(self._sweep, k)} {each.label(value)}")
         if self.scenes[number].moves:
-            words.append(f"t = {format_quantity(float(f'{time:.4g}'), 's')}")
+            words.append(f"t = {format_quantity(time, 's', 4)}")
         return Tile(draw, lambda width: self._shape * width, ", ".join(words))
 
     def _blank(self) -> Tile:
@@ -294,8 +291,3 @@ def _put(axes: Axes, paper: Paper, scene: Scene, time: float, kind: str, **seen:
     picture.close()
     axes.imshow(image, extent=(0, width, 0, height), interpolation="none", aspect="auto")
     return found
-
-
-def quantity(value: float) -> str:
-    """Return a length in three digits with its unit."""
-    return format_quantity(float(f"{value:.3g}"), "m")

@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.draw.camera import pixels_of
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
 from spacemap_vtk.errors import SpacemapError
@@ -168,10 +169,10 @@ def _rides(scene: Scene) -> bool:
 def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:
     """Return how large a picture of some height shows what is nearest of some points."""
     if camera.GetParallelProjection():
-        return float(height / (2 * camera.GetParallelScale()))
+        return pixels_of(camera, height)
     away = (points - camera.GetPosition()) @ np.array(camera.GetDirectionOfProjection())
     near = max(float(away.min()), 1e-3 * camera.GetDistance())
-    return float(height / (2 * near * math.tan(math.radians(camera.GetViewAngle() / 2))))
+    return pixels_of(camera, height) * camera.GetDistance() / near
 
 
 def sides_seen(diameters: Iterable[float], scale: float) -> int:

@@ -13,7 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataM
 
 from spacemap_vtk.datasets.arrays import elements_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.draw.load_arrows import KINDS, Arrows
-from spacemap_vtk.draw.surface_actor import rgb
+from spacemap_vtk.draw.surface_actor import rgb, rgb_table
 from spacemap_vtk.scenes.settings import View
 
 #: Normal and origin of a plane; the normal points to what stays in sight.
@@ -136,7 +136,7 @@ class LoadActor(vtkActor):
             seen = np.ones(len(arrows.starts), bool)
             if cut is not None:
                 seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
-            colors = np.array([list(bytes.fromhex(KINDS[k][1:])) for k in arrows.kinds], np.uint8)
+            colors = rgb_table([KINDS[k] for k in arrows.kinds])
             places.SetPoints(to_points(arrows.starts[seen]))
             places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
             places.GetPointData().AddArray(to_array(colors[seen], "color"))

@@ -31,6 +31,7 @@ from spacemap_vtk.draw.surface_actor import (
     natural_span,
     own_colors,
     ramp_colors,
+    rgb_table,
 )
 from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError, SizeError
@@ -58,15 +59,16 @@ _TOGETHER = 8
 #: Points of a surface that moves, about, unless more are asked for, and bytes of a file that are
 #: told before they are made.
 _POINTS, _LARGE = 500_000, 2**26
+#: What makes a file smaller: of what stands still, of a motion, of modes.
 _COARSER = "Lower surface.subdivisions, or weave.ends and weave.picks."
 _SMALLER = {
     "tolerance": "Raise --tolerance, take fewer times, or lower --subdivisions.",
     "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
 }
 
-#: Where what has no normal faces.
 #: Bytes that cutting a surface into triangles of one look takes, of each of its polygons.
 _WORK = 430
+#: Where what has no normal faces.
 _NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
 
 Tell = Callable[[int, int], object]
@@ -422,9 +424,8 @@ def _sight(scene: Scene) -> Sight:
     view, look, usual = scene.view, scene.view.look, View().look
     shadows = view.shadows and not COLORINGS[view.color].numbers
     back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
-    own = (look.below, look.above) != (usual.below, usual.above)
-    found = back if own else None
-    return Sight(CAMERAS, view.camera, view.zoom, found, relief_of(scene), shadows)
+    own = back if (look.below, look.above) != (usual.below, usual.above) else None
+    return Sight(CAMERAS, view.camera, view.zoom, own, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -453,7 +454,7 @@ def _looks(
     count = surface.GetNumberOfCells()
     parts = np.zeros(count, np.int64) if family is None else vtk_to_numpy(family)
     if color in CLASSES and cells.GetArray(color) is not None:
-        table = np.array([list(bytes.fromhex(c[1:])) for c in CLASSES[color]], np.uint8)
+        table = rgb_table(CLASSES[color])
         return names, parts, table[vtk_to_numpy(cells.GetArray(color)) % len(table)], False
     if scene.painting is not None:
         scene.warn("the picture that the object is painted with is not written")

@@ -237,8 +237,8 @@ class Picture:
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
     ) -> _Panel:
         view = scene.view
-        # A colour that stands for a number must be found again in the scale.
-        shaded = view.shadows and panel != "cage" and self._span is None and view.look.occlusion > 0
+        look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
+        shaded = look.occlusion(view, self._span) > 0.0
         block, samples = _BLOCK, _SAMPLES
         if panel == "fabric" and shaded:
             samples = 0
@@ -260,7 +260,6 @@ class Picture:
         aim(camera, extent, aspect, view.camera, view.zoom)
         if self._place is not None:
             self._place.take(camera)
-        look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
         behind = gradient(size, view.look.below, view.look.above)
         if self._bare:
             behind = nothing(size)

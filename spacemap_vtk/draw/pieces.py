@@ -13,6 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.processes import Piece
+from spacemap_vtk.draw.camera import projected
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.fabric.axes import Share
@@ -92,10 +93,7 @@ def cells_in_sight(
     sheet: Sheet, camera: vtkCamera, aspect: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which columns and rows of a sheet's cells are in a picture."""
-    matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
-    table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    points = points_of(sheet.moved).astype(np.float64)
-    places = np.column_stack([points, np.ones(len(points))]) @ table.T
+    places = projected(camera, points_of(sheet.moved), aspect)
     columns, rows = sheet.cells
     x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
     seen = np.ones((rows, columns), bool)

@@ -17,7 +17,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.moving_surface import linear
-from spacemap_vtk.draw.camera import VIEW_ANGLE, aim
+from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, projected
 from spacemap_vtk.draw.compose import gradient
 from spacemap_vtk.draw.form import pixels_per_metre
 from spacemap_vtk.draw.picture import Image, over_motion
@@ -35,6 +35,7 @@ _PASSES = 8
 _ALONG, _AROUND, _BOUNCES, _TONES, _TONE = 0.45, 0.6, 14, 3, 0.10
 #: By how much lamps are stronger than those that light a surface: fibres swallow more.
 _EXPOSED = 1.7
+#: Power by which a fibre's colour is fuller than its yarn's: what fibres reflect white pales it.
 _FULLER = 1.3
 #: What is traced beyond the edges of the picture, as a share of it: shadows fall from there.
 _MARGIN = 0.15
@@ -85,11 +86,9 @@ def _curves(
 ) -> tuple[StrandCurves, NDArray[np.float64]]:
     """Return the fibres in sight, and the colour of each as shares of light."""
     cloth = scene.weave.cloth
-    matrix = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
-    table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
 
     def in_sight(places: NDArray[Any]) -> NDArray[np.bool_]:
-        seen = np.column_stack([places, np.ones(len(places))]) @ table.T
+        seen = projected(camera, places, size[0] / size[1])
         edge = (1.0 + 2.0 * _MARGIN) * seen[:, 3]
         return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
 
@@ -143,7 +142,6 @@ def _shapes(
 ) -> dict[str, Any]:
     """Return curves by colour and tone."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
-    # what they reflect white is made up for by a fuller colour
     full = (colors * (1.0 + _TONE * tones[:, None])) ** _FULLER
     shown = np.round(np.clip(full, 0.004, 0.92), 3)
     kinds, kind = np.unique(shown, axis=0, return_inverse=True)

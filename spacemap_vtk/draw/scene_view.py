@@ -58,6 +58,12 @@ class Look:
     #: Whether numbers have their scale at the right, and anything is written over the view.
     scale: bool = True
 
+    def occlusion(self, view: View, span: Span | None) -> float:
+        """Return how deep contact shadows are; 0 where there are none."""
+        # A colour that stands for a number must be found again in the scale.
+        wanted = view.shadows and self.fabric and not self.wireframe and span is None
+        return view.look.occlusion if wanted else 0.0
+
 
 class SceneView:
     """Shows frames in a renderer: its actors are made once, and brought up to date by each."""
@@ -209,9 +215,7 @@ class SceneView:
         if self._shown is None:
             return 0.0
         _, view, look, span = self._shown
-        # A colour that stands for a number must be found again in the scale.
-        wanted = view.shadows and look.fabric and not look.wireframe and span is None
-        return view.look.occlusion if wanted else 0.0
+        return look.occlusion(view, span)
 
     def shade(self, on: bool) -> None:
         """Let a sheet have the shadows of its yarns in its colours, or not."""

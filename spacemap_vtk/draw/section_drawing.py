@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.draw.page import TEXT, Paper, Tile, letters_wide
 from spacemap_vtk.draw.surface_actor import FAMILIES as COLORS
+from spacemap_vtk.draw.surface_actor import rgb_table
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.cross_section import Bend, CrossSection
 from spacemap_vtk.units import format_quantity
@@ -66,14 +67,9 @@ def section_tile(cut: CrossSection) -> Tile:
     return Tile(draw, height, _words(cut))
 
 
-def quantity(value: float) -> str:
-    """Return a length in four digits with its unit."""
-    return format_quantity(float(f"{value:.4g}"), "m")
-
-
 def _words(cut: CrossSection) -> str:
     own, other, name = _SUB[cut.family], _SUB[1 - cut.family], ("end", "pick")[cut.family]
-    words = [f"d{other} = {quantity(cut.sizes[0, 1])}"]
+    words = [f"d{other} = {format_quantity(cut.sizes[0, 1], 'm', 4)}"]
     if cut.bends:
         words.append(f"crimp c{own} = {100 * cut.bends[-1].crimp:.4g} %")
     return f"Section along {name} {cut.yarn + 1}; {', '.join(words)}"
@@ -150,7 +146,7 @@ def _arc_length(sheet: _Sheet, cut: CrossSection, bend: Bend, ceiling: float, ow
     color = _ACCENT[sheet.paper.dark]
     sheet.axes.plot(*line.T, color=color, linewidth=1.1, solid_capstyle="butt", gid="length")
     middle = line[len(line) // 2]
-    words = f"l{own} = {quantity(bend.length)}"
+    words = f"l{own} = {format_quantity(bend.length, 'm', 4)}"
     right = float(sheet.at(cut.outline)[:, 0].max()) - 0.5 * letters_wide(words)
     text = np.array([min(middle[0] + 2.5, right), ceiling + 3.2])
     sheet.axes.annotate(
@@ -203,7 +199,7 @@ def _upright(
         _thin(sheet, (x + 0.6 * way, y), (line + _PAST * way, y))
     low, high = np.sort(places[:, 1])
     _between(sheet, np.array([[line, low], [line, high]]))
-    words = f"{name} = {quantity(value)}"
+    words = f"{name} = {format_quantity(value, 'm', 4)}"
     half = 0.5 * letters_wide(words)
     middle = np.clip(0.5 * (low + high), half, sheet.axes.get_ylim()[1] - half)
     place, side = np.array([line + 0.5 * way, middle]), "right" if way < 0 else "left"
@@ -223,7 +219,7 @@ def _level(
         _thin(sheet, (x, y - 0.6), (x, line - _PAST))
     _between(sheet, np.stack([across, [line, line]], axis=1))
     text = np.array([float(np.mean(across)), line + 0.4])
-    words = f"{name} = {quantity(value)}"
+    words = f"{name} = {format_quantity(value, 'm', 4)}"
     if letters_wide(words) > float(np.ptp(across)) - 2.0:
         # Beside the words at the left, which go down as far.
         text = np.array([max(text[0], _LEFT - _STEP + 1.0 + 0.5 * letters_wide(words)), line - 0.8])
@@ -269,5 +265,5 @@ def _words_at(sheet: _Sheet, place: NDArray[np.float64], words: str, **style: An
 
 
 def _tint(color: str, paper: Paper) -> str:
-    parts = np.array([list(bytes.fromhex(each[1:])) for each in (color, paper.color)], float)
+    parts = rgb_table([color, paper.color])
     return "#{:02x}{:02x}{:02x}".format(*(parts.T @ [0.38, 0.62]).round().astype(int).tolist())

@@ -20,14 +20,12 @@ from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_point
 from spacemap_vtk.draw.lighting import FUNCTIONS, light_up
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
-    FAMILIES,
     STUDIO,
-    YARNS,
     Span,
     SurfaceActor,
     natural_span,
-    ramp,
-    rgb,
+    ramp_colors,
+    rgb_table,
 )
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
@@ -294,9 +292,9 @@ def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uin
         white = np.full((1, 3), 255, np.uint8)
         return white, white
     ends, picks = cloth.size
-    palette = np.rint(255 * np.array([rgb(c) for c in (FAMILIES if color == "family" else YARNS)]))
+    palette = rgb_table(CLASSES[color])
     numbers = np.repeat([0, 1], cloth.size) if color == "family" else np.arange(ends + picks)
-    chosen = palette.astype(np.uint8)[numbers % len(palette)]
+    chosen = palette[numbers % len(palette)]
     return chosen[:ends], chosen[ends:]
 
 
@@ -305,13 +303,9 @@ def _of_crossings(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return the colours of ends and picks at each crossing."""
     if span is None:
-        palette, numbers = CLASSES[color], crossings
+        found = rgb_table(CLASSES[color])[crossings.astype(np.uint8)]
     else:
-        palette = tuple(ramp())
-        low, high = span
-        numbers = np.clip((crossings - low) * (len(palette) / (high - low)), 0, len(palette) - 1)
-    table = np.array([list(bytes.fromhex(c[1:])) for c in palette], np.uint8)
-    found = table[numbers.astype(np.uint8)]
+        found = ramp_colors(crossings, span)
     return found[0], found[-1]
 
 

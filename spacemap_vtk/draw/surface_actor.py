@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
@@ -171,7 +172,7 @@ def natural_span(values: np.ndarray) -> Span:
     # A touch of rounding is no overlap of yarns, and would give the scale an end of its own.
     low = 0.0 if -low < 0.02 * high else low
     if low == 0.0 and high > 0.0:
-        # so that quarters of it, at which there are labels, have few digits
+        # so that it ends in a round number
         size = 10.0 ** np.floor(np.log10(high))
         high = next(float(n * size) for n in (1, 2, 4, 6, 8, 10) if high <= n * size * (1 + 1e-6))
     return (low, high) if high > low else (0.0, 1e-9)
@@ -179,7 +180,7 @@ def natural_span(values: np.ndarray) -> Span:
 
 def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
     """Return the colours that a scale gives numbers, red, green and blue to 255."""
-    table = np.array([list(bytes.fromhex(color[1:])) for color in ramp()], np.uint8)
+    table = rgb_table(ramp())
     steps = 256 * (values - span[0]) / (span[1] - span[0])
     return table[np.clip(steps, 0, 255).astype(np.intp)]
 
@@ -274,9 +275,14 @@ def rgb(color: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
+def rgb_table(colors: Sequence[str]) -> NDArray[np.uint8]:
+    """Return red, green and blue of some colours to 255, (n, 3)."""
+    return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
+
+
 def ramp(count: int = 256) -> list[str]:
     """Return the colours of numbers from low to high."""
-    stops = np.array([list(bytes.fromhex(color[1:])) for color in RAMP], dtype=float)
+    stops = rgb_table(RAMP)
     at = np.linspace(0, len(stops) - 1, count)
     parts = [np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]
     return ["#{:02x}{:02x}{:02x}".format(*(int(c[i]) for c in parts)) for i in range(count)]

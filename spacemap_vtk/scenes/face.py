@@ -8,6 +8,7 @@ beside or above; of a draft that would be too fine to be seen so, its beginning.
 from __future__ import annotations
 
 from spacemap_vtk.errors import SpacemapError, naming_section
+from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
 
@@ -27,7 +28,7 @@ def picture_size(scene: Scene) -> tuple[int, int]:
         width, height = scene.view.size
         return width, height
     try:
-        lengths = _lengths(scene) if _is_flat(scene) else None
+        lengths = lengths_of(scene.weave.cloth) if _is_flat(scene) else None
     except SpacemapError:
         lengths = None  # whoever draws it says why
     if lengths is None:
@@ -43,7 +44,7 @@ def fill(scene: Scene, size: tuple[int, int]) -> None:
     if not _is_flat(scene):
         return
     with scene.naming_file(), naming_section("weave"):
-        counts, lengths = scene.weave.cloth.size, _lengths(scene)
+        counts, lengths = scene.weave.cloth.size, lengths_of(scene.weave.cloth)
     per_pixel = [length / pixels for length, pixels in zip(lengths, size, strict=True)]
     long, short = (0, 1) if per_pixel[0] > per_pixel[1] else (1, 0)
     name = ("ends", "picks")
@@ -73,9 +74,8 @@ def _is_flat(scene: Scene) -> bool:
     return scene.view.camera == _FLAT and not scene.moves and scene.source is scene.weave
 
 
-def _lengths(scene: Scene) -> list[float]:
+def lengths_of(cloth: Cloth) -> list[float]:
     """Return how long a cloth is across its ends and its picks, in m."""
-    cloth = scene.weave.cloth
     return [
         float(yarns.position[-1] - yarns.position[0]) + threads.mean_spacing(cloth.diameter_sum)
         for yarns, threads in zip(cloth.yarns, cloth.threads, strict=True)

@@ -30,8 +30,8 @@ class Style:
 
     label: str
     #: Colours of the background, at the bottom and at the top.
-    below: RGB
-    above: RGB
+    below: RGB = (255, 255, 255)
+    above: RGB = (255, 255, 255)
     #: Colour of a cage's edges; None: dark, or light on a dark background.
     ink: RGB | None = None
     #: Width of the line round each yarn in points, its colour, and how much of a yarn's diameter it
@@ -86,7 +86,6 @@ class Style:
 STYLES = {
     "studio": Style(
         "Studio",
-        below=(255, 255, 255),
         above=(223, 230, 238),
         sky=(0.34, 0.37, 0.41),
         earth=(0.20, 0.18, 0.16),
@@ -106,8 +105,6 @@ STYLES = {
     ),
     "paper": Style(
         "Paper",
-        below=(255, 255, 255),
-        above=(255, 255, 255),
         ink=(70, 74, 80),
         outline=0.8,
         outline_ink=(60, 60, 62),
@@ -122,8 +119,6 @@ STYLES = {
     ),
     "schematic": Style(
         "Schematic",
-        below=(255, 255, 255),
-        above=(255, 255, 255),
         ink=(0, 0, 0),
         outline=1.6,
     ),
