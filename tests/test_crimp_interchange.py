@@ -255,6 +255,9 @@ def test_pieces_make_up_the_whole(name: str) -> None:
         values.append(cells(crimp, "crimp").copy())
     assert sorted(map(tuple, np.concatenate(points))) == sorted(map(tuple, whole))
     assert sorted(np.concatenate(values)) == sorted(strain)
+    data = crimp.output.GetCellData()
+    names = [data.GetArrayName(place) for place in range(data.GetNumberOfArrays())]
+    assert names[-4:] == ["crimp", "yarn_strain", "contact_force", "jammed"]  # in each process
 
 
 def test_it_tells_of_jams_slack_and_strain() -> None:

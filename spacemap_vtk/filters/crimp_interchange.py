@@ -106,7 +106,8 @@ class CrimpInterchange(YarnParameters):
         weights = kept.recrimp.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
-        for name in self.arrays.keys() - {FOOT, OFFSET}:
+        # in this order, which no set has: pieces of a cloth are put together, files made again
+        for name in [n for n, array in self.arrays.items() if array.association == "cell"]:
             values = _shown(name, state, whole.tension)
             if len(values) == 1:
                 values = np.concatenate([values, values])
@@ -132,6 +133,13 @@ class CrimpInterchange(YarnParameters):
         -------
         ndarray of float32, or of uint8 for ``"jammed"``, shape (2 or 1, picks, ends)
             Of warp and weft, or of what is the same of both.
+
+        Raises
+        ------
+        GeometryError
+            If there is no room for the yarns at rest.
+        InputError
+            If the weave is none, or of splines, or has yarns that cannot be.
         """
         whole = self._crossings(weave, cage)
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
