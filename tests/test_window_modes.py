@@ -43,7 +43,9 @@ def test_the_table_has_the_figures_of_the_command_line(open_scene: Any) -> None:
     assert table.item(0, 3).text() == f"{figures[0]['effective_mass_share'][2]:.0%} z"
 
 
-def test_a_click_in_the_response_lets_the_nearest_mode_swing(open_scene: Any) -> None:
+def test_a_click_in_the_response_lets_the_nearest_mode_swing(
+    open_scene: Any, tmp_path: Path
+) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
     plot = window.modes.response
@@ -57,6 +59,10 @@ def test_a_click_in_the_response_lets_the_nearest_mode_swing(open_scene: Any) ->
     wait_until(lambda: window.director.swing is not None and window.director.swing.mode == 3)
     QTest.mouseClick(window.modes.back, Qt.MouseButton.LeftButton)
     assert plot.mode is None
+    still = tmp_path / "still.toml"  # without modes
+    still.write_text("[weave]\nends = 3\npicks = 3\n")
+    open_scene(str(still))
+    wait_until(lambda: not plot.isVisible(), 20.0)
 
 
 def test_a_click_lets_a_mode_swing_and_moves_no_stage(open_scene: Any) -> None:

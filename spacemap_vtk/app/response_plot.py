@@ -37,7 +37,7 @@ class ResponsePlot(QWidget):
 
     #: A mode that was clicked.
     chosen = Signal(int)
-    #: A `Spectrum`, or what went wrong with it.
+    #: A `Spectrum`.
     found = Signal(object)
 
     def __init__(self, document: Document, engine: Engine) -> None:
@@ -77,7 +77,7 @@ class ResponsePlot(QWidget):
 
     def _ready(self, result: Any) -> None:
         if not isinstance(result, Spectrum):
-            return
+            return  # what the tab of plots has asked for
         self.spectrum = result
         self.setVisible(bool(result.response.any()))
         self.found.emit(result)

@@ -148,6 +148,11 @@ class CageModes:
         return self.model.movable_mass
 
     @property
+    def frequencies(self) -> FloatArray:
+        """Frequencies without damping in Hz, (n,); 0 of what no stiffness brings back."""
+        return np.asarray(np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi))
+
+    @property
     def mass_shares(self) -> FloatArray:
         """Effective masses as shares of what can move along x, y and z, (n, 3)."""
         masses, movable = self.effective_masses, self.movable_mass

@@ -84,8 +84,7 @@ def curves_of(scene: Scene, wish: Wish) -> Generator[None, None, Curves | None]:
         return None if mover.inputs else (yield from _read(type(mover)(**mover.settings), wish))
     linear = None if (moved := scene.stage("mover")) is None else moved.motion
     response = linear if isinstance(linear, Response) else None
-    eigenvalues = response.modes.eigenvalues if response else np.zeros(0)
-    natural = np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi)
+    natural = np.zeros(0) if response is None else response.modes.frequencies
     places, weights, note = [], [], "" if response else NO_FREQUENCIES
     for place in wish.points or (tuple(tip(scene)),):
         try:
@@ -126,19 +125,18 @@ class Spectrum:
     shares: FloatArray
 
 
-def spectrum_of(scene: Scene) -> Generator[None, None, Spectrum | None]:
+def spectrum_of(scene: Scene) -> Generator[None, None, Spectrum]:
     """Compute the frequency response and the effective masses; pauses likewise."""
     yield
     solver, mover = scene.stage("solver"), scene.stage("mover")
+    frequencies, answers = np.zeros(0), np.zeros((1, 0, 3))
     if solver is None:
-        return None
+        return Spectrum(frequencies, frequencies, np.zeros((0, 3)))
     modes = ModesReader().read(solver.output)
     yield
     response = None if mover is None else mover.motion
-    frequencies, answers = np.zeros(0), np.zeros((1, 0, 3))
     if isinstance(response, Response):
-        natural = np.sqrt(np.maximum(modes.eigenvalues, 0.0)) / (2 * np.pi)
-        frequencies = frequencies_near(natural.tolist())
+        frequencies = frequencies_near(modes.frequencies.tolist())
         weight = point_weights(response.points, response.cells, tip(scene))
         answers = yield from _answers(response, [weight], frequencies)
     return Spectrum(frequencies, np.linalg.norm(answers[0], axis=1), modes.mass_shares)
