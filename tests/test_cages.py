@@ -302,6 +302,3 @@ def test_an_object_with_points_that_are_not_finite() -> None:
     for method in ("carved", "tetwild"):
         with pytest.raises(GeometryError, match="point 5 of the object is not finite"):
             cage_of(ball, method=method)
-
-
-# --- splitting ---------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-
 #: Points times times that are decomposed, and points of which targets are made together.
 _POINTS, _PART = 2**20, 2**15
 

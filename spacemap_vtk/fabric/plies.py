@@ -111,11 +111,10 @@ class Strands:
         self._half = half
         # from the top's end over the side; a racetrack has flats between its quarters
         quarter, length = 0.5 * pi, 2.0 * pi + 4.0 * half
-        step = np.arange(self.tubes) - self._first[self._part[: self.tubes]]
         part = self._part[: self.tubes]
-        flats = np.where(around[part] > 4, (step > 2).astype(int), 0)
+        step, flattened = np.arange(self.tubes) - self._first[part], around[part] > 4
+        flats, flat = flattened & (step > 2), flattened & (step % 3 == 2)
         begun = quarter * (step - flats) + 2.0 * half[part] * flats
-        flat = (around[part] > 4) & (step % 3 == 2)
         long = np.where(flat, 2.0 * half[part], quarter)
         self._phi = np.stack([begun, long]) / length[part]
         threads = [t.strands(n) for t, n in zip(cloth.threads, cloth.size, strict=True)]

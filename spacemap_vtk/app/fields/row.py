@@ -90,8 +90,7 @@ class ParameterRow(QWidget):
         self.resolved: Any = None
         #: What it is marked for, as `ErrorBar.say` has it; empty where nothing is wrong.
         self.about = ""
-        self._feasible = self._in_force = ""
-        self._idle = ""
+        self._in_force = self._idle = ""
         #: Whether its value counts or is written, and whether it is what is searched for.
         self._there = self._sought = True
         self.editor.edited.connect(self._edited)
@@ -137,12 +136,10 @@ class ParameterRow(QWidget):
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the interval in which the value is feasible at present."""
-        self._feasible = pretty(told_interval(self.parameter, interval))
-        self.editor.setToolTip(f"{self.toolTip()}\n{self._feasible}" if self._feasible else "")
+        told = pretty(told_interval(self.parameter, interval))
+        self.editor.setToolTip(f"{self.toolTip()}\n{told}" if told else "")
         if interval is not None:
             self.editor.limit(*interval)
-        if not self.note.property("bad"):
-            self.mark(None)
 
     def show_in_force(self, figure: str) -> None:
         """Show what the last run has made of the value; empty: nothing is known."""
