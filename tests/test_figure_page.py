@@ -91,6 +91,15 @@ def test_pictures_share_camera_and_scale_and_have_no_paper(tmp_path: Path) -> No
     assert (panels[0][lower] != panels[1][lower]).mean() > 0.2
 
 
+def test_pictures_of_a_row_that_is_not_full_are_as_large(tmp_path: Path) -> None:
+    file = tmp_path / "swing.svg"
+    more = ("--times=0,10ms,20ms", "--columns=2", "--dpi=30", "--set=view.show=fabric")
+    assert run("figure", "plain_weave", "-o", file, *more, "-q") == 0
+    images = [each for each in ElementTree.parse(file).iter() if each.tag[-5:] == "image"]
+    sizes = [(each.get("width"), each.get("height")) for each in images]
+    assert sizes[:3] == [sizes[0]] * 3  # the next is the scale of colours
+
+
 def test_round_numbers_and_lengths() -> None:
     assert round_length(0.0341) == pytest.approx(0.02)
     assert round_length(0.05) == pytest.approx(0.05)

@@ -46,6 +46,9 @@ _MOST, _SEEN = 60, 160
 #: Height of a picture over its width, at least and at most; of the key below, in mm.
 _FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
 
+#: Room beside the last pictures; no axes are flat.
+_BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
+
 Tell = Callable[[int, int], object]
 
 
@@ -222,7 +225,7 @@ class _Shots:
                 row = [self._tile(number, time, kind) for number, time in some]
                 # The last row's are no larger than the others.
                 missing = columns - len(row) if start else 0
-                self.rows.append(row + [self._blank()] * missing)
+                self.rows.append(row + [_BLANK] * missing)
         self.rows.append([self._key()])
 
     def _times(self, scene: Scene) -> list[float]:
@@ -244,9 +247,6 @@ class _Shots:
         if self.scenes[number].moves:
             words.append(f"t = {format_quantity(time, 's', 4)}")
         return Tile(draw, lambda width: self._shape * width, ", ".join(words))
-
-    def _blank(self) -> Tile:
-        return Tile(lambda axes, paper: None, lambda width: 0.0, lettered=False)
 
     def _key(self) -> Tile:
         def draw(axes: Axes, paper: Paper) -> None:

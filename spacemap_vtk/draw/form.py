@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -175,9 +175,9 @@ def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int
     return pixels_of(camera, height) * camera.GetDistance() / near
 
 
-def sides_seen(diameters: Iterable[float], scale: float) -> int:
+def sides_seen(diameter: float, scale: float) -> int:
     """Return how many facets a quarter of a yarn needs to look round at so many pixels a metre."""
-    radius = 0.5 * max(diameters) * scale
+    radius = 0.5 * diameter * scale
     if radius <= _CHORD:
         return 1
     half = math.acos(1.0 - _CHORD / radius)
@@ -188,7 +188,7 @@ def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
     """Return what `PatchTessellator.choose` takes: facets, and whether fibres are seen."""
     thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
     plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
-    sides = sides_seen([thickest], scale)
+    sides = sides_seen(thickest, scale)
     # A flattened yarn's diameter is its height: seen is its width.
     thickest = max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
     if plies > 1 and thickest * scale > _PLIED:  # their outline is as many times as curved
