@@ -21,6 +21,7 @@ from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.draw import moving as moving_module
 from spacemap_vtk.draw.frame import add_shape, copied
 from spacemap_vtk.draw.moving import mode_shapes, moving
+from spacemap_vtk.fabric.cross_section import cross_section
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes.scene import Scene
 
@@ -112,6 +113,20 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     scene = changed("plain_weave", *SMALL)
     asked = moving(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
     assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
+
+
+def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
+    warp, weft = {"section": "racetrack", "aspect": 1.8}, {"section": "elliptic", "aspect": 1.4}
+    flat = {f"warp_{key}": value for key, value in warp.items()}
+    flat |= {f"weft_{key}": value for key, value in weft.items()}
+    scene = Scene({"weave": {"ends": 3, "picks": 4, "warp_spacing": "0.7 mm", **flat}})
+    curves = moving(scene, [0.0], None, lambda *_: None).curves
+    assert curves is not None
+    areas = []
+    for family in (1, 0):  # a cut along a pick goes across the ends
+        x, z = np.moveaxis(cross_section(scene.weave.cloth, family).sections, 2, 0)
+        areas += list(0.5 * np.abs((x * np.roll(z, -1, 1) - np.roll(x, -1, 1) * z).sum(axis=1)))
+    np.testing.assert_allclose(np.pi / 4 * curves.widths**2, areas, rtol=2e-3)
 
 
 def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:

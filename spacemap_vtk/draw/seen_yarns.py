@@ -83,10 +83,7 @@ class SeenYarns:
         if (curves := self._curves) is not None:
             colors = self.colors[curves.yarn]
             return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
-        tubes, yarns = self._made.tubes, self._scene.weave.cloth.yarns
-        widths = [
-            np.broadcast_to(own.diameter, len(each.parts)) * np.sqrt(each.aspect)
-            for own, each in zip(yarns, tubes, strict=True)
-        ]
-        counts = np.concatenate([3 * each.parts + 1 for each in tubes])
+        cloth = self._scene.weave.cloth
+        widths = [t.strands(count)[2] for t, count in zip(cloth.threads, cloth.size, strict=True)]
+        counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
         return YarnCurves(self._points, counts, np.concatenate(widths), self.colors)
