@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,22 @@ def test_a_strangers_record_leads_nowhere_else(
     assert said in told
     assert "secret words" not in told
     assert [path.name for path in (tmp_path / "in").iterdir()] == ["a.obj"]
+
+
+def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh, other = tmp_path / "a.vtkhdf", tmp_path / "a.usdc"
+    small = "--set", "weave.ends=2", "--set", "weave.picks=2", "--set", "surface.subdivisions=1"
+    assert run("export", "plain_weave", "-o", mesh, "-q", "--times", "0", *small) == 0
+    other.write_bytes(b"PXR-USDC")
+    for library in ("h5py", "pxr"):
+        monkeypatch.setitem(sys.modules, library, None)
+    assert run("info", mesh) == 0
+    assert re.search(r"data +vtkPolyData", capsys.readouterr().out)
+    for command, file, extra in (("again", mesh, "hdf5"), ("info", other, "usd")):
+        assert run(command, file) == 1
+        assert f"pip install 'spacemap_vtk[{extra}]'" in capsys.readouterr().err
 
 
 def test_an_order_that_is_no_order_is_refused(tmp_path: Path) -> None:

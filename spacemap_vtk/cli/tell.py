@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.scenes import library
 
@@ -78,10 +78,15 @@ def info(
 
 def _told_origin(file: Path, json_: bool) -> bool:
     """Print where a file comes from, if it says so; return whether that is all there is to say."""
-    record = provenance.record_in(file) if file.is_file() else None
+    opens = registry.kind_of(file) is not None
+    try:
+        record = provenance.record_in(file) if file.is_file() else None
+    except MissingLibraryError:  # which only the record is read by
+        if not opens:
+            raise
+        record = None
     if record is None:
         return False
-    opens = registry.kind_of(file) is not None
     if not json_:
         from spacemap_vtk.cli.again import told
 

@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapError
 
 #: What the record is called in every file.
 NAME = "spacemap-record"
@@ -85,13 +85,13 @@ def told() -> str:
 
 def comments(sign: str) -> list[str]:
     """Return the record as lines of comment that begin with a sign; none where there is none."""
-    text = told()
+    text = told().replace("--", "-\\u002d")  # which no comment of XML's has
     parts = [text[begin : begin + _LINE] for begin in range(0, len(text), _LINE)]
     return [f"{sign} {NAME}: {part}|" for part in parts]
 
 
 def tells(*endings: str) -> Callable[[_F], _F]:
-    """Register what finds the record in files of some endings; None: there is none."""
+    """Register what finds the record in files of some endings; None, or a fault: there is none."""
 
     def register(function: _F) -> _F:
         _tellers.update(dict.fromkeys(endings, function))
@@ -112,7 +112,18 @@ def record_in(path: Path) -> Record | None:
     """Return the record of a file; None where it has none."""
     import_module("spacemap_vtk.io.formats")
     teller = _tellers.get(path.suffix.lower())
-    text = None if teller is None else teller(path)
+    try:
+        text = None if teller is None else teller(path)
+    except (SpacemapError, PermissionError):
+        raise
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        SyntaxError,
+    ):  # Pillow's, too: of another's file
+        return None
     return None if text is None else _parsed(text, path)
 
 

@@ -50,8 +50,5 @@ def told_beside(path: Path) -> str | None:
     """Find the record in the file that tells of a table."""
     import json
 
-    try:
-        found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
     return found if isinstance(found, str) else None

@@ -59,8 +59,7 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
         name = quoteattr(f"{folder.name}/{one.name}")
         lines.append(f'    <DataSet timestep="{time!r}" group="" part="0" file={name}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-    # No comment of XML's has two of these.
-    record = [line.replace("--", "-\\u002d") for line in comments("    ")]
+    record = comments("    ")
     lines += ["  <!--\n", *(f"{line}\n" for line in record), "  -->\n"] if record else []
     write(file, [f"{head}{''.join(lines)}  </Collection>\n</VTKFile>\n".encode()])
 

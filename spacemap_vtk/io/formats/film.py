@@ -143,11 +143,8 @@ def told_in_film(path: Path) -> str | None:
     if path.suffix.lower() == ".gif":
         from PIL import Image
 
-        try:
-            with Image.open(path) as image:
-                comment = image.info.get("comment", b"").decode("latin-1")
-        except (OSError, ValueError, SyntaxError):
-            return None
+        with Image.open(path) as image:
+            comment = image.info.get("comment", b"").decode("latin-1")
     else:
         require_encoder(path)
         from imageio_ffmpeg import get_ffmpeg_exe

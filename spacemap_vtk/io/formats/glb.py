@@ -159,8 +159,4 @@ def told_in_glb(path: Path) -> str | None:
     with path.open("rb") as stream:
         head = stream.read(20)
         text = stream.read(int.from_bytes(head[12:16], "little")) if head[:4] == b"glTF" else b"{}"
-    try:
-        found = json.loads(text)["asset"]["extras"][NAME]
-    except (ValueError, KeyError, TypeError):
-        return None
-    return json.dumps(found)
+    return json.dumps(json.loads(text)["asset"]["extras"][NAME])

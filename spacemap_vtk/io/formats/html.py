@@ -189,7 +189,4 @@ def told_in_page(path: Path) -> str | None:
     with path.open("rb") as stream:
         begin = stream.read(2**24)
     found = re.search(rb'<script type="application/json" id="scene">(.*?)</script>', begin, re.S)
-    try:
-        return json.dumps(json.loads(found[1])[NAME]) if found else None
-    except (ValueError, KeyError, TypeError):
-        return None
+    return json.dumps(json.loads(found[1])[NAME]) if found else None

@@ -84,14 +84,11 @@ def told_in_picture(path: Path) -> str | None:
     """Find the record among a picture's texts."""
     from PIL import Image
 
-    try:
-        with Image.open(path) as image:  # of its pixels nothing is read
-            if path.suffix.lower() == ".png":
-                return getattr(image, "text", {}).get(NAME)
-            begin = f"{NAME}\0".encode()
-            parts = [data for kind, data in getattr(image, "applist", ()) if kind == "COM"]
-    except (OSError, ValueError, SyntaxError):
-        return None
+    with Image.open(path) as image:  # of its pixels nothing is read
+        if path.suffix.lower() == ".png":
+            return getattr(image, "text", {}).get(NAME)
+        begin = f"{NAME}\0".encode()
+        parts = [data for kind, data in getattr(image, "applist", ()) if kind == "COM"]
     text = b"".join(part[len(begin) :] for part in parts if part.startswith(begin))
     return text.decode("latin-1") or None
 

@@ -201,9 +201,9 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
 @tells(".usdc", ".usda")
 def told_in_usd(path: Path) -> str | None:
     """Find the record among what the layer has beside."""
+    _require(path)
     from pxr import Sdf, Tf
 
-    _require(path)
     try:
         layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
     except Tf.ErrorException:

@@ -218,9 +218,6 @@ def told_in_hdf(path: Path) -> str | None:
     _require(path)
     import h5py
 
-    try:
-        with h5py.File(path) as made:
-            found = made[NAME][()]
-    except (OSError, KeyError, TypeError, ValueError):
-        return None
+    with h5py.File(path) as made:
+        found = made[NAME][()]
     return found.decode("ascii", "replace") if isinstance(found, bytes) else None

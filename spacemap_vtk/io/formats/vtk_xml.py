@@ -78,7 +78,7 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
             names.append(quoteattr(f"{folder.name}/{one.name}"))
             lines = lines or list(_described(piece))
     kind = "PPolyData" if ending == ".vtp" else "PUnstructuredGrid"
-    record = [line.replace("--", "-\\u002d") for line in comments("  ")]
+    record = comments("  ")
     text = [
         '<?xml version="1.0"?>',
         f'<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian" header_type="UInt32">',
