@@ -57,7 +57,7 @@ def orders(folder: Path) -> list[tuple[str, Order]]:
     for kind, ending in sorted(kinds):
         if ending == ".jpeg" or (kind == "plot" and ending != ".svg"):
             continue  # as .jpg; all plots are of one figure, below
-        name = f"{names.get(kind, kind or 'data')}{ending}"
+        name = f"{names.get(kind, kind or ending[1:])}{ending}"
         order = Order(DRAWN.get(kind, kind), folder / name)
         order.times = [0.0, 0.03] if order.lasts or order.what == "moving" else [0.03]
         found.append((kind, order))

@@ -145,6 +145,8 @@ def test_a_shorter_collection_takes_the_place_of_a_longer_one(scene: Scene, tmp_
     write(scene, tmp_path / "cloth.pvd")
     write(scene, tmp_path / "cloth.pvd", times=[0.01])
     assert content(tmp_path).keys() == {"cloth.pvd", "cloth/cloth_0000.vtp"}
+    with pytest.raises(InputError, match=r"cloth, in place of those of .*cloth\.pvd\. Choose"):
+        Order("", tmp_path / "cloth.pvtp")
     (tmp_path / "cloth" / "mine").touch()
     with pytest.raises(InputError, match=r"where others are\. Choose another name"):
         Order("", tmp_path / "cloth.pvd")
