@@ -7,7 +7,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import ColorBy, Quiet, Styled, listed_times, opened, tell_warnings
+from spacemap_vtk.cli.options import (
+    ColorBy,
+    Paired,
+    Quiet,
+    SetLists,
+    Styled,
+    listed_times,
+    opened,
+    tell_warnings,
+)
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
@@ -41,25 +50,8 @@ def figure(
             "the beginning, a quarter and a half of the first mode's swing.",
         ),
     ] = None,
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            negative="",
-            help="A value of the scene; or several with commas between them, as in "
-            "--set weave.warp_diameter=0.2mm,0.25mm, for a picture of each. Can be given again.",
-            show_default=False,
-        ),
-    ] = (),
-    paired: Annotated[
-        bool,
-        Parameter(
-            name="--zip",
-            negative="",
-            help='Pair these lists, as "sweep" does.',
-            show_default=False,
-        ),
-    ] = False,
+    set_: SetLists = (),
+    paired: Paired = False,
     color: ColorBy = None,
     style: Styled = None,
     cage: Annotated[

@@ -29,6 +29,27 @@ Set = Annotated[
         show_default=False,
     ),
 ]
+SetLists = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative="",
+        help="The values that a key goes through, with commas between them, as in "
+        "--set weave.ends=5,7,9, a run or a picture for each; a single one is set in all. Can be "
+        "given again.",
+        show_default=False,
+    ),
+]
+Paired = Annotated[
+    bool,
+    Parameter(
+        name="--zip",
+        negative="",
+        help="Pair the lists: the first value of each together, then the second, and so on. "
+        "Without, every value of one goes with every value of the others.",
+        show_default=False,
+    ),
+]
 Time = Annotated[
     str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
 ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import ColorBy, Quiet, Size, listed_times, opened
+from spacemap_vtk.cli.options import ColorBy, Paired, Quiet, SetLists, Size, listed_times, opened
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError, SpacemapError
 
@@ -37,26 +37,8 @@ def sweep(
         Path,
         Parameter(name=["--output", "-o"], help="A folder; it is made where it is not there."),
     ],
-    set_: Annotated[
-        tuple[str, ...],
-        Parameter(
-            name="--set",
-            negative="",
-            help="The values that a key goes through, with commas between them, as in "
-            "--set weave.ends=5,7,9; a single one is set in all runs. Can be given again.",
-            show_default=False,
-        ),
-    ] = (),
-    paired: Annotated[
-        bool,
-        Parameter(
-            name="--zip",
-            negative="",
-            help="Pair the lists: the first value of each together, then the second, and so on. "
-            "Without, every value of one goes with every value of the others.",
-            show_default=False,
-        ),
-    ] = False,
+    set_: SetLists = (),
+    paired: Paired = False,
     time: Annotated[
         str | None,
         Parameter(

@@ -43,7 +43,7 @@ def serve(
     ] = "plain_weave",
     /,
     *,
-    set: Set = (),
+    set_: Set = (),
     port: Annotated[int, Parameter(help="Where to listen; 0: any port that is free.")] = 0,
     host: Annotated[
         str, Parameter(help="An address of this machine that only this machine reaches.")
@@ -69,7 +69,7 @@ def serve(
         if browser:
             server.open_browser(once)
 
-    server.serve(scene, set, host, port, told)
+    server.serve(scene, set_, host, port, told)
 
 
 def begin_collecting() -> None:
