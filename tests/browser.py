@@ -47,7 +47,7 @@ _FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 #: Of names, what keys are called, and their number.
-_KEYS = {" ": ("Space", 32), "Home": ("Home", 36), "End": ("End", 35), "ArrowRight": ("", 39)}
+_KEYS = {" ": ("Space", 32), "Home": ("Home", 36), "End": ("End", 35)}
 
 
 class Page:
@@ -128,13 +128,10 @@ class Page:
         self.send("Input.dispatchKeyEvent", type="keyDown", **told, **text)
         self.send("Input.dispatchKeyEvent", type="keyUp", **told)
 
-    def show_as(
-        self, width: int, height: int, dark: bool = False, scale: float = 1.0, touch: bool = False
-    ) -> None:
+    def show_as(self, width: int, height: int, dark: bool = False, scale: float = 1.0) -> None:
         """Choose the page's size, its pixels per unit, and the system's theme."""
-        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": touch}
+        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **size)
-        self.send("Emulation.setTouchEmulationEnabled", enabled=touch)
         theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.send("Emulation.setEmulatedMedia", features=[theme])
 
@@ -170,7 +167,7 @@ class Page:
 
 
 @contextmanager
-def browser(width: int = 1600, height: int = 1000, *flags: str) -> Iterator[Page]:
+def browser(width: int = 1600, height: int = 1000) -> Iterator[Page]:
     """Start a browser of its own for a while; skips the test where there is none."""
     found = shutil.which("chromium") or shutil.which("chromium-browser")
     if found is None:
@@ -185,7 +182,7 @@ def browser(width: int = 1600, height: int = 1000, *flags: str) -> Iterator[Page
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         own = (f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank")
         process = subprocess.Popen(
-            [found, *_FLAGS, *flags, *own],
+            [found, *_FLAGS, *own],
             pass_fds=(3, 4),
             preexec_fn=connect,
             stdin=subprocess.DEVNULL,
