@@ -91,6 +91,19 @@ def test_a_strangers_record_leads_nowhere_else(
     assert [path.name for path in (tmp_path / "in").iterdir()] == ["a.obj"]
 
 
+@pytest.mark.parametrize("name", ["a.inp", "a.glb"])
+def test_another_material_is_another_file(tmp_path: Path, capsys: Any, name: str) -> None:
+    """Though its mesh, and its modes' shapes, stay as they are."""
+    words = "--set", "weave.ends=2", "--set", "weave.picks=2", "--set", "modal.modes=1"
+    more = ("--modes",) if name == "a.glb" else ()
+    file = tmp_path / name
+    assert run("export", "plain_weave", "-o", file, "-q", *words, *more) == 0
+    file.write_bytes(file.read_bytes().replace(__version__.encode(), b"0.0.1"))
+    assert run("again", file, "--check") == 0
+    assert run("again", file, "--check", "-q", "--set", "modal.youngs_modulus=2 kPa") == 1
+    assert re.search(r"\d lines differ|its animations differ", capsys.readouterr().err)
+
+
 def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
     tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
