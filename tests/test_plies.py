@@ -10,7 +10,7 @@ from spacemap_vtk import PatchTessellator, WeaveSource
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.plies import outline
-from spacemap_vtk.fabric.strand_curves import strand_curves
+from spacemap_vtk.fabric.strand_curves import fibre_count, strand_curves
 from spacemap_vtk.fabric.weave import build
 from spacemap_vtk.fabric.yarn import twist, usual_twist
 from spacemap_vtk.filters.patch_tessellator import STRANDS
@@ -90,6 +90,13 @@ def test_usual_fibres_lean_by_24_degrees_and_are_that_much_longer() -> None:
     length = np.hypot(*steps).sum() / 0.1
     assert length == pytest.approx(np.hypot(1.0, np.pi * diameter * turns), rel=1e-5)
     assert length == pytest.approx(1 / np.cos(np.radians(24.0)), rel=1e-5)
+
+
+def test_a_mean_yarn_of_cotton_has_as_many_fibres_as_its_mass_says() -> None:
+    diameters = {"warp_diameter": [1e-4, 3e-4], "weft_diameter": 2e-4}
+    cloth = WeaveSource(ends=4, picks=4, warp_crimp_height=1e-5, **diameters).cloth
+    # Of a mean square of 0.045 mm2, with 912 kg/m3 32.23 tex, of fibres of 1.7 dtex.
+    assert fibre_count(cloth) == 189
 
 
 def test_fibres_of_a_straight_yarn_are_helices() -> None:

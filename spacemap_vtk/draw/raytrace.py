@@ -93,7 +93,7 @@ def _curves(
         return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
 
     scale = pixels_per_metre(camera, points_of(scene.patches).astype(np.float64), size[1])
-    thick = float(np.mean([np.mean(t.strands(1)[2]) for t in cloth.threads])) * scale
+    thick = scale * float(cloth.strands[2].mean())
     fibres = min(fibre_count(cloth), max(20, round(0.75 * (thick / _NARROWEST) ** 2)))
     yarns = SeenYarns(scene, 1)
     curves = yarns.strands(fibres, in_sight)

@@ -83,7 +83,5 @@ class SeenYarns:
         if (curves := self._curves) is not None:
             colors = self.colors[curves.yarn]
             return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
-        cloth = self._scene.weave.cloth
-        widths = [t.strands(count)[2] for t, count in zip(cloth.threads, cloth.size, strict=True)]
         counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
-        return YarnCurves(self._points, counts, np.concatenate(widths), self.colors)
+        return YarnCurves(self._points, counts, self._scene.weave.cloth.strands[2], self.colors)

@@ -277,6 +277,13 @@ class Cloth:
         return self.drawdown.shape[1], self.drawdown.shape[0]
 
     @cached_property
+    def strands(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Turns per metre, plies and round diameters of all yarns, see `Threads.strands`."""
+        own = [threads.strands(n) for threads, n in zip(self.threads, self.size, strict=True)]
+        turns, plies, diameter = (np.concatenate(values) for values in zip(*own, strict=True))
+        return turns, plies, diameter
+
+    @cached_property
     def yarns(self) -> tuple[Yarns, Yarns]:
         """Ends and picks one by one."""
         warp, weft = (

@@ -117,8 +117,7 @@ class Strands:
         begun = quarter * (step - flats) + 2.0 * half[part] * flats
         long = np.where(flat, 2.0 * half[part], quarter)
         self._phi = np.stack([begun, long]) / length[part]
-        threads = [t.strands(n) for t, n in zip(cloth.threads, cloth.size, strict=True)]
-        turns, plies, diameter = (np.concatenate(v)[yarn] for v in zip(*threads, strict=True))
+        turns, plies, diameter = (values[yarn] for values in cloth.strands)
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
         # looms do not turn bobbins alike: plies beside each other begin anywhere

@@ -75,7 +75,7 @@ def fibre_count(cloth: Cloth) -> int:
     int
         From 20 on, and at most what can be drawn.
     """
-    area = np.mean([np.mean(t.strands(1)[2] ** 2) for t in cloth.threads]) * pi / 4
+    area = np.mean(cloth.strands[2] ** 2) * pi / 4
     return int(np.clip((cloth.density or 900.0) * area / FIBRE, 20, _MOST))
 
 
@@ -115,8 +115,7 @@ def strand_curves(
     SizeError
         If they would not fit into memory.
     """
-    own = [threads.strands(n) for threads, n in zip(cloth.threads, cloth.size, strict=True)]
-    turns, plies, diameter = (np.concatenate(values) for values in zip(*own, strict=True))
+    turns, plies, diameter = cloth.strands
     made: list[tuple[Floats, int, float, int]] = []
     for yarn in _yarns(tubes, places):
         number, of_ply = yarn.number, int(plies[yarn.number])
