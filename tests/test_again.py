@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,11 @@ import pytest
 import pyvista as pv
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.main import main
+from spacemap_vtk.cli.again import told
+from spacemap_vtk.cli.main import app, main
 from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.provenance import NAME
+from spacemap_vtk.io.provenance import NAME, Record
 
 
 def run(*words: object) -> int:
@@ -118,6 +120,26 @@ def test_a_library_that_only_the_record_needs_is_not_asked_for_by_a_mesh(
     for command, file, extra in (("again", mesh, "hdf5"), ("info", other, "usd")):
         assert run(command, file) == 1
         assert f"pip install 'spacemap_vtk[{extra}]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"what": "picture", "samples": 9, "size": [64, 48], "place": [[0, 0, 1]], "framed": True},
+        {"what": "shapes"},
+        {"what": "biaxial"},
+        {"what": "storyboard", "times": [0.0, 0.1], "motions": ["response", "transient"]},
+        {"what": "figure", "panels": ["draft"], "page": {"lists": ["weave.ends=5,7"], "dpi": 96}},
+        {"what": "moving", "tolerance": 1e-5, "subdivisions": 2},
+    ],
+)
+def test_the_words_that_are_told_are_a_command(asked: dict[str, Any]) -> None:
+    times = tuple(asked.get("times", (0.1,) if asked["what"] == "picture" else ()))
+    said = told(Record(__version__, asked, "", "a b.toml", times), Path("a b.png"))[1]
+    words = shlex.split(said.removeprefix("as by spacemap "))
+    _, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
+    assert "a b.toml" in bound.args
+    assert Path("a b.png") in bound.kwargs.values()
 
 
 def test_an_order_that_is_no_order_is_refused(tmp_path: Path) -> None:

@@ -26,6 +26,8 @@ _COMMANDS = {
     **{"picture": "render", "film": "animate", "storyboard": "storyboard"},
     **{"shapes": "modes", "plot": "plot", "biaxial": "plot --biaxial", "figure": "figure"},
 }
+#: What the window asks for of pictures and films, and frames of their film: no option says that.
+_UNSAID = {"place": "where it is seen from", "panels": "panels", "framed": "its film's view"}
 
 
 def again(
@@ -116,12 +118,16 @@ def again(
 def told(record: Record, file: Path) -> list[str]:
     """Return what a record says, for people."""
     here = "" if record.version == __version__ else f" (this is {__version__})"
-    words = f"spacemap {_COMMANDS.get(str(record.order.get('what')), 'export')}"
-    words += f" {shlex.quote(record.file or 'SCENE')} -o {shlex.quote(file.name)}"
+    what = str(record.order.get("what"))
+    words = f"spacemap {_COMMANDS.get(what, 'export')} {shlex.quote(record.file or 'SCENE')}"
+    words += f" {'--plot' if what == 'shapes' else '-o'} {shlex.quote(file.name)}"
     once = {"time": record.times[0]} if len(record.times) == 1 else {}
     asked = {**once, **record.order, **record.order.get("page", {})}
     words += "".join(f" --set {shlex.quote(str(each))}" for each in asked.pop("lists", ()))
     asked.pop("page", None)
+    pictured = what in ("picture", "film")
+    unsaid = [name for key, name in _UNSAID.items() if pictured and asked.pop(key, None)]
+    words += " --raytrace" if "samples" in asked else ""
     if "width" in asked:
         asked["width"] = f"{asked['width']:g}mm"
     for key, value in asked.items():
@@ -136,6 +142,8 @@ def told(record: Record, file: Path) -> list[str]:
     lines = [f"{file}: made by spacemap_vtk {record.version}{here}", f"as by {words}"]
     if record.times:
         lines.append(f"at {' to '.join(f'{time:g}' for time in record.times)} s")
+    if unsaid:
+        lines.append(f'beside, known to "spacemap again" alone: {", ".join(unsaid)}')
     return [
         *lines,
         *(f"from {name}, sha256 {digest[:16]}…" for name, digest in record.inputs.items()),
