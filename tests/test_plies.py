@@ -24,6 +24,7 @@ STRAIGHT = {
     "weft_diameter": 0.25e-3,
     "warp_diameter": 2e-6,
 }
+TWISTS = ("warp_twist", "weft_twist")
 
 
 def surface(sides: int, **values: object) -> np.ndarray:
@@ -134,3 +135,7 @@ def test_twist_and_plies_are_of_each_yarn_and_enter_no_figures() -> None:
     turns, plies, _ = plied.cloth.warp.strands(3)
     assert (turns.tolist(), plies.tolist()) == ([300, -300, 300], [2, 1, 2])
     assert plied.cloth.weft.strands(7)[0].tolist() == 7 * [-700]
+    # and are shown as they are written
+    shown = [plied.parameter(name).show(getattr(plied, name)) for name in TWISTS]
+    assert shown == ["300 Z, 300 S", "700 S"]
+    assert twist("700 S") == plied.weft_twist

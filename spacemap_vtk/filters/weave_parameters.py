@@ -92,7 +92,14 @@ class Twist(Real):
     @property
     def form(self) -> str:
         """The ways to write it, with examples."""
-        return 'turns in a length and their direction, as "600 Z" (per metre) or "15 /in S"'
+        return (
+            'turns in a length and their direction, as "600 Z" (per metre) or "15 /in S", at most '
+            f"{self.maximum:g} per metre"
+        )
+
+    def text(self, value: Any) -> str:
+        """Return turns per metre and their direction."""
+        return f"{abs(value):.6g} {'S' if value < 0 else 'Z'}"
 
 
 class PerYarn(Series):
