@@ -26,8 +26,21 @@ from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.fabric.strand_curves import StrandCurves, fibre_count
 from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import STYLES
 
+#: What only pictures that are drawn have of a view.
+_DRAWN = [
+    "color",
+    "style",
+    "clip_normal",
+    "ghost",
+    "loads",
+    "ground",
+    "scale_bar",
+    "triad",
+    "time_stamp",
+]
 #: Rays are traced in so many passes, for progress.
 _PASSES = 8
 #: Of hair: how rough fibres are along and around, how often light goes on, and in how many tones
@@ -65,6 +78,9 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
         raise InputError(
             "rays are traced from fibre to fibre, and this is no weave", key="raytrace"
         )
+    asked, usual = scene.view.settings, View().settings
+    if left := [f"view.{key}" for key in _DRAWN if asked[key] != usual[key]]:
+        scene.warn(f"rays show fibres in their own colours, and nothing of {', '.join(left)}")
     tell(0, _PASSES + 1)
     scene.update(time)
     camera, aspect = vtkCamera(), size[0] / size[1]
