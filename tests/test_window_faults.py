@@ -54,6 +54,12 @@ def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> 
     wait_until(lambda: settled(window) and window.errors.text == "")
     table = window.modes.table
     assert {table.item(row, 2).text() for row in range(10)} == {"0.050"}
+    window.document.set("response", "damping_ratio", [1.5, 1.0, 0.05])
+    wait_until(lambda: settled(window))
+    told = [table.item(row, 2).text() for row in range(3)]
+    assert told == ["overdamped", "critical", "0.050"]
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
     # Two ways that contradict each other are told, and nothing breaks.
     window.document.set("response", "alpha", 3.0)
     wait_until(lambda: "damping_ratio" in window.errors.text)
