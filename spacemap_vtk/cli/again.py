@@ -162,17 +162,17 @@ def differences(one: Path, other: Path) -> Iterator[str]:
     if one.read_bytes() == other.read_bytes() and not one.with_suffix("").is_dir():
         return  # and there are no others that it names
     ending = one.suffix.lower()
-    holds = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
-    if ending == ".inp":  # of which a mesh would be the least
-        holds = []
     if ending in registry.written("picture"):
         yield from _pixels(one, other)
-    elif holds:
-        found = list((_steps if holds[0] == "motion" else _arrays)(one, other))
-        yield from found
-        if ending == ".glb" and not found and _played(one) != _played(other):
-            yield "its animations differ"
-    else:
+        return
+    # of an analysis the mesh would be the least, and of what moves it is not all
+    held = {kind for each in registry.writers() if ending in each.endings for kind in each.holds}
+    read = [kind for kind in ("motion", "mesh") if ending in registry.endings(kind)]
+    found = []
+    if read and "analysis" not in held:
+        found = list((_steps if read[0] == "motion" else _arrays)(one, other))
+    yield from found
+    if not found and (not read or held & {"analysis", "moving"}):
         lines = [_lines(path) for path in (one, other)]
         count = sum(a != b for a, b in zip(*lines, strict=False))
         count += abs(len(lines[0]) - len(lines[1]))
@@ -180,16 +180,14 @@ def differences(one: Path, other: Path) -> Iterator[str]:
             yield f"{count} of {len(lines[0])} lines differ"
 
 
-def _played(path: Path) -> tuple[dict[str, Any], bytes]:
-    """Return all of a .glb but what it says of itself."""
-    content = path.read_bytes()
-    end = 20 + int.from_bytes(content[12:16], "little")
-    return {**json.loads(content[20:end]), "asset": None}, content[end:]
-
-
 def _lines(path: Path) -> list[bytes]:
     name = provenance.NAME.encode()
-    return [line for line in path.read_bytes().splitlines() if name not in line]
+    content = path.read_bytes()
+    if content.startswith(b"glTF"):  # then its JSON is one line, in which the record is
+        end = 20 + int.from_bytes(content[12:16], "little")
+        shown = {**json.loads(content[20:end]), "asset": None}
+        content = json.dumps(shown, indent=0).encode() + content[end:]
+    return [line for line in content.splitlines() if name not in line]
 
 
 def _pixels(one: Path, other: Path) -> Iterator[str]:

@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io.registry import writers
 from spacemap_vtk.vanishing import undisturbed, vanishing_folder
 
 _ROOM = "Make room there, or choose a folder on another disk."
 _OTHER = "Choose another folder, or see to its permissions."
-#: Endings of files that list others, which lie in a folder of the same name.
-_LISTS = (".pvd", ".pvtp", ".pvtu")
 #: Why a disk takes no file, and what helps.
 _REFUSALS = {
     getattr(errno, "EDQUOT", None): ("your quota of this disk is used up", _ROOM),
@@ -140,8 +139,9 @@ def stands_in_the_way(target: Path, folder: bool) -> bool:
 
 def check_folder(file: Path) -> None:
     """Refuse a file whose others would lie in a folder that is another's."""
-    lists = (file.with_suffix(ending) for ending in _LISTS if ending != file.suffix.lower())
-    if other := next((each for each in lists if each.exists()), None):
+    lists = {ending for w in writers() if w.require is check_folder for ending in w.endings}
+    others = map(file.with_suffix, sorted(lists - {file.suffix.lower()}))
+    if other := next((each for each in others if each.exists()), None):
         raise InputError(
             f"{file}: its files would lie in {file.with_suffix('')}, in place of those of {other}",
             cure="Choose another name.",
