@@ -48,8 +48,6 @@ FAMILIES = ("warp", "weft")
 _GRACE = 1e-9
 #: Room between the two cloths of a double weave where nobody says, over D.
 _LAYER_GAP = 0.1
-
-
 #: A yarn of each course, and the course of each yarn.
 Courses = tuple[NDArray[np.int64], NDArray[np.int64]]
 
