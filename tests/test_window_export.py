@@ -49,7 +49,7 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
     window.tools.shown["cage"].trigger()
     done = written(window)
     pictures = []
-    for camera in ("front", "side"):
+    for camera in ("front", "right"):
         window.tools.cameras[camera].trigger()
         file = tmp_path / f"{camera}.png"
         QTimer.singleShot(50, lambda file=file: fill_dialog(file, 320, 240, 0))

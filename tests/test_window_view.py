@@ -63,7 +63,7 @@ def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:
     window.tools.shown["loads"].trigger()
     wait_until(lambda: settled(window))
     assert 0.7 < farthest() < 1.0
-    window.tools.cameras["side"].trigger()
+    window.tools.cameras["right"].trigger()
     assert farthest() < 1.0
     # Whoever has moved the camera keeps it.
     window.tools.shown["loads"].trigger()
@@ -185,7 +185,7 @@ def test_a_yarn_that_is_cut_is_solid(open_scene: Any, color: str) -> None:
     wait_until(lambda: settled(window) and view.scene_view.cut)
     # The plane itself is in the way.
     view.handle.show(False)
-    window.tools.cameras["side"].trigger()
+    window.tools.cameras["right"].trigger()
     for azimuth in (0, 25, -50):
         view.plotter.camera.Azimuth(azimuth)
         solid = image(window)
@@ -220,7 +220,8 @@ def test_the_face_of_a_cut_follows_the_mouse(open_scene: Any) -> None:
 def test_every_camera_is_another_picture(open_scene: Any) -> None:
     window = open_scene()
     pictures = []
-    for name in CAMERAS:
+    assert {*CAMERAS} - {"side"} == {*window.tools.cameras}  # it is the right one
+    for name in window.tools.cameras:
         window.tools.cameras[name].trigger()
         pictures.append(image(window))
         assert pictures[-1].std() > 20
@@ -345,6 +346,28 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
     assert np.linalg.norm(window.view.plotter.camera.GetPosition() - before) > 1e-4
     assert not picks
+
+
+def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:
+    window = open_scene()
+    widget, camera = window.view.plotter, window.view.plotter.camera
+    # From the side, and from above, where nothing is up: each drag would roll a trackball.
+    for name in ("right", "top"):
+        for on in (False, True):
+            window.tools.cameras[name].trigger()
+            window.tools.turntable.setChecked(on)
+            at = QPoint(300, 300)
+            QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+            for step in [QPoint(25, 25), QPoint(25, -20)] * 8:
+                at += step
+                QTest.mouseMove(widget, at)
+            QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+            QTest.qWait(20)
+            seen = camera.GetModelViewTransformMatrix()  # its first row is what is right
+            assert (abs(seen.GetElement(0, 1)) < 1e-9) == on
+            assert not on or seen.GetElement(1, 1) > 0.0
+            assert abs(seen.GetElement(0, 0)) < 0.99
+    window.tools.turntable.setChecked(False)
 
 
 def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> None:

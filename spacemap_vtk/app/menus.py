@@ -115,7 +115,7 @@ class Menus(QObject):
         for name, choices in (
             ("Lines and points", tools.keys.looks),
             ("Colour by", [*tools.colorings.values()]),
-            ("Camera", [*tools.cameras.values(), *tools.keys.cameras, tools.orthographic]),
+            ("Camera", tools.camera_choices),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Style", [*tools.styles.values()]),
             ("Background", [*tools.backgrounds.values()]),

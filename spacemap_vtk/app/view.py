@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
-from vtkmodules.vtkRenderingCore import vtkCellPicker
+from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
 
 from spacemap_vtk.app.canvas import Canvas
 from spacemap_vtk.app.pick import Pick, read_point
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height
+from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height, stand_upright, upward
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, rest_of
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
@@ -33,6 +33,8 @@ MOST_PICKS = 6
 _REST = 220
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
+#: Of VTK: the mouse turns the camera.
+_TURNING = 1
 
 
 class View3D(QWidget):
@@ -86,6 +88,9 @@ class View3D(QWidget):
         self._looked_at: Seen | None = None
         #: Whether the camera moves, or has only just.
         self.steering = self._held = False
+        #: Whether what is up stays so while the mouse turns it; where the camera stood before.
+        self.turntable = False
+        self._stood: Viewpoint | None = None
         self._observe_camera()
         #: What the camera is aimed for: the share of the width that the scale takes, and arrows.
         self._aimed_for = 0.0, False
@@ -129,13 +134,24 @@ class View3D(QWidget):
     def _observe_camera(self) -> None:
         me, style = weakref.ref(self), self.plotter.interactor.GetInteractorStyle()
 
-        def tell(_style: object, event: str) -> None:
+        def tell(style: vtkInteractorStyle, event: str) -> None:
             here = me()
-            if here is not None:
+            if here is None:
+                return
+            if here.turntable and style.GetState() == _TURNING and event[0] != "E":
+                stand_upright(here.plotter.camera, here._up, here._stood)
+                here._stood = here.place
+            if event != "InteractionEvent":
+                here._stood = None
                 here.steer(event == "StartInteractionEvent")
 
-        for name in ("StartInteractionEvent", "EndInteractionEvent"):
+        for name in ("StartInteractionEvent", "InteractionEvent", "EndInteractionEvent"):
             style.AddObserver(name, tell)
+
+    @property
+    def _up(self) -> int:
+        """Which axis is up in the scene."""
+        return 1 if self._view is None else upward(self._view.camera)
 
     def steer(self, held: bool) -> None:
         """Draw what takes little time while the camera is held, and for a moment afterwards."""
@@ -269,7 +285,7 @@ class View3D(QWidget):
         width, height = max(1, self.plotter.width()), max(1, self.plotter.height())
         camera = self.plotter.camera
         flat, was_flat = name == FLAT, self._aimed is not None and self._aimed[0] == FLAT
-        aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0)
+        aim(camera, points, (1.0 - self.scene_view.room) * width / height, name, 1.0, self._up)
         if flat or (was_flat and name is not None):
             camera.SetParallelProjection(flat)
             self.flattened.emit(flat)

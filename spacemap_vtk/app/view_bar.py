@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QAction, QActionGroup, QIcon, QKeySequence
+from PySide6.QtCore import QSettings, QSize, Qt, Signal
+from PySide6.QtGui import QAction, QActionGroup, QIcon
 from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
 from spacemap_vtk.app.widgets import action, row
-from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
@@ -24,6 +23,19 @@ _SHOWN = (
     ("loads", "Loads", "L"),
     ("ghost", "Ghost", "G"),
 )
+#: Keys of cameras: the far side of a number's is behind Ctrl; V is PyVista's.
+_CAMERA_KEYS = {
+    "three-quarter": "1",
+    "isometric": "V",
+    "front": "2",
+    "back": "Ctrl+2",
+    "right": "3",
+    "left": "Ctrl+3",
+    "top": "4",
+    "bottom": "Ctrl+4",
+    "lying": "5",
+    "face": "6",
+}
 #: Normal of the plane that cuts at first.
 _ACROSS = (-1.0, 0.0, 0.0)
 
@@ -84,13 +96,11 @@ class ViewBar(QToolBar):
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}
         cameras = self._menu("Camera", "Where it is seen from")
-        for number, name in enumerate(CAMERAS, 1):
-            tip = f"Where it is seen from: {name} ({number})"
-            aim = action(self, name.capitalize(), self._aimed, str(number), tip, name)
+        for name, key in _CAMERA_KEYS.items():
+            tip = f"Where it is seen from: {name} ({key})"
+            aim = action(self, name.capitalize(), self._aimed, key, tip, name)
             cameras.addAction(aim)
             self.cameras[name] = aim
-        # PyVista's key for it.
-        self.cameras["three-quarter"].setShortcuts([QKeySequence("1"), QKeySequence("V")])
         self.keys = ViewKeys(view, self)
         cameras.addSeparator()
         cameras.addActions(self.keys.cameras)
@@ -99,7 +109,11 @@ class ViewBar(QToolBar):
         self.orthographic = action(self, "Orthographic", None, "O", tip, checkable=True)
         self.orthographic.toggled.connect(view.set_orthographic)
         view.flattened.connect(self._flattened)
-        cameras.addAction(self.orthographic)
+        tip = "What is up stays up while the mouse turns it (T)"
+        self.turntable = action(self, "Turntable", None, "T", tip, checkable=True)
+        self.turntable.toggled.connect(self._turn_upright)
+        self.turntable.setChecked(QSettings().value("turntable") == "true")
+        cameras.addActions([self.orthographic, self.turntable])
         tip = "Cut it open with a plane; the mouse moves it (X)"
         self.clip = action(self, "Clip", self._clip, "X", tip, checkable=True)
         self.addAction(self.clip)
@@ -145,15 +159,19 @@ class ViewBar(QToolBar):
         return [
             *self.shown.values(),
             self.hang,
-            *self.cameras.values(),
-            *self.keys.cameras,
-            self.orthographic,
+            *self.camera_choices,
             *self.keys.looks,
             self.clip,
             *self.clip_sides,
             *self.styles.values(),
             *self.backgrounds.values(),
         ]
+
+    @property
+    def camera_choices(self) -> list[QAction]:
+        """What concerns the camera."""
+        ways = [*self.cameras.values(), *self.keys.cameras]
+        return [*ways, self.orthographic, self.turntable]
 
     def _toggled(self, on: bool) -> None:
         name = self.sender().data()
@@ -176,6 +194,10 @@ class ViewBar(QToolBar):
         self.orthographic.blockSignals(True)  # the camera is so already
         self.orthographic.setChecked(on)
         self.orthographic.blockSignals(False)
+
+    def _turn_upright(self, on: bool) -> None:
+        self._view.turntable = on
+        QSettings().setValue("turntable", "true" if on else "false")
 
     def _hang(self, on: bool) -> None:
         self.hung.emit(on)

@@ -13,9 +13,14 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRen
 #: what lies level.
 CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
+    "isometric": ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
     "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "back": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
     "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "right": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "left": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+    "bottom": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
     "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
     "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 }
@@ -23,11 +28,33 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
 
 def upward(name: str) -> int:
     """Return which axis is up for a camera."""
-    return 2 if CAMERAS[name][1] == (0.0, 0.0, 1.0) else 1
+    return 2 if name == "lying" else 1
+
+
+def seen_from(name: str, up: int) -> NDArray[np.float64]:
+    """Return the way to a camera, and what is up in its picture, where an axis is up, (2, 3)."""
+    way = np.array(CAMERAS[name])
+    if up == 2 and name not in ("lying", FLAT):
+        way = way[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
+    return way
+
+
+def stand_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -> None:
+    """Have a camera turn about an axis, as on a turntable; what is over a pole goes back."""
+    axis = np.eye(3)[up]
+    if before is not None and np.dot(camera.GetViewUp(), axis) < _POLE:
+        before.take(camera)
+    height = -float(np.dot(camera.GetDirectionOfProjection(), axis))
+    if abs(height) > 1.0 - 0.4 * _POLE**2:  # nothing is up there
+        camera.OrthogonalizeViewUp()
+        camera.Elevation(-float(np.sign(height)))
+    camera.SetViewUp(*axis)
 
 
 #: The one without perspective.
 FLAT = "face"
+#: How much of what is up must be seen of it: nearer to a pole no camera turns.
+_POLE = 0.01
 
 
 class Viewpoint(NamedTuple):
@@ -125,14 +152,19 @@ def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
 
 
 def aim(
-    camera: vtkCamera, points: NDArray[np.float64], aspect: float, name: str | None, zoom: float
+    camera: vtkCamera,
+    points: NDArray[np.float64],
+    aspect: float,
+    name: str | None,
+    zoom: float,
+    axis: int = 1,
 ) -> None:
-    """Place the camera so that the points just fill the picture."""
+    """Place the camera so that the points just fill the picture; an axis is up for its name."""
     if name is None:
-        seen_from = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
+        ways = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
-        seen_from = CAMERAS[name]
-    direction, up = (np.array(v) / np.linalg.norm(v) for v in seen_from)
+        ways = tuple(seen_from(name, axis))
+    direction, up = (np.array(v) / np.linalg.norm(v) for v in ways)
     right = np.cross(up, direction)
     right /= np.linalg.norm(right)
     up = np.cross(direction, right)

@@ -64,10 +64,13 @@ class View(Parameterised):
     )
     camera = Choice(
         "three-quarter",
-        "Where it is seen from. lying: z is up, as of cloth on a table. face: from the front "
-        "without perspective, filling the picture: drafts are repeated to its edges, and of fine "
-        "cloth that is far longer the beginning is shown.",
-        ["three-quarter", "front", "side", "top", "lying", "face"],
+        "Where it is seen from; side is right. lying: z is up, as of cloth on a table. face: from "
+        "the front without perspective, filling the picture: drafts are repeated to its edges, and "
+        "of fine cloth that is far longer the beginning is shown.",
+        [
+            *("three-quarter", "isometric", "front", "back", "side", "right", "left", "top"),
+            *("bottom", "lying", "face"),
+        ],
     )
     size = Vector(
         None,

@@ -61,7 +61,7 @@ class Session:
         self._looking = self._given_up = False
         state.title, state.playing, state.picture = self.scene.title, False, 0
         state.work, state.failure, state.warnings = None, "", []
-        state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS]
+        state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS if n != "side"]
         self._tell()
         self.ask()
 
