@@ -12,7 +12,7 @@ from window import require_display, settled, type_into, wait_until
 
 require_display()
 
-from PySide6.QtWidgets import QFileDialog, QLabel  # noqa: E402
+from PySide6.QtWidgets import QFileDialog, QLabel, QMessageBox  # noqa: E402
 from test_window_draft import LEFT, click, woven  # noqa: E402
 
 from spacemap_vtk.app.kept_drafts import KeptDrafts  # noqa: E402
@@ -118,7 +118,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     line = window.properties.rows["draft"].editor.line
     assert line.text() == str(twill.with_suffix(".wif"))
     click(qtbot, window, "threading", 2, 4)
-    assert line.text() == "edited draft"
+    assert line.text() == "twill.wif, edited"
     assert not any("spacemap-drafts" in label.text() for label in window.findChildren(QLabel))
     # To leave the field as it is changes nothing.
     type_into(line, line.text())
@@ -128,7 +128,7 @@ def test_an_edited_draft_has_a_name_that_the_user_knows(
     window.document.scene.weave.draft.unlink()
     window.document.set("weave", "warp_spacing", "1 mm")
     wait_until(lambda: window.errors.text)
-    assert "edited draft" in window.errors.text
+    assert "twill.wif, edited" in window.errors.text
     assert "spacemap-drafts" not in window.errors.text
     window.document.undo.undo()
     window.document.undo.undo()
@@ -184,6 +184,55 @@ def test_a_draft_that_was_opened_is_saved_as_one(
     window.document.set("cage", "divisions", [3, 3, 1])
     save_draft(window, qtbot, monkeypatch, file)
     assert window.isWindowModified()
+
+
+def test_a_draft_is_a_document(
+    draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, said = twill.with_suffix(".wif"), "[TEXT]\nAuthor=Ada\n[NOTES]\n1=for the loom upstairs\n"
+    file.write_text(said + file.read_text())
+    original = file.read_bytes()
+    window = draft_of(file)
+    assert window.windowTitle().startswith("twill.wif")
+    click(qtbot, window, "threading", 2, 4)
+    click(qtbot, window, "warp", 2, 0)
+    assert window.isWindowModified()
+    window.menus.actions["Save"].trigger()
+    assert not window.isWindowModified()
+    assert window.errors.text == ""
+    again = read_wif(file)
+    assert again.loom == window.draft.grid.shown.loom
+    assert again.loom.threading[1] == (4,)
+    assert {k: [*v] for k, v in again.besides.items()} == {
+        "TEXT": ["Author=Ada"],
+        "NOTES": ["1=for the loom upstairs"],
+    }
+    monkeypatch.setattr(QMessageBox, "question", lambda *_: pytest.fail("asked"))
+    assert window.files.may_leave()
+    # Undo leads back to what was in the file.
+    for _ in range(2):
+        window.menus.actions["Undo"].trigger()
+    assert window.document.scene.weave.draft.read_bytes() == original
+    # What no draft holds is told, and not taken for saved.
+    window.document.set("cage", "divisions", [3, 3, 1])
+    window.menus.actions["Save"].trigger()
+    assert "a draft holds no cage.divisions" in window.errors.text
+    assert window.isWindowModified()
+    asked: list[tuple[str, ...]] = []
+
+    def answer(_parent: Any, *about: str) -> tuple[str, str]:
+        asked.append(about)
+        return "", ""
+
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", answer)
+    # A format that is only read.
+    file.rename(other := file.with_suffix(".wifw"))
+    window.document.open(other)
+    window.menus.actions["Save"].trigger()
+    window.document.open("twill_2_2")
+    window.menus.actions["Save as…"].trigger()
+    assert [about[1] for about in asked] == [str(file), str(Path.cwd() / "twill_2_2.toml")]
+    assert "no .wifw can be written" in asked[0][0]
 
 
 def test_colours_are_written_as_their_repeat() -> None:

@@ -120,6 +120,23 @@ def test_a_scene_of_the_program_is_never_overwritten(
     assert window.files.recent[0] == str(target.with_suffix(".toml"))
 
 
+def test_the_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
+    window, file = open_scene(), tmp_path / "swing.toml"
+    window.document.save(file)
+    assert '"20 ms"' in file.read_text()
+    window.times.go(0.1 / 3)
+    assert not window.isWindowModified()
+    window.menus.actions["Save"].trigger()
+    assert Scene.read(file).view.time == 0.0333333
+    window.times.go(0.0)
+    window.document.open(file)
+    assert window.times.time == 0.0333333
+    window.times.go(0.0)
+    window.menus.actions["Save"].trigger()
+    assert Scene.read(file).view.time == 0.0
+    assert "# half a swing" in file.read_text()
+
+
 def test_a_reset_value_comes_back_with_its_comment(open_scene: Any) -> None:
     window = open_scene()
     before = window.document.text

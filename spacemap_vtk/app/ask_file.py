@@ -4,13 +4,33 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
 
+def last_folder() -> Path:
+    """Return the folder that was used last, in this session or another."""
+    folder = Path(str(QSettings().value("folder") or Path.cwd()))
+    return folder if folder.is_dir() else Path.cwd()
+
+
+def keep_folder(file: Path) -> Path:
+    """Let a file's folder be the one that was used last."""
+    QSettings().setValue("folder", str(file.resolve().parent))
+    return file
+
+
 def ask_file(parent: QWidget, title: str, proposal: str, filters: str, ending: str) -> Path | None:
-    """Ask where to write."""
-    name, _ = QFileDialog.getSaveFileName(parent, title, proposal, filters)
-    return ended(parent, Path(name), ending) if name else None
+    """Ask where to write: as is proposed, or so in the folder that was used last."""
+    name, _ = QFileDialog.getSaveFileName(parent, title, str(last_folder() / proposal), filters)
+    path = ended(parent, Path(name), ending) if name else None
+    return path and keep_folder(path)
+
+
+def ask_opened(parent: QWidget, title: str, filters: str) -> str:
+    """Ask what to open, in the folder that was used last; nothing is empty."""
+    name, _ = QFileDialog.getOpenFileName(parent, title, str(last_folder()), filters)
+    return str(keep_folder(Path(name))) if name else ""
 
 
 def ended(parent: QWidget, path: Path, ending: str) -> Path | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pprint
+import re
 import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,7 +20,7 @@ from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value
-from spacemap_vtk.io.output import whole_folder
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder
 from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -52,7 +53,7 @@ class Document(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.undo = History(self)
-        #: The file that "save" writes; None before the first "save as".
+        #: The file that "save" writes, a scene or a draft; None before the first "save as".
         self.file: Path | None = None
         #: The file that the scene was read from, a draft or a scene of the program's among them.
         self.source: Path | None = None
@@ -84,7 +85,7 @@ class Document(QObject):
         else:
             # A new scene of the draft: what Scene.read makes of it is not yet a text.
             text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
-        own = scene and path.parent != library.folder().resolve()
+        own = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
         self.file, self.source = path if own else None, path
         self._replace(text, path.parent, read)
 
@@ -93,14 +94,20 @@ class Document(QObject):
         self.file = self.source = None
         self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n')
 
-    def save(self, path: Path | None = None) -> None:
-        """Write the scene, comments and all."""
+    def save(self, path: Path | None = None, time: float | None = None) -> list[str]:
+        """Write the scene, comments and all, or its draft; return what the file cannot hold."""
         target = path or self.file
         if target is None:
             raise InputError("this scene has no file yet", cure='Use "Save as".')
         target = target.resolve()
+        if registry.kind_of(target) == "draft":
+            lost = self.save_draft(target, adopt=True)
+            self.file = self.source = target
+            return lost
         before = self.version
         try:
+            if time is not None and time != self.scene.view.time:
+                self._put("view", "time", float(f"{time:.6g}"))
             self._move_from(self._folder, target.parent)
             with whole_folder(target) as folder:
                 self._save_draft(target, folder)
@@ -117,22 +124,47 @@ class Document(QObject):
         self.undo.setClean()
         if self.text != before.text:
             self.changed.emit()
+        return []
 
-    def settle_draft(self, path: Path) -> None:
-        """Refer to the file that an edited draft was written to; if that is all, all is saved."""
-        if self.drafts.holds(self.scene.weave.draft):
+    def save_draft(self, path: Path, adopt: bool = False) -> list[str]:
+        """Write the draft, refer to its file if it had none; return what is lost or unsaved."""
+        path = path.resolve()
+        check_output(path, registry.written("draft"))
+        draft, format_ = self.scene.weave.wif, registry.writer(path, "draft")
+        self.remember(path)
+        with whole_file(path) as file:
+            format_.write(file, draft)
+        if adopt or self.drafts.holds(self.scene.weave.draft):
             beside = self.file is not None and path.parent == self._folder
-            written = path.name if beside else str(path)
-            self.set_many("weave", {"draft": written}, name="draft's file")
-        # If what was opened is a draft, its file has what the scene says of it.
-        of_draft = self.file is None and self.source and registry.kind_of(self.source) == "draft"
-        kept = DRAFTED if of_draft else ()
-        now, saved = (
-            {**settings, "weave": {k: v for k, v in settings["weave"].items() if k not in kept}}
-            for settings in (self._settings(), self._clean)
-        )
-        if now == saved:
+            self._put("weave", "draft", path.name if beside else str(path))
+            self._scene = Scene(self.values, self.base)
+            self.changed.emit()
+        drafted = self.opened_draft is not None
+        left = [
+            f"{section}.{key}"
+            for section, values in self._settings().items()
+            for key, value in values.items()
+            if value != self._clean[section][key] and not (drafted and _in_draft(section, key))
+        ]
+        if not left:
             self.undo.setClean()
+        lost = format_.loses(draft) if format_.loses else []
+        if left and drafted:
+            lost.append(f'a draft holds no {", ".join(left)}: "Save as" keeps that in a scene')
+        return lost
+
+    @property
+    def opened_draft(self) -> Path | None:
+        """The draft that was opened, whose file has what the scene says of it; None: a scene."""
+        drafted = self.source is not None and registry.kind_of(self.source) == "draft"
+        return self.source if drafted else None
+
+    def proposed(self, ending: str) -> str:
+        """Return a name for a file of this scene, beside its own if that is the user's."""
+        if self.source is None:
+            return "_".join(re.findall(r"\w+", self.name.lower())) + ending
+        own = self.source.parent != library.folder().resolve()
+        return str(self.source.with_suffix(ending)) if own else self.source.stem + ending
 
     @property
     def scene(self) -> Scene:
@@ -164,7 +196,9 @@ class Document(QObject):
     @property
     def base(self) -> Path:
         """A file in the folder that relative paths count from."""
-        return self.file or self._folder / "scene.toml"
+        if self.file is None or self.opened_draft:
+            return self._folder / "scene.toml"
+        return self.file
 
     @property
     def name(self) -> str:
@@ -382,6 +416,11 @@ def _moved(value: Any, parameter: Any, old: Path, new: Path) -> Any:
         keys = parameter.record.parameters
         return {key: _moved(item, keys.get(key), old, new) for key, item in value.items()}
     return value
+
+
+def _in_draft(section: str, key: str) -> bool:
+    """Whether a draft's file holds a value; how it is looked at is no matter of a draft."""
+    return section == "view" or (section == "weave" and key in DRAFTED)
 
 
 def _replaces(change: _Change, former: _Change) -> bool:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QSettings, Signal
-from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+from PySide6.QtWidgets import QMessageBox, QWidget
 
-from spacemap_vtk.app.ask_file import ask_file
+from spacemap_vtk.app.ask_file import ask_file, ask_opened
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.error_bar import ErrorBar
+from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.provenance import Record, recorded
-from spacemap_vtk.io.registry import name_filter, opened_filters, writer, written
+from spacemap_vtk.io.registry import kind_of, name_filter, opened_filters, writer, written
 from spacemap_vtk.scenes.origin import record_of
 
 _RECENT = 8
@@ -27,9 +30,12 @@ class Files(QObject):
     #: The files used lately are others.
     remembered = Signal()
 
-    def __init__(self, window: QWidget, document: Document, errors: ErrorBar) -> None:
+    def __init__(
+        self, window: QWidget, document: Document, errors: ErrorBar, times: TimeBar
+    ) -> None:
         super().__init__(window)
         self._window, self._document, self._errors = window, document, errors
+        self._times = times
 
     @property
     def recent(self) -> list[str]:
@@ -45,7 +51,7 @@ class Files(QObject):
     def open(self) -> None:
         """Ask for a file, and open it."""
         if self.may_leave():
-            name, _ = QFileDialog.getOpenFileName(self._window, "Open", "", opened_filters())
+            name = ask_opened(self._window, "Open", opened_filters())
             if name:
                 self.load(name)
 
@@ -66,18 +72,44 @@ class Files(QObject):
             self.load(name)
 
     def save(self) -> bool:
-        """Save, asking for a name where there is none."""
-        return self.save_as() if self._document.file is None else self._write(None)
+        """Save, asking for a name where there is none, or none of a file that can be written."""
+        file = self._document.file
+        draft = self._document.opened_draft
+        if file is None or (draft is not None and draft.suffix.lower() not in _drafts()):
+            return self.save_as()
+        return self._save(None)
 
     def save_as(self) -> bool:
-        path = ask_file(self._window, "Save as", "", "Scenes (*.toml)", ".toml")
-        return path is not None and self._write(path)
+        """Save under another name: a scene, or what was opened as a draft as a draft."""
+        title, ending, filters = "Save as", ".toml", "Scenes (*.toml)"
+        draft = self._document.opened_draft
+        if draft is not None:
+            own = draft.suffix.lower()
+            ending = own if own in _drafts() else ".wif"
+            filters = f"{name_filter('Drafts', _drafts())};;{filters}"
+            if own != ending:
+                title = f"Save as (no {own} can be written: the draft goes into a {ending})"
+        proposal = self._document.proposed(ending)
+        path = ask_file(self._window, title, proposal, filters, ending)
+        return path is not None and self._save(path)
+
+    def save_draft(self) -> None:
+        """Ask for a name, and write the draft of the cloth."""
+        if self._document.opened_draft is not None:
+            self.save_as()
+            return
+        proposal = self._document.proposed(".wif")
+        path = ask_file(self._window, "Save draft", proposal, "Drafts (*.wif)", ".wif")
+        if path is not None:
+            self._write(partial(self._document.save_draft, path))
 
     def save_picture(self, view: View3D) -> None:
         """Ask for a name, and save what the view shows."""
         endings = written("picture")
         filters, first = name_filter("Pictures", endings), next(iter(endings))
-        path = ask_file(self._window, "Save picture", f"picture{first}", filters, first)
+        path = ask_file(
+            self._window, "Save picture", self._document.proposed(first), filters, first
+        )
         if path is None:
             return
         try:
@@ -113,18 +145,29 @@ class Files(QObject):
         )
         return answer == box.Discard or (answer == box.Save and self.save())
 
-    def _write(self, path: Path | None) -> bool:
+    def _save(self, path: Path | None) -> bool:
+        saved = self._write(partial(self._document.save, path, self._times.time))
+        if saved and self._document.file is not None:
+            self._remember(self._document.file)
+        return saved and self._document.undo.isClean()
+
+    def _write(self, write: Callable[[], list[str]]) -> bool:
         try:
-            self._document.save(path)
+            lost = write()
         except (SpacemapError, OSError) as error:
             self._errors.say(error, "file")
             return False
         self._errors.clear("file")
-        if self._document.file is not None:
-            self._remember(self._document.file)
+        if lost:
+            self._errors.warn(f"Written, but {'; '.join(lost)}.", "file")
         return True
 
     def _remember(self, path: Path) -> None:
         names = [str(path), *(name for name in self.recent if name != str(path))]
         QSettings().setValue("recent", names[:_RECENT])
         self.remembered.emit()
+
+
+def _drafts() -> list[str]:
+    """Return the endings of drafts that are opened and written."""
+    return [ending for ending in written("draft") if kind_of(Path(f"a{ending}")) == "draft"]

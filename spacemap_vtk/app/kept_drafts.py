@@ -22,15 +22,21 @@ class KeptDrafts:
 
     def __init__(self) -> None:
         self._folder: Path | None = None
+        #: What a user is told in place of a file's name.
+        self._names: dict[str, str] = {}
 
-    def keep(self, draft: Draft) -> Path:
-        return self._keep(format_wif(draft), ".wif")
+    def keep(self, draft: Draft, former: Path | None = None) -> Path:
+        """Write a draft that was made of a former file's."""
+        told = "drawn here" if former is None else f"{former.name}, edited"
+        if former is not None and self.holds(former):
+            told = self._names[former.name]
+        return self._keep(format_wif(draft), ".wif", told)
 
     def keep_file(self, file: Path) -> Path:
         """Write a copy of a draft's file."""
-        return self._keep(file.read_bytes(), file.suffix)
+        return self._keep(file.read_bytes(), file.suffix, f"{file.name}, as it was")
 
-    def _keep(self, data: bytes, suffix: str) -> Path:
+    def _keep(self, data: bytes, suffix: str, told: str) -> Path:
         try:
             if self._folder is None:
                 self._folder = Path(tempfile.mkdtemp(prefix="spacemap-drafts-")).resolve()
@@ -42,6 +48,7 @@ class KeptDrafts:
                 except OSError:
                     path.unlink(missing_ok=True)  # half of it would be taken for all
                     raise
+            self._names.setdefault(path.name, told)
         except OSError as error:
             raise InputError(
                 f"the draft cannot be kept ({error.strerror})",
@@ -58,4 +65,5 @@ class KeptDrafts:
         """Return what a user is told."""
         if self._folder is None:
             return str(text)
-        return re.sub(rf"{re.escape(str(self._folder))}/\w+\.\w+", "edited draft", str(text))
+        kept = rf"{re.escape(str(self._folder))}/(\w+\.\w+)"
+        return re.sub(kept, lambda found: self._names.get(found[1], "a draft"), str(text))

@@ -91,7 +91,7 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.draft, "Draft")
         self.pull = PullTab(self.document)
         self.tabs.addTab(self.pull, "Pull")
-        self.files = Files(self, self.document, self.errors)
+        self.files = Files(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
         self.menus = Menus(
@@ -252,6 +252,7 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.plots.follow)
         self.director.drawn.connect(self.modes.response.follow)
         self.draft.held.connect(self.director.hold)
+        self.draft.saved.clicked.connect(self.files.save_draft)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
@@ -268,6 +269,7 @@ class MainWindow(QMainWindow):
             told.connect(self._show_view)
         self.document.replaced.connect(self._begin)
         self.files.remembered.connect(self._show_recent)
+        self.files.remembered.connect(self._name)
         self.gallery.chosen.connect(self.files.leave_for)
         self.exports.written.connect(self._tell_written)
         self.gallery.new.connect(self.files.new)
@@ -284,7 +286,6 @@ class MainWindow(QMainWindow):
                 [self.properties.accepted, document.changed, draft.accepted],
             ),
             ("time", [self.times.refused], [self.times.chosen]),
-            ("draft file", [draft.unwritten], [draft.written]),
             ("plot", [plots.failed], [plots.shown]),
             ("plot file", [plots.unwritten], [plots.written]),
             ("export", [self.exports.failed], [self.exports.written]),

@@ -58,6 +58,7 @@ def as_draft(cloth: Cloth, draft: Draft, asked: Asked, title: str = "") -> Draft
         weft=families[1],
         title=draft.title or title,
         warnings=draft.warnings,
+        besides=draft.besides,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -125,6 +126,8 @@ class Draft:
         Name of the draft.
     warnings : tuple of str, optional
         What was odd about the source of the draft.
+    besides : dict of str to tuple of str, optional
+        What a WIF says that is not of the cloth, such as its author: lines by section.
 
     Raises
     ------
@@ -144,6 +147,7 @@ class Draft:
     weft: DraftThreads = field(default_factory=DraftThreads)
     title: str = ""
     warnings: tuple[str, ...] = ()
+    besides: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "drawdown", as_drawdown(self.drawdown))

@@ -86,7 +86,9 @@ def parse_wif(data: str | bytes) -> Draft:
     )
     title = text.entry("TEXT", "title")
     return Draft(
-        loom.drawdown(), loom, warp, weft, title.value if title else "", warnings=notes.texts()
+        *(loom.drawdown(), loom, warp, weft, title.value if title else ""),
+        warnings=notes.texts(),
+        besides=text.besides,
     )
 
 

@@ -37,12 +37,14 @@ READ = frozenset(
         family + part for family in _FAMILIES for part in _EACH
     )
 )
-#: Sections of the standard that say nothing about the cloth; their lines are not looked at.
-SKIPPED = frozenset(
-    {"NOTES", "TRANSLATIONS", "DESIGN", "BITMAP IMAGE", "BITMAP FILE", "BITMAP IMAGE DATA"}.union(
+#: Those of the standard that show threads or the whole in another way, and no more once edited.
+PASSED = frozenset(
+    {"DESIGN", "BITMAP IMAGE", "BITMAP FILE", "BITMAP IMAGE DATA"}.union(
         family + part for family in _FAMILIES for part in _IDLE
     )
 )
+#: Sections of the standard that say nothing about the cloth; their lines are not looked at.
+SKIPPED = PASSED | {"NOTES", "TRANSLATIONS"}
 
 
 class Notes:
@@ -97,6 +99,8 @@ class WifSection:
     line: int
     #: By key: in lower case, and whole numbers without leading zeros.
     entries: dict[str, Entry] = field(default_factory=dict)
+    #: The lines of one that is not read, as they stand there.
+    lines: list[str] = field(default_factory=list)
 
 
 def decode(data: bytes, notes: Notes) -> str:
@@ -134,12 +138,22 @@ class WifText:
                 notes.add(number, "text before the first section is ignored", "preamble")
             elif current.name in READ:
                 _enter(line, number, current, notes)
+            elif current.name not in PASSED:
+                current.lines.append(raw.rstrip())
 
     def entry(self, section: str, key: str) -> Entry | None:
         """Return the entry of a key."""
         found = self.sections.get(section)
         entry = found.entries.get(key) if found else None
         return entry if entry and entry.value else None
+
+    @property
+    def besides(self) -> dict[str, tuple[str, ...]]:
+        """What the file says besides the draft, in lines: by whom it is, notes."""
+        texts = self.sections["TEXT"].entries if "TEXT" in self.sections else {}
+        said = {"TEXT": [f"{e.key}={e.value}" for key, e in texts.items() if key != "title"]}
+        said |= {name: section.lines for name, section in self.sections.items() if section.lines}
+        return {name: tuple(lines) for name, lines in said.items() if lines}
 
     def line(self, *sections: str, key: str = "") -> int:
         """Return the line where something is, or where it should be."""

@@ -35,7 +35,10 @@ def format_wif(draft: Draft) -> bytes:
         )
     )
     sections: dict[str, list[str]] = {
-        "TEXT": [f"Title={title}"] if (title := _one_line(draft.title)) else [],
+        "TEXT": [
+            *([f"Title={title}"] if (title := _one_line(draft.title)) else []),
+            *draft.besides.get("TEXT", ()),
+        ],
         "WEAVING": [
             f"Shafts={loom.shafts}",
             f"Treadles={loom.treadles or loom.shafts}",
@@ -57,6 +60,7 @@ def format_wif(draft: Draft) -> bytes:
         "WARP THICKNESS": _lengths(draft.warp.thickness),
         "WEFT THICKNESS": _lengths(draft.weft.thickness),
     }
+    sections |= {name: list(said) for name, said in draft.besides.items() if name != "TEXT"}
     sections = {name: lines for name, lines in sections.items() if lines}
     head = {
         "WIF": [

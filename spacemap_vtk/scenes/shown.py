@@ -103,6 +103,7 @@ def as_draft(shown: Shown) -> Draft:
         source.warp.repeated(ends),
         source.weft.repeated(picks),
         title=source.title,
+        besides=source.besides,
     )
 
 

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QBoxLayout,
     QCheckBox,
     QComboBox,
-    QFileDialog,
     QGridLayout,
     QLabel,
     QSizePolicy,
@@ -22,7 +21,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.ask_file import ask_file
+from spacemap_vtk.app.ask_file import ask_opened
 from spacemap_vtk.app.document import DRAFTED, Document
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
@@ -31,9 +30,7 @@ from spacemap_vtk.app.widgets import column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
-from spacemap_vtk.io.output import check_output, whole_file
 from spacemap_vtk.io.registry import draft_filters
-from spacemap_vtk.io.wif_writer import format_wif
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
@@ -49,9 +46,6 @@ class DraftTab(QWidget):
 
     #: What went wrong with an edit.
     failed = Signal(object)
-    #: What went wrong with the draft's file, and that it is written.
-    unwritten = Signal(object)
-    written = Signal()
     #: A number was changed or a stroke ended: errors of before are of no interest.
     accepted = Signal()
     #: Whether a stroke goes on.
@@ -112,28 +106,10 @@ class DraftTab(QWidget):
 
     def open(self) -> None:
         """Ask for a draft, and weave it in this scene."""
-        name, _ = QFileDialog.getOpenFileName(self, "Open draft", "", draft_filters())
+        name = ask_opened(self, "Open draft", draft_filters())
         if name:
             path = str(Path(name).resolve())
             self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")
-
-    def save(self) -> None:
-        """Ask for a name, and write the draft as WIF."""
-        path = ask_file(self, "Save draft", "draft.wif", "Drafts (*.wif)", ".wif")
-        if path is None:
-            return
-        path = path.resolve()
-        try:
-            check_output(path, {".wif": "draft"})
-            data = format_wif(self._document.scene.weave.wif)
-            self._document.remember(path)
-            with whole_file(path) as file:
-                file.write_bytes(data)
-            self._document.settle_draft(path)
-        except (SpacemapError, OSError) as error:
-            self.unwritten.emit(error)
-        else:
-            self.written.emit()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Catch up with what has changed unseen."""
@@ -191,7 +167,6 @@ class DraftTab(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         self.tools.setLayout(grid)
         self.opened.clicked.connect(self.open)
-        self.saved.clicked.connect(self.save)
         self.smaller.clicked.connect(self._zoom_out)
         self.larger.clicked.connect(self._zoom_in)
         self.fit.clicked.connect(self.grid.fit)
@@ -266,7 +241,8 @@ class DraftTab(QWidget):
 
     def _weave(self, shown: Shown, name: str) -> None:
         try:
-            path = self._document.drafts.keep(as_draft(shown))
+            former = self._document.scene.weave.draft
+            path = self._document.drafts.keep(as_draft(shown), former)
         except SpacemapError as error:
             self.failed.emit(error)
             return

@@ -126,8 +126,9 @@ class FileEditor(LineEditor):
         self.button.clicked.connect(self._browse)
 
     def show_value(self, value: Any) -> None:
-        self._file = "" if value is None else str(value)
         self.show_text("" if value is None else self.told(value))
+        #: Where a dialog begins: nobody knows of a file that is called otherwise.
+        self._file = "" if self.shown != str(value) else self.shown
 
     def _browse(self) -> None:
         file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)
