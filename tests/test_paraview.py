@@ -174,7 +174,7 @@ def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
     # The server's messages reach the client: the two mistakes, each in one line, and nothing else.
     messages = [line for line in done.stderr.splitlines() if "|" in line]
     assert len(messages) == 2, done.stderr
-    assert "PatchTessellator: subdivisions = 1000: out of range" in messages[0]
+    assert "ModalResponse: duration = -1.0: out of range" in messages[0]
     assert "Make warp_diameter smaller" in messages[1]
     assert "over the wire" in done.stdout
     red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T

@@ -146,18 +146,19 @@ def test_a_value_is_written_so_that_it_comes_back(name: str, given: Any) -> None
     ("name", "values", "expected"),
     [
         ("length", [0.003], 0.003),
-        ("spare_width", [0.0], None),
-        ("spare_width", [0.1], 0.1),
-        ("spare_height", [-1.0], None),
-        ("spare_height", [0.0], 0.0),
+        ("spare_width", [""], None),
+        ("spare_width", ["100 mm"], 0.1),
+        ("spare_height", ["auto"], None),
+        ("spare_height", ["0"], 0.0),
         ("spare_shift", [""], None),
         ("spare_shift", ["-2 mm"], -0.002),
         ("spare_shift", ["0"], 0.0),
-        ("spare_number", [-1], None),
-        ("spare_number", [0], 0),
+        ("spare_number", [None], None),
+        ("spare_number", ["0"], 0),
         ("flag", [0], False),
         ("word", ["a"], "a"),
-        ("vector", [0, 0, -9.81], (0.0, 0.0, -9.81)),
+        ("vector", ["0, 0, -9.81"], (0.0, 0.0, -9.81)),
+        ("vector", ["[0, 2 mm/s2,-9.81 ]"], (0.0, 0.002, -9.81)),
         ("maybe_vector", ["[1, 2, 3]"], (1.0, 2.0, 3.0)),
         ("maybe_vector", [" "], None),
         ("sizes", [7, 8], (7, 8)),
@@ -192,16 +193,46 @@ def test_ranges_units_and_choices_are_shown() -> None:
 
     assert bounds("share") == ("0.0", "1.0")
     assert bounds("length") == ("0.0", None)
-    assert bounds("spare_height") == ("-1", None)
     assert bounds("number") == ("1", None)  # a slider up to 100,000 would be of no use
     assert bounds("sizes") == ("1 1", None)
     assert units("length") == ["m"]
-    assert units("vector") == ["x m/s2", "y m/s2", "z m/s2"]
     assert units("sizes") == ["w", "h"]
     assert [word.get("value") for word in xml("word").iter("String")] == ["a", "b"]
-    assert "0 stands for automatic" in xml("spare_width").findtext("Documentation", "")
-    # An empty field says by itself what it stands for.
-    assert xml("spare_shift").findtext("Hints/PlaceholderText") == "automatic: none"
+    # An empty field says by itself what it stands for; no number does.
+    for name, says in (("spare_shift", "none"), ("spare_number", "as many as there are")):
+        assert xml(name).get("default_values") == ""
+        assert xml(name).findtext("Hints/PlaceholderText") == f"auto ({says})"
+
+
+@pytest.mark.parametrize("name", PROXIES)
+def test_the_panel_shows_what_counts(name: str) -> None:
+    """As ParaView decides it, for the values of what others depend on, one after another."""
+    stage = PROXIES[name]
+    elements = fromstring(stage._pvsm_proxy_xml).iter()
+    shown = {e.get("command", "")[4:]: e for e in elements if e.tag.endswith("VectorProperty")}
+    for key in dict.fromkeys(key for p in stage.parameters.values() for key in p.when):
+        parameter = stage.parameters[key]
+        values = getattr(parameter, "choices", None) or (parameter.default, True)
+        if parameter.optional:
+            values = (None, [["1 Hz", 0.1], ["2 Hz", 0.1]] if key == "damping_pairs" else "0.1")
+        for value in values:
+            made = stage(**{key: value})
+            written = {
+                n: str(property_of(p).write(getattr(made, n))) for n, p in stage.parameters.items()
+            }
+            named = {shown[n].get("name"): text for n, text in written.items()}
+            for other, element in shown.items():
+                matches = [
+                    (
+                        named[d.get("property")] in d.get("values", "").split(" ")
+                        if "values" in d.attrib
+                        else (named[d.get("property")] == d.get("value"))
+                        != (d.get("inverse") == "1")
+                    )
+                    for d in element.iter("PropertyWidgetDecorator")
+                ]
+                if other in stage.parameters:
+                    assert all(matches) == (made.idle(other) == ""), (key, value, other)
 
 
 def test_groups_are_declared_or_share_their_first_word() -> None:

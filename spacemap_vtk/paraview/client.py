@@ -13,7 +13,7 @@ from importlib.machinery import ModuleSpec
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.parameters import Parameter, Real, Vector
 from spacemap_vtk.paraview.hosted import PROXIES
 from spacemap_vtk.paraview.property_xml import property_of
 
@@ -53,19 +53,23 @@ def _adapt(servermanager: Any) -> None:
     """Make ``weave.WarpDiameter = 0.25e-3`` work, and say what is wrong with ``Ends = "many"``."""
     original = servermanager.Proxy.SetPropertyWithName
 
-    def set_property(self: Any, name: str, value: Any) -> None:
-        try:
-            original(self, name, value)
-        except (TypeError, RuntimeError):  # not the type or the number of values it holds
-            parameter = _parameter(self, name)
-            if parameter is None:
-                raise
+    def set_property(self: Any, name: str, value: Any) -> Any:
+        parameter: Any = _parameter(self, name)
+        # A text may hold any number, and only the stage would say what is wrong with it.
+        written = isinstance(value, str) and isinstance(parameter, (Real, Vector))
+        if not written:
             try:
-                checked = parameter.check(value)
-            except InputError as error:
-                # Of a ValueError ParaView would keep no more than that the value is not valid.
-                raise TypeError(f"{self.GetXMLName()}: {error}") from None
-            original(self, name, property_of(parameter).write(checked))
+                return original(self, name, value)
+            except (TypeError, RuntimeError):  # not the type or the number of values it holds
+                if parameter is None:
+                    raise
+        made = property_of(parameter)
+        try:
+            checked = parameter.check(made.read(value) if written else value)
+        except InputError as error:
+            # Of a ValueError ParaView would keep no more than that the value is not valid.
+            raise TypeError(f"{self.GetXMLName()}: {error}") from None
+        return original(self, name, made.write(checked))
 
     servermanager.Proxy.SetPropertyWithName = set_property
 

@@ -2,10 +2,10 @@
 
 A property is the XML that ParaView's server manager reads, and the ways to and fro: a value as
 ParaView holds it, and what ParaView hands to the setter, turned into a value for the parameter's
-own check. ParaView has no value for "automatic"
-(None): where a number is optional, 0 or -1 stands for it, whichever the parameter refuses; in a
-text, the empty one, which ParaView hands over as None. Kinds that are declared elsewhere are texts,
-with or without quotes.
+own check. ParaView has no value for "automatic" (None): what may be so is a text, whose field is
+empty and says in grey what it stands for; ParaView hands it over as None. Lists of three numbers
+are texts too: three fields leave no room for -9.80665 in a panel of ParaView's own width. Kinds
+that are declared elsewhere are texts, with or without quotes.
 """
 
 from __future__ import annotations
@@ -19,9 +19,12 @@ from xml.etree.ElementTree import Element, SubElement
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Parameter, Real, Vector
 from spacemap_vtk.parameters import Text as PlainText
+from spacemap_vtk.units import pretty
 
 #: A slider over a wider range than this cannot be used, and a field takes its place.
 _WIDEST_SLIDER = 1000.0
+#: What an empty field stands for, where it is the default.
+_EMPTY = (None, ())
 
 
 class Property(NamedTuple):
@@ -41,20 +44,25 @@ def command(parameter: Parameter[Any]) -> str:
 
 def title(parameter: Parameter[Any]) -> str:
     """Return a parameter's name in words, from which ParaView makes its name in Python too."""
-    return " ".join(word[:1].upper() + word[1:] for word in parameter.name.split("_"))
+    words = parameter.label.replace("colour", "color").split()
+    return " ".join(word[:1].upper() + word[1:] for word in words)
+
+
+def property_name(parameter: Parameter[Any]) -> str:
+    """Return a parameter's name in ParaView's Python: letters and digits of the title."""
+    return "".join(filter(str.isalnum, title(parameter)))
 
 
 def property_of(parameter: Parameter[Any]) -> Property:
     """Return a parameter's property."""
     made = _kind_of(parameter)(parameter)
-    made.xml.set("name", title(parameter).replace(" ", ""))
+    made.xml.set("name", property_name(parameter))
     made.xml.set("label", title(parameter))
     made.xml.set("command", command(parameter))
-    help = parameter.describe()
-    stand_in = made.xml.attrib.pop("automatic", None)
-    if stand_in is not None:
-        help += f" Here {stand_in} stands for automatic."
-    SubElement(made.xml, "Documentation").text = help
+    SubElement(made.xml, "Documentation").text = parameter.describe()
+    if parameter.automatic:
+        # Of a file, whose field takes no such text, ParaView ignores it.
+        hint(made.xml, "PlaceholderText").text = parameter.show(None)
     return made
 
 
@@ -63,35 +71,37 @@ def _kind_of(parameter: Parameter[Any]) -> Callable[[Any], Property]:
     kind, numbers = type(parameter), (Real, Integer)
     makers: dict[type, Callable[[Any], Property]]
     makers = {Flag: _flag, Choice: _choice, FilePath: _file, PlainText: _plain}
-    if isinstance(parameter, Real) and kind in numbers:
-        there_is_one = not parameter.optional or _stand_in(parameter) is not None
-        return _number if there_is_one else _text
-    if isinstance(parameter, Vector) and not parameter.optional:
-        return _vector if type(parameter.component) in numbers else _text
-    if kind is Color and not parameter.optional:
-        return _color
+    if isinstance(parameter, Vector) and type(parameter.component) in numbers:
+        whole = kind is Vector and not parameter.optional and type(parameter.component) is Integer
+        return _integers if whole else _vector
+    if not parameter.optional:
+        makers |= {Real: _number, Integer: _number, Color: _color}
     return makers.get(kind, _text)
 
 
 def _number(parameter: Real) -> Property:
-    stand_in = _stand_in(parameter) if parameter.optional else None
+    xml = _numbers(parameter, [parameter.default])
+    _range(xml, parameter)
+    _labels(xml, [pretty(parameter.unit)])
+    return Property(xml, lambda value: value, lambda value: value)
 
-    def write(value: Any) -> Any:
-        return stand_in if value is None else value
 
-    xml = _numbers(parameter, [write(parameter.default)])
-    _range(xml, parameter, stand_in)
-    _labels(xml, [parameter.unit])
-    if stand_in is not None:
-        xml.set("automatic", str(stand_in))
-    return Property(xml, lambda value: None if value == stand_in else value, write)
+def _integers(parameter: Vector) -> Property:
+    xml = _numbers(parameter.component, parameter.default)
+    _range(xml, parameter.component)
+    _labels(xml, list(parameter.labels))
+    return Property(xml, lambda *values: values, list)
 
 
 def _vector(parameter: Vector) -> Property:
-    xml = _numbers(parameter.component, parameter.default)
-    _range(xml, parameter.component, None)
-    _labels(xml, [f"{letter} {parameter.unit}".rstrip() for letter in parameter.labels])
-    return Property(xml, lambda *values: values, list)
+    def read(text: str | None = None) -> list[str] | None:
+        numbers = (text or "").strip("[] ")
+        return [number.strip() for number in numbers.split(",")] if numbers else None
+
+    def write(value: Any) -> str:
+        return ", ".join(repr(number).removesuffix(".0") for number in value or ())
+
+    return Property(_vector_property("String", [write(parameter.default)]), read, write)
 
 
 def _color(parameter: Color) -> Property:
@@ -136,12 +146,8 @@ def _bare(value: Any) -> str:
 
 
 def _text(parameter: Parameter[Any]) -> Property:
-    xml = _vector_property("String", [_written(parameter, parameter.default)])
-    if parameter.optional:
-        xml.set("automatic", "an empty field")
-        _hint(xml, "PlaceholderText").text = f"automatic: {parameter.automatic}"
     return Property(
-        xml,
+        _vector_property("String", [_written(parameter, parameter.default)]),
         lambda text=None: _read_text(parameter, text or ""),
         lambda value: _written(parameter, value),
     )
@@ -149,7 +155,7 @@ def _text(parameter: Parameter[Any]) -> Property:
 
 def _written(parameter: Parameter[Any], value: Any) -> str:
     """Return a value as a user would write it: without quotes, where it needs none."""
-    if value is None:
+    if value in _EMPTY:
         return ""
     shown = parameter.show(value)
     bare = shown[1:-1] if len(shown) > 1 and shown[0] == shown[-1] == '"' else shown
@@ -164,8 +170,8 @@ def _written(parameter: Parameter[Any], value: Any) -> str:
 
 
 def _read_text(parameter: Parameter[Any], text: str) -> Any:
-    if text.strip() == "" and parameter.optional:
-        return None
+    if text.strip() == "" and parameter.default in _EMPTY:
+        return parameter.default
     try:
         # What a scene file can say in one line is JSON too. No tomllib: ParaView 5.13 as Kitware
         # ships it has Python 3.10.
@@ -174,16 +180,6 @@ def _read_text(parameter: Parameter[Any], text: str) -> Any:
     except ValueError:  # InputError is one too
         return text.strip()
     return value
-
-
-def _stand_in(parameter: Real) -> int | None:
-    """Return the number that stands for automatic; None where every candidate is a value."""
-    for candidate in (0, -1):
-        try:
-            parameter.convert(candidate)
-        except InputError:
-            return candidate
-    return None
 
 
 def _numbers(component: Real, values: Iterable[Any]) -> Element:
@@ -198,13 +194,11 @@ def _vector_property(kind: str, values: list[Any]) -> Element:
     )
 
 
-def _range(xml: Element, parameter: Real, stand_in: int | None) -> None:
+def _range(xml: Element, parameter: Real) -> None:
     low = parameter.minimum if parameter.minimum is not None else parameter.above
     high = parameter.maximum if parameter.maximum is not None else parameter.below
     if low is not None and high is not None and high - low > _WIDEST_SLIDER:
         high = None  # the parameter's own check stays
-    if low is not None and stand_in is not None:
-        low = min(low, stand_in)
     integer = isinstance(parameter, Integer)
     bounds: dict[str, Any] = {}
     if low is not None:
@@ -220,10 +214,12 @@ def _range(xml: Element, parameter: Real, stand_in: int | None) -> None:
 def _labels(xml: Element, labels: list[str]) -> None:
     """Show units beside the fields: in the property's label they would enter its Python name."""
     if any(labels):
-        shown = _hint(xml, "ShowComponentLabels")
+        shown = hint(xml, "ShowComponentLabels")
         for number, label in enumerate(labels):
             SubElement(shown, "ComponentLabel", component=str(number), label=label)
 
 
-def _hint(xml: Element, name: str) -> Element:
-    return SubElement(SubElement(xml, "Hints"), name)
+def hint(xml: Element, name: str) -> Element:
+    """Return a new hint of a property; of several elements of hints ParaView reads the last."""
+    hints = xml.find("Hints")
+    return SubElement(SubElement(xml, "Hints") if hints is None else hints, name)

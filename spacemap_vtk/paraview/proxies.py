@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import inspect
 from collections import Counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.registry import endings, readers
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.paraview.property_xml import property_of, title
+from spacemap_vtk.paraview.property_xml import hint, property_name, property_of
 
 CATEGORY = "Space mapping"
 #: Parameters that begin with the same word are a group if there are as many as this.
 _SMALLEST_GROUP = 3
+#: ParaView's own icons, by what a stage is in a scene.
+_ICONS = {
+    "cage": "pqUnstructuredGrid16.png",
+    "solver": "pqSinusoidal24.png",
+    "mover": "pqVcrPlay.svg",
+    "rotation": "pqRotateCameraCW.svg",
+    "crimp": "pqLineChart16.png",
+    "warp": "pqWarp.svg",
+    "surface": "pqPolydata16.png",
+}
 
 
 class FileType(NamedTuple):
@@ -42,20 +52,28 @@ def proxy_xml(stage: type[Stage], label: str, path: str, file: FileType | None =
     documentation.text = " ".join(text.split())
     for port, (name, kind) in enumerate(zip(stage.input_names, stage.inputs, strict=False)):
         _input(proxy, port, name, kind)
-    for parameter in stage.parameters.values():
+    names = {name: property_name(p) for name, p in stage.parameters.items()}
+    if file is not None:
+        names[file.parameter] = "FileName"  # by this name ParaView knows which property is the file
+    for name, parameter in stage.parameters.items():
         xml = property_of(parameter).xml
-        if file is not None and parameter.name == file.parameter:
-            xml.set("name", "FileName")  # by this name ParaView knows which property is the file
+        if names[name] == "FileName":
+            xml.set("name", "FileName")
             xml.set("label", "File Name")
+        for key, values in parameter.when.items():
+            _show_when(
+                xml, names[key], [property_of(stage.parameters[key]).write(v) for v in values]
+            )
         proxy.append(xml)
     if stage.time_range is not Stage.time_range:
         _times(proxy)
     for heading, members in groups(stage.parameters).items():
         box = SubElement(proxy, "PropertyGroup", label=heading)
         for parameter in members:
-            SubElement(box, "Property", name=title(parameter).replace(" ", ""))
+            SubElement(box, "Property", name=names[parameter.name])
     hints = SubElement(proxy, "Hints")
-    SubElement(hints, "ShowInMenu", category=CATEGORY)
+    icon = _ICONS.get(stage.role, "pqSource16.png")
+    SubElement(hints, "ShowInMenu", category=CATEGORY, icon=f":/pqWidgets/Icons/{icon}")
     if file is not None:
         SubElement(
             hints,
@@ -90,6 +108,16 @@ def _input(proxy: Element, port: int, name: str, kind: str) -> None:
     # A cage round each block would be another cage than one round all.
     types = SubElement(xml, "DataTypeDomain", name="input_type", composite_data_supported="0")
     SubElement(types, "DataType", value=kind)
+
+
+def _show_when(xml: Element, key: str, values: list[Any]) -> None:
+    """Let the panel show a property where another has one of these values; none: any but none."""
+    shown = hint(xml, "PropertyWidgetDecorator")
+    shown.attrib |= {"type": "GenericDecorator", "mode": "visibility", "property": key}
+    if len(values) < 2:
+        shown.attrib |= {"value": str(*values), "inverse": str(int(not values))}
+    else:
+        shown.set("values", " ".join(map(str, values)))
 
 
 def _times(proxy: Element) -> None:

@@ -29,7 +29,7 @@ for proxy, name, value, ran in (
     (modal, "YoungsModulus", 2e3, [0, 0, 1, 1, 1, 1]),
     (cage, "Divisions", [2, 2, 2], [0, 1, 1, 1, 1, 1]),
     (weave, "WarpCrimpHeight", 0.2e-3, [1, 1, 1, 1, 1, 1]),
-    (weave, "WarpCrimpHeight", -1, [1, 1, 1, 1, 1, 1]),
+    (weave, "WarpCrimpHeight", "", [1, 1, 1, 1, 1, 1]),
 ):
     before = executions(proxies)
     setattr(proxy, name, value)

@@ -6,12 +6,12 @@ from paraview import servermanager, simple
 
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.property_xml import title
+from spacemap_vtk.paraview.property_xml import property_name
 
 
 def check(name: str, stage: type[Stage]) -> None:
     proxy = getattr(simple, name)()
-    declared = [title(p).replace(" ", "") for p in stage.parameters.values()]
+    declared = [property_name(p) for p in stage.parameters.values()]
     order, help = [], {}
     iterator = proxy.SMProxy.NewPropertyIterator()
     iterator.Begin()
@@ -22,7 +22,7 @@ def check(name: str, stage: type[Stage]) -> None:
         iterator.Next()
     assert sorted(set(declared) - set(order)) in ([], ["Draft"], ["File"]), (declared, order)
     for parameter in stage.parameters.values():
-        text = help.get(title(parameter).replace(" ", ""), help.get("FileName"))
+        text = help.get(property_name(parameter), help.get("FileName"))
         assert text, (name, parameter.name)
         assert text.startswith(parameter.help), (text, parameter.help)
     # ParaView has set every property by now: what arrived is the declared default.
@@ -44,12 +44,12 @@ for name, stage in PROXIES.items():
 weave = simple.WeaveSource()
 for name, label in (("WarpDiameter", "Warp Diameter"), ("Ends", "Ends")):
     assert weave.GetProperty(name).SMProperty.GetXMLLabel() == label
-hints = weave.GetProperty("WarpSett").SMProperty.GetHints()
+hints = weave.GetProperty("FibreDensity").SMProperty.GetHints()
 label = hints.FindNestedElementByName("ShowComponentLabels").GetNestedElement(0)
-assert label.GetAttribute("label") == "1/m"
+assert label.GetAttribute("label") == "kg/m³"
 hints = weave.GetProperty("WarpSpacing").SMProperty.GetHints()
 shown = hints.FindNestedElementByName("PlaceholderText").GetCharacterData()
-assert shown.startswith("automatic: from the sett"), shown
+assert shown.startswith("auto (from the sett"), shown
 modal = servermanager.ProxyManager().NewProxy("filters", "ModalSolver")
 domain = modal.GetProperty("PoissonsRatio").FindDomain("vtkSMDoubleRangeDomain")
 assert (domain.GetMinimum(0), domain.GetMaximum(0)) == (-1.0, 0.5)

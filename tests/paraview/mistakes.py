@@ -33,7 +33,7 @@ for proxy, name, bad, fine, words in (
     (modal, "PoissonsRatio", 0.7, 0.3, "less than 0.5"),
     (modal, "Fixed", "+q", "+y", "+q"),
     (response, "Initial", "asleep", "rest", '"equilibrium"'),
-    (surface, "Subdivisions", 1000, 4, "64"),
+    (response, "Duration", -1.0, 1.0, "greater than 0 s"),
     # refused when it runs: a cloth that cannot be, a file that is not there
     (weave, "WarpDiameter", "0.7 mm", "", "Make warp_diameter smaller"),
     (weave, "Draft", "/no/such/file.wif", "", "/no/such/file.wif"),
@@ -61,6 +61,8 @@ for proxy, name, bad, words in (
     (response, "Alpha", None, "ModalResponse: alpha"),
     (response, "Gravity", [0, -1], "2 components in place of 3"),
     (surface, "Subdivisions", "fine", "not a number"),
+    (surface, "Subdivisions", 1000, "subdivisions = 1000: out of range"),
+    (response, "Gravity", "0, -1", "2 components in place of 3"),
 ):
     refusal = ""
     try:

@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview.hosted import PROXIES
-from spacemap_vtk.paraview.property_xml import title
+from spacemap_vtk.paraview.property_xml import property_name
 
 scenes, folder = (Path(argument) for argument in sys.argv[1:3])
 DRAFT, SHEET = scenes / "32-shaft_twill.wif", scenes / "calculix" / "sheet.pvd"
@@ -46,9 +46,9 @@ def another(stage: str, parameter: Parameter) -> Any:
     raise AssertionError(f"{stage}.{parameter.name} is always {parameter.default}")
 
 
-def property_name(proxy: Any, parameter: Parameter) -> str:
-    """Return a parameter's name in ParaView's Python."""
-    name = title(parameter).replace(" ", "")
+def name_of(proxy: Any, parameter: Parameter) -> str:
+    """Return a parameter's name in ParaView's Python, of a reader's file, too."""
+    name = property_name(parameter)
     return name if name in proxy.ListProperties() else "FileName"
 
 
@@ -79,7 +79,7 @@ for name, stage in PROXIES.items():
     inputs = dict.fromkeys(stage.input_names[: len(stage.inputs)], base)
     proxy = getattr(simple, name)(registrationName=f"all of {name}", **inputs)
     for parameter in stage.parameters.values():
-        setattr(proxy, property_name(proxy, parameter), another(name, parameter))
+        setattr(proxy, name_of(proxy, parameter), another(name, parameter))
     written[f"all of {name}"] = settings(proxy)
     for parameter in stage.parameters.values():
         assert settings(proxy)[parameter.name] != parameter.default, (name, parameter.name)
