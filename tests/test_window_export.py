@@ -18,9 +18,9 @@ require_display()
 import pyvista as pv  # noqa: E402
 from PySide6.QtCore import Qt, QTimer  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QApplication, QFileDialog, QProgressDialog, QPushButton  # noqa: E402
+from PySide6.QtWidgets import QApplication, QFileDialog, QMessageBox, QPushButton  # noqa: E402
 
-from spacemap_vtk.app.export_dialog import ExportDialog, TimesDialog  # noqa: E402
+from spacemap_vtk.app.export_dialog import ExportDialog  # noqa: E402
 
 
 def written(window: Any) -> list[str]:
@@ -67,6 +67,45 @@ def test_a_picture_is_seen_as_in_the_window(open_scene: Any, tmp_path: Path) -> 
     assert coloured[1] < 0.6 * coloured[0]
 
 
+def test_presets_transparency_and_what_is_remembered(open_scene: Any, tmp_path: Path) -> None:
+    window, done = open_scene(), []
+    window.exports.written.connect(done.append)
+    seen: list[Any] = []
+
+    def fill(name: str, preset: str) -> None:
+        dialog = QApplication.activeModalWidget()
+        if not isinstance(dialog, ExportDialog):
+            QTimer.singleShot(50, lambda: fill(name, preset))
+            return
+        seen.append((dialog.file, dialog.preset.currentText(), dialog.size_chosen))
+        dialog.preset.textActivated.emit(preset)
+        seen.append(dialog.size_chosen)
+        dialog.line.setText(str(tmp_path / name))
+        seen.append(dialog.transparent.isEnabled())
+        dialog.width_box.setValue(320)
+        dialog.height_box.setValue(200)
+        dialog.transparent.setChecked(True)
+        dialog.save.click()
+
+    for name, preset in (("a.png", "4K"), ("b.jpg", "1080p")):
+        QTimer.singleShot(50, lambda given=(name, preset): fill(*given))
+        window.menus.actions["Export picture…"].trigger()
+        wait_until(lambda name=name: str(tmp_path / name) in done or window.errors.text)
+        assert window.errors.text == ""
+    assert seen[0][1:] == ("Scene", (1600, 800))
+    assert (seen[1], seen[4]) == ((3840, 2160), (1920, 1080))
+    assert seen[3] == (tmp_path / "plain_weave.png", "Other", (320, 200))
+    assert (seen[2], seen[5]) == (True, False)
+    with Image.open(tmp_path / "a.png") as clear, Image.open(tmp_path / "b.jpg") as filled:
+        cover = np.asarray(clear)[..., 3]
+        assert cover[0, 0] == 0
+        assert 0.1 < (cover == 255).mean() < 0.9
+        assert filled.mode == "RGB"
+        # What is covered is the same picture, but for what JPEG makes of it.
+        both = np.asarray(clear)[..., :3].astype(int), np.asarray(filled).astype(int)
+        assert np.abs(both[0] - both[1])[cover == 255].mean() < 15.0
+
+
 def test_what_a_format_cannot_hold_is_told(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("twill_2_2")
     done = written(window)
@@ -95,19 +134,35 @@ def test_a_film_is_written_whole(open_scene: Any, tmp_path: Path) -> None:
 
 
 def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
-    open_scene: Any, tmp_path: Path
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
     window.document.set("animation", "speed", 0.001)
     file = tmp_path / "long.gif"
     file.write_bytes(b"what was there")
     window.exports.start("film", file, (320, 240))
-    progress = window.findChild(QProgressDialog)
-    wait_until(lambda: progress.maximum() > 100 and progress.value() >= 2, 60)
-    assert progress.isVisible()
-    cancel = progress.findChild(QPushButton)
+    bar = window.exports.bar
+    wait_until(lambda: bar.maximum() > 100 and bar.value() >= 2, 60)
+    # One goes on working meanwhile, but with another film.
+    assert bar.isVisible()
+    window.menus.actions["Export film…"].trigger()
+    assert "long.gif is being written. Wait" in window.errors.text
+    window.times.go(0.1)
+    wait_until(lambda: settled(window) and window.view.frame.time == 0.1)
+    asked: list[str] = []
+
+    def refuse(*about: Any) -> Any:
+        asked.append(about[2])
+        return QMessageBox.StandardButton.No
+
+    monkeypatch.setattr(QMessageBox, "question", refuse)
+    window.close()
+    assert window.isVisible()
+    assert "long.gif is being written. Close" in asked[0]
+    window.document.undo.setClean()
+    window.errors.clear()
     begun = time.monotonic()
-    QTest.mouseClick(cancel, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(window.exports.stopping, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.exports.busy)
     assert time.monotonic() - begun < 1.0
     assert file.read_bytes() == b"what was there"
@@ -125,15 +180,23 @@ def test_a_film_that_cannot_be_encoded_is_neither_proposed_nor_begun(
     else:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     proposed: list[tuple[str, str]] = []
+    said: list[str] = []
 
     def look() -> None:
         dialog = QApplication.activeModalWidget()
-        proposed.append((dialog.file.name, dialog.filters))
+        proposed.append((dialog.file.name, dialog._drawn.filters))
+        # What it needs is looked at before it begins.
+        dialog.line.setText(str(tmp_path / "film.mp4"))
+        said.append(dialog.told.text())
+        assert dialog.save.isEnabled() == encoder
+        dialog.line.setText(str(tmp_path / "film.avi"))
+        assert not dialog.save.isEnabled()
         dialog.reject()
 
     QTimer.singleShot(200, look)
     window.menus.actions["Export film…"].trigger()
-    assert proposed[0][0] == ("film.mp4" if encoder else "film.gif")
+    assert proposed[0][0] == ("plain_weave.mp4" if encoder else "plain_weave.gif")
+    assert ("50 frames" if encoder else "pip install 'spacemap_vtk[movie]'") in said[0]
     assert ("*.mp4" in proposed[0][1]) == encoder
     begun = time.monotonic()
     window.exports.start("film", tmp_path / "film.mp4", (160, 120))
@@ -187,7 +250,7 @@ def test_a_series_has_the_times_that_are_typed(
 
     def fill() -> None:
         dialog = QApplication.activeModalWidget()
-        if not isinstance(dialog, TimesDialog):
+        if not isinstance(dialog, ExportDialog):
             QTimer.singleShot(50, fill)
             return
         said.append(dialog.told.text())
@@ -212,8 +275,7 @@ def test_a_series_has_the_times_that_are_typed(
     np.testing.assert_allclose(reader.time_values, [0.292, 0.294, 0.296, 0.298], rtol=1e-12)
     before = {each: each.read_bytes() for each in tmp_path.rglob("*.*")}
     window.exports.start("surface", file, times=list(np.arange(1000) / 1000))
-    progress = window.findChildren(QProgressDialog)[-1]  # the former may not have gone yet
-    wait_until(lambda: progress.value() >= 2)
+    wait_until(lambda: window.exports.bar.value() >= 2)
     window.exports.cancel()
     wait_until(lambda: not window.exports.busy)
     assert {each: each.read_bytes() for each in tmp_path.rglob("*.*")} == before
@@ -309,8 +371,7 @@ def test_a_process_that_does_not_start_is_told_and_the_next_one_runs(
     assert "picture.png could not be written: " in window.errors.text
     assert (str(program) if kind != "ends at once" else "code 3") in window.errors.text
     assert list(folder.iterdir()) == []
-    progress = window.findChild(QProgressDialog)
-    assert progress is None or not progress.isVisible()
+    assert not window.exports.progress.isVisible()
     window.exports.start("picture", folder / "picture.png", (160, 120))
     wait_until(lambda: done or window.exports.busy is False)
     assert done == [str(folder / "picture.png")]

@@ -38,8 +38,12 @@ def ended(parent: QWidget, path: Path, ending: str) -> Path | None:
     if path.suffix:
         return path
     path = path.with_suffix(ending)
+    return path if may_write_over(parent, path) else None
+
+
+def may_write_over(parent: QWidget, path: Path) -> bool:
+    """Ask, if there is such a file."""
     box = QMessageBox.StandardButton
-    stays = path.exists() and box.Yes != QMessageBox.question(
+    return not path.exists() or box.Yes == QMessageBox.question(
         parent, "Write over it?", f"{path.name} already exists.", box.Yes | box.No, box.No
     )
-    return None if stays else path

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import (
+    QCheckBox,
     QComboBox,
     QDialog,
     QDialogButtonBox,
     QFileDialog,
     QFormLayout,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
@@ -18,42 +21,69 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.app.ask_file import may_write_over
+from spacemap_vtk.app.widgets import mark, note, row
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io.registry import endings_with_alpha
 from spacemap_vtk.scenes.settings import Animation
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import format_quantity, parse_quantity
+
+#: Sizes in pixels, by name; that of the window and that of the scene stand before them.
+SIZES = {"1080p": (1920, 1080), "4K": (3840, 2160)}
+_OTHER, _KEPT = "Other", "export/size"
+
+
+@dataclass
+class Drawn:
+    """What is to be known before it is asked where a picture or film goes."""
+
+    #: A key of `spacemap_vtk.io.registry.DRAWN`.
+    kind: str
+    proposal: Path
+    filters: str
+    #: By name.
+    sizes: dict[str, tuple[int, int]]
+    transparent: bool
+    #: Refuses what cannot be written: file, size, and how many frames.
+    check: Callable[[Path, tuple[int, int], int], None]
 
 
 class ExportDialog(QDialog):
-    """Asks for file, size and camera."""
+    """Asks for file, size and camera, or for times as a film has them, or for both."""
 
     def __init__(
-        self, parent: QWidget, kind: str, proposal: str, filters: str, size: tuple[int, int]
+        self,
+        parent: QWidget,
+        title: str,
+        animation: Animation | None = None,
+        drawn: Drawn | None = None,
     ) -> None:
         super().__init__(parent)
-        self.setWindowTitle(f"Export {kind}")
-        self.filters = filters
-        self.line = QLineEdit(str(Path.cwd() / proposal))
-        self.line.setMinimumWidth(340)
-        browse = QPushButton("Browse…")
-        browse.clicked.connect(self._browse)
-        self.width_box, self.height_box = QSpinBox(), QSpinBox()
-        for box, side in zip((self.width_box, self.height_box), size, strict=True):
-            box.setRange(16, 8192)
-            box.setValue(side)
-            box.setSuffix(" px")
-        self.camera = QComboBox()
-        self.camera.addItems(["As in the window", "As the scene says"])
+        self.setWindowTitle(title)
+        self._drawn = drawn
+        self._chosen = ""
+        #: The times that are chosen, in s; empty: there are none.
+        self.times: list[float] = []
+        self.lines: dict[str, QLineEdit] = {}
+        form = QFormLayout(self)
+        form.setContentsMargins(16, 16, 16, 12)
+        self.told = note("", "note")
+        self.told.setMinimumSize(400, 3 * self.told.fontMetrics().lineSpacing())
         buttons = QDialogButtonBox(
             QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Cancel
         )
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
-        form.addRow("File", _beside(self.line, browse))
-        form.addRow("Size", _beside(self.width_box, QLabel("×"), self.height_box))
-        form.addRow("Seen", self.camera)
+        self.save = buttons.button(QDialogButtonBox.StandardButton.Save)
+        if drawn is not None:
+            self._ask_drawn(form, drawn)
+        #: What is typed of a film's times; None: it is not asked for.
+        self.animation = None if animation is None else Animation(**animation.settings)
+        if animation is not None:
+            self._ask_times(form, animation)
+        form.addRow(self.told)
         form.addRow(buttons)
+        self._change()
 
     @property
     def file(self) -> Path:
@@ -70,66 +100,123 @@ class ExportDialog(QDialog):
         """Whether camera and parts are those of the window."""
         return self.camera.currentIndex() == 0
 
-    def _browse(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, "Export", self.line.text(), self.filters)
-        if name:
-            self.line.setText(name)
+    @property
+    def clear(self) -> bool:
+        """Whether there is to be no background."""
+        return self.transparent.isEnabled() and self.transparent.isChecked()
 
+    def accept(self) -> None:
+        """Take what is chosen, if nobody minds that a file is written over."""
+        if self._drawn is not None:
+            # The dialog of files has asked already.
+            if self.line.text() != self._chosen and not may_write_over(self, self.file):
+                return
+            kept = self.preset.currentText()
+            size = "{} x {}".format(*self.size_chosen)
+            QSettings().setValue(_KEPT, size if kept == _OTHER else kept)
+        super().accept()
 
-class TimesDialog(QDialog):
-    """Asks for the times of a series, as a film has them."""
+    def _ask_drawn(self, form: QFormLayout, drawn: Drawn) -> None:
+        self.line = QLineEdit(str(drawn.proposal))
+        self.line.setMinimumWidth(340)
+        browse = QPushButton("Browse…")
+        browse.clicked.connect(self._browse)
+        self.width_box, self.height_box, self.preset = QSpinBox(), QSpinBox(), QComboBox()
+        self.preset.addItems([*drawn.sizes, _OTHER])
+        for box in (self.width_box, self.height_box):
+            box.setRange(16, 8192)
+            box.setSuffix(" px")
+        self.preset.textActivated.connect(self._choose_size)
+        kept = str(QSettings().value(_KEPT, "Scene"))
+        width, _, height = kept.partition(" x ")
+        own = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+        self._show_size(own or drawn.sizes.get(kept, drawn.sizes["Scene"]))
+        self.preset.setCurrentText(_OTHER if own else kept)
+        self.camera = QComboBox()
+        self.camera.addItems(["As in the window", "As the scene says"])
+        self.transparent = QCheckBox("None: transparent")
+        self.transparent.setChecked(drawn.transparent)
+        form.addRow("File", row(None, (self.line, 1), browse))
+        sizes = self.width_box, QLabel("×"), self.height_box
+        form.addRow("Size", row(None, self.preset, *sizes, None))
+        form.addRow("Seen", self.camera)
+        form.addRow("Background", self.transparent)
+        self.line.textChanged.connect(self._change)
+        for box in (self.width_box, self.height_box):
+            box.valueChanged.connect(self._change)
 
-    def __init__(self, parent: QWidget, file: Path, animation: Animation) -> None:
-        super().__init__(parent)
-        self.setWindowTitle(f"Times of {file.name}")
-        self._animation = Animation(**animation.settings)
-        #: The times that are chosen, in s; empty: there are none.
-        self.times: list[float] = []
-        self.lines: dict[str, QLineEdit] = {}
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
+    def _ask_times(self, form: QFormLayout, animation: Animation) -> None:
         labels = {"start": "From", "stop": "To", "frames_per_second": "Frames per second"}
         for name, label in labels.items():
-            parameter = self._animation.parameter(name)
+            parameter = animation.parameter(name)
             self.lines[name] = line = QLineEdit(parameter.show(getattr(animation, name)))
             line.setToolTip(parameter.help)
             line.textChanged.connect(self._change)
             form.addRow(label, line)
-        self.told = QLabel()
-        self.told.setWordWrap(True)
-        self.told.setMinimumSize(340, 3 * self.told.fontMetrics().lineSpacing())
-        form.addRow(self.told)
-        buttons = QDialogButtonBox(
-            QDialogButtonBox.StandardButton.Save | QDialogButtonBox.StandardButton.Cancel
-        )
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
-        self.save = buttons.button(QDialogButtonBox.StandardButton.Save)
-        form.addRow(buttons)
-        self._change()
+        if self._drawn is not None:
+            self.lines["duration"] = line = QLineEdit()
+            line.setToolTip("How long the film lasts: as the motion does, or slower or faster")
+            line.textEdited.connect(self._change)
+            form.insertRow(form.rowCount() - 1, "Duration", line)
+
+    def _browse(self) -> None:
+        assert self._drawn is not None
+        text, filters = self.line.text(), self._drawn.filters
+        self._chosen, _ = QFileDialog.getSaveFileName(self, "Export", text, filters)
+        if self._chosen:
+            self.line.setText(self._chosen)
+
+    def _choose_size(self, name: str) -> None:
+        assert self._drawn is not None
+        if name in self._drawn.sizes:
+            self._show_size(self._drawn.sizes[name])
+            self.preset.setCurrentText(name)
+
+    def _show_size(self, size: tuple[int, int]) -> None:
+        for box, side in zip((self.width_box, self.height_box), size, strict=True):
+            box.setValue(side)
 
     def _change(self) -> None:
-        """Tell how many times these are, or why they are none."""
+        """Tell what is chosen, or why it cannot be."""
+        words, bad = "", False
         try:
-            self._animation.configure(**{name: line.text() for name, line in self.lines.items()})
-            self.times = self._animation.frame_times()
-            apart = self._animation.speed / self._animation.frames_per_second
-            many = len(self.times) > 1
-            words = f"{len(self.times)} times, {1000 * apart:.4g} ms apart" if many else "1 time"
-            if self._animation.speed != 1.0:
-                words += f"; a second of film is {format_quantity(self._animation.speed, 's')}"
-        except InputError as error:
-            self.times, words = [], str(error)
+            if self.animation is not None:
+                words = self._read_times(self.animation)
+            if self._drawn is not None:
+                self._show_drawn(self._drawn)
+                self._drawn.check(self.file, self.size_chosen, len(self.times) or 1)
+        except SpacemapError as error:
+            words, bad = str(error), True
+        mark(self.told, bad)
+        self.save.setEnabled(not bad)
         self.told.setText(words)
-        self.save.setEnabled(bool(self.times))
 
+    def _show_drawn(self, drawn: Drawn) -> None:
+        if self.sender() in (self.width_box, self.height_box):
+            self.preset.setCurrentText(_OTHER)
+        ending, able = self.file.suffix.lower(), endings_with_alpha(drawn.kind)
+        self.transparent.setEnabled(ending in able)
+        why = f" (a {ending or 'file without ending'} cannot be; {', '.join(able)} can)"
+        self.transparent.setText("None: transparent" + ("" if ending in able else why))
 
-def _beside(*widgets: QWidget) -> QWidget:
-    row = QWidget()
-    layout = QHBoxLayout(row)
-    layout.setContentsMargins(0, 0, 0, 0)
-    for widget in widgets:
-        layout.addWidget(widget)
-    if not isinstance(widgets[0], QLineEdit):
-        layout.addStretch(1)
-    return row
+    def _read_times(self, animation: Animation) -> str:
+        """Take the times that are typed, and return what they are."""
+        self.times = []
+        typed = {name: line.text() for name, line in self.lines.items()}
+        duration = typed.pop("duration", None)
+        animation.configure(**typed)
+        span = animation.stop - animation.start
+        if duration is not None and self.sender() is self.lines["duration"]:
+            lasts = parse_quantity(duration, "s")
+            if not 0.0 < lasts < float("inf"):
+                raise InputError("no duration", key="duration", allowed="more than 0 s")
+            animation.speed = span / lasts
+        elif duration is not None and span > 0.0:
+            self.lines["duration"].setText(format_quantity(span / animation.speed, "s"))
+        self.times = animation.frame_times()
+        apart, count = animation.speed / animation.frames_per_second, len(self.times)
+        what = "frame" if self._drawn is not None else "time"
+        words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
+        if animation.speed != 1.0:
+            words += f"; a second of film is {format_quantity(animation.speed, 's')}"
+        return words

@@ -6,19 +6,29 @@ import json
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
-from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, Qt, QTimer, Signal
-from PySide6.QtWidgets import QFileDialog, QProgressDialog, QWidget
+from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, QSettings, QTimer, Signal
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QLabel,
+    QMessageBox,
+    QProgressBar,
+    QPushButton,
+    QWidget,
+)
 
-from spacemap_vtk.app.ask_file import ended
+from spacemap_vtk.app.ask_file import ended, last_folder
 from spacemap_vtk.app.document import Document
-from spacemap_vtk.app.export_dialog import ExportDialog, TimesDialog
+from spacemap_vtk.app.export_dialog import SIZES, Drawn, ExportDialog
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
+from spacemap_vtk.app.widgets import row
 from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.order import Order, as_text
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
@@ -28,6 +38,10 @@ from spacemap_vtk.scenes.face import picture_size
 
 #: Milliseconds that a process which is ended has for ending its own.
 _PATIENCE = 500
+#: Letters of a name at the foot of the window, at most.
+_LONGEST = 24
+#: What keeps the folder of the last export.
+_FOLDER = "export/folder"
 
 
 class Exports(QObject):
@@ -43,7 +57,13 @@ class Exports(QObject):
         super().__init__(window)
         self._window, self._document, self._times, self._view = window, document, times, view
         self._process: QProcess | None = None
-        self._progress: QProgressDialog | None = None
+        #: How far it is, and what ends it; hidden while nothing is written.
+        self.progress = QWidget()
+        self.bar, self.stopping, self._words = QProgressBar(), QPushButton("Cancel"), QLabel()
+        self.bar.setFixedWidth(120)
+        self.stopping.clicked.connect(self.cancel)
+        row(self.progress, self._words, self.bar, self.stopping, spacing=6)
+        self.progress.hide()
         self._files: ExitStack | None = None
         self._target = Path()
         self._error: SpacemapError | None = None
@@ -52,22 +72,24 @@ class Exports(QObject):
 
     def picture(self) -> None:
         """Ask for a picture's file and size, and write it."""
-        self._drawn("picture", name_filter("Pictures", written("picture")), "picture.png")
+        self._drawn("picture", name_filter("Pictures", written("picture")), ".png")
 
     def film(self) -> None:
         """Ask for a film's file and size, and write it."""
         endings = writable("film")
         frames = name_filter("Numbered frames", written("frames"))
         filters = f"{name_filter('Films', endings)};;{frames}"
-        self._drawn("film", filters, f"film{endings[0]}")
+        self._drawn("film", filters, endings[0])
 
     def data(self) -> None:
         """Ask for a file, and write what its format holds."""
+        if not self._free():
+            return
         filters = written_filters()
         name, chosen = QFileDialog.getSaveFileName(
             self._window,
             "Export data (a name with %04d in it: a file for each time)",
-            "",
+            str(self._proposal("")),
             ";;".join(filters),
         )
         if not name:
@@ -77,6 +99,7 @@ class Exports(QObject):
         path = ended(self._window, Path(name), ending[1] if ending else next(iter(written(kind))))
         if path is None:
             return
+        QSettings().setValue(_FOLDER, str(path.parent))
         if path.suffix.lower() not in written(kind):
             kind = next((other for other in DATA if path.suffix.lower() in written(other)), kind)
         scene = self._document.scene
@@ -88,7 +111,7 @@ class Exports(QObject):
         if not lasts:
             self.start(kind, path)
             return
-        dialog = TimesDialog(self._window, path, scene.animation)
+        dialog = ExportDialog(self._window, f"Times of {path.name}", scene.animation)
         if dialog.exec():
             self.start(kind, path, times=dialog.times)
 
@@ -100,15 +123,14 @@ class Exports(QObject):
         panels: Sequence[str] = (),
         place: Viewpoint | None = None,
         times: Sequence[float] = (),
+        more: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
-        """Begin to write."""
+        """Begin to write, with other values of the scene's, if need be."""
         document = self._document
-        numbered = kind == "film" and path.suffix.lower() in written("frames")
-        if numbered and "%" not in path.name:
-            path = path.with_name(f"{path.stem}-%04d.png")
+        path = _numbered(kind, path)
+        if not self._free():
+            return
         try:
-            if self._process is not None:
-                raise InputError("something is being written already")
             order = Order(kind, path, (), size, panels, place)
             order.times = times if order.lasts else [self._times.time]
             self._files = ExitStack()
@@ -118,7 +140,10 @@ class Exports(QObject):
             return
         self._target, self._error, self._told, self._lost = path, None, "", []
         order.output = folder / path.name
-        self._show_progress(kind)
+        self._words.setText(f"Writing {_shortened(path.name)}")
+        self.progress.setToolTip(f"Writing {DATA.get(kind, kind).lower()}: {path}")
+        self.bar.setRange(0, 0)
+        self.progress.show()
         self._process = process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
         environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
@@ -128,7 +153,10 @@ class Exports(QObject):
         process.errorOccurred.connect(self._failed)
         process.start(sys.executable, ["-m", "spacemap_vtk.draw.order"])
         if process.state() != QProcess.ProcessState.NotRunning:
-            process.write(as_text(order, document.values, document.base.resolve()).encode())
+            values = dict(document.values)
+            for section, written_ in (more or {}).items():
+                values[section] = {**values.get(section, {}), **written_}
+            process.write(as_text(order, values, document.base.resolve()).encode())
             process.closeWriteChannel()
 
     @property
@@ -154,33 +182,52 @@ class Exports(QObject):
                 process.kill()
                 process.waitForFinished(_PATIENCE)
 
-    def _drawn(self, kind: str, filters: str, proposal: str) -> None:
-        scene, view = self._document.scene, self._view
-        size = picture_size(scene)
-        dialog = ExportDialog(self._window, kind, proposal, filters, size)
-        if dialog.exec():
-            panels, place = [], None
-            if dialog.as_window:
-                panels, place = view.panels(scene), view.place
-            self.start(kind, dialog.file, dialog.size_chosen, panels, place)
-
-    def _show_progress(self, kind: str) -> None:
-        words = DATA.get(kind, kind)
-        progress = QProgressDialog(
-            f"Writing {words.lower()}: {self._target.name}", "Cancel", 0, 0, self._window
+    def may_leave(self) -> bool:
+        """Ask whether what is being written may be lost."""
+        box = QMessageBox.StandardButton
+        text = f"{self._target.name} is being written. Close, and give it up?"
+        return not self.busy or box.Yes == QMessageBox.question(
+            self._window, "Still writing", text, box.Yes | box.No, box.No
         )
-        progress.setWindowTitle("Export")
-        progress.setWindowModality(Qt.WindowModality.WindowModal)
-        progress.setMinimumDuration(0)
-        progress.setAutoClose(False)
-        progress.setAutoReset(False)
-        progress.setMinimumWidth(360)
-        progress.canceled.connect(self.cancel)
-        progress.show()
-        self._progress = progress
+
+    def _free(self) -> bool:
+        if self.busy:
+            cure = "Wait until it is there, or cancel it at the foot of the window."
+            self.failed.emit(InputError(f"{self._target.name} is being written", cure=cure))
+        return not self.busy
+
+    def _proposal(self, ending: str) -> Path:
+        proposed = last_folder() / self._document.proposed(ending)
+        kept = QSettings().value(_FOLDER)
+        return Path(kept) / proposed.name if kept and Path(kept).is_dir() else proposed
+
+    def _drawn(self, kind: str, filters: str, ending: str) -> None:
+        if not self._free():
+            return
+        scene, view = self._document.scene, self._view
+        ratio = view.devicePixelRatioF()
+        seen = round(view.width() * ratio), round(view.height() * ratio)
+
+        def check(path: Path, size: tuple[int, int], frames: int) -> None:
+            Order(kind, _numbered(kind, path))
+            Sheet.required(scene, size[0] * size[1], frames)
+
+        sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
+        proposal, transparent = self._proposal(ending), scene.view.transparent
+        drawn = Drawn(kind, proposal, filters, sizes, transparent, check)
+        animation = scene.animation if kind == "film" else None
+        dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
+        if not dialog.exec():
+            return
+        QSettings().setValue(_FOLDER, str(dialog.file.parent))
+        panels, place = (view.panels(scene), view.place) if dialog.as_window else ([], None)
+        more = {"view": {"transparent": dialog.clear}}
+        if dialog.animation is not None:
+            more["animation"] = dialog.animation.settings
+        self.start(kind, dialog.file, dialog.size_chosen, panels, place, more=more)
 
     def _read(self) -> None:
-        process, progress = self._process, self._progress
+        process = self._process
         while process is not None and process.canReadLine():
             text = bytes(process.readLine().data()).decode()
             try:
@@ -196,9 +243,9 @@ class Exports(QObject):
                 self._lost.append(line["lost"])
             elif "told" in line:
                 self._told = line["told"]
-            elif progress is not None:
-                progress.setMaximum(line["of"])
-                progress.setValue(line["done"])
+            else:
+                self.bar.setRange(0, line["of"])
+                self.bar.setValue(line["done"])
 
     def _failed(self, failure: QProcess.ProcessError) -> None:
         # Of a process that has begun Qt tells the end, too, whatever else is wrong with it.
@@ -224,8 +271,8 @@ class Exports(QObject):
         self._end(error)
 
     def _end(self, error: BaseException | None) -> None:
-        """Let the files appear, or go with the error; close the dialog, and tell."""
-        process, files, progress = self._process, self._files, self._progress
+        """Let the files appear, or go with the error, and tell."""
+        process, files = self._process, self._files
         if process is None or files is None:
             return
         try:
@@ -235,15 +282,22 @@ class Exports(QObject):
                 files.__exit__(type(error), error, None)
         except SpacemapError as failure:
             error = failure
-        self._process = self._files = self._progress = None
+        self._process = self._files = None
         process.deleteLater()
-        if progress is not None:
-            progress.canceled.disconnect(self.cancel)
-            progress.close()
-            progress.deleteLater()
+        self.progress.hide()
         if error is None:
             self.written.emit(": ".join(filter(None, (str(self._target), self._told))))
             if self._lost:
                 self.lost.emit(". ".join(self._lost))
         elif not isinstance(error, Cancelled):
             self.failed.emit(error)
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= _LONGEST else f"{name[: _LONGEST // 2]}…{name[-_LONGEST // 2 :]}"
+
+
+def _numbered(kind: str, path: Path) -> Path:
+    """Return the path of a film; where its frames are files, with a number in their names."""
+    frames = kind == "film" and path.suffix.lower() in written("frames")
+    return path.with_name(f"{path.stem}-%04d.png") if frames and "%" not in path.name else path

@@ -133,7 +133,7 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before anything is freed."""
-        if not self.files.may_leave():
+        if not (self.exports.may_leave() and self.files.may_leave()):
             event.ignore()
             return
         self.keep_state()
@@ -151,7 +151,8 @@ class MainWindow(QMainWindow):
         settings.setValue("columns", self.splitter.saveState())
 
     def discard(self) -> None:
-        """Close without asking whether changes should be saved."""
+        """Close without asking whether changes should be saved, or exports go on."""
+        self.exports.stop()
         self.document.undo.setClean()
         self.close()
 
@@ -222,7 +223,7 @@ class MainWindow(QMainWindow):
         self.running = QLabel()
         status = self.statusBar()
         status.addWidget(self.told, 1)
-        for widget in (self.running, self.bar, self.cancel):
+        for widget in (self.running, self.bar, self.cancel, self.exports.progress):
             status.addPermanentWidget(widget)
         self._show_progress("", 0.0, "")
 

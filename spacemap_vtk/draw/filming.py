@@ -300,7 +300,8 @@ def _drawn(
     scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Draw frames, and yield what keeps each."""
-    picture = Picture(scene, job.times, job.size, job.panels, job.place)
+    clear = scene.view.transparent
+    picture = Picture(scene, job.times, job.size, job.panels, job.place, clear=clear)
     try:
         for number in missing:
             yield partial(kept.write, number, picture.draw(job.times[number]))
@@ -345,7 +346,9 @@ def _begun(told: Path) -> tuple[FilmJob, KeptFrames, Picture]:
     warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
     job: FilmJob
     job, kept, extent = pickle.loads(told.read_bytes())
-    return job, kept, Picture(job.scene(), job.times, job.size, job.panels, job.place, extent)
+    scene = job.scene()
+    seen = job.times, job.size, job.panels, job.place, extent
+    return job, kept, Picture(scene, *seen, clear=scene.view.transparent)
 
 
 def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:

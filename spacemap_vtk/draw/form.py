@@ -23,6 +23,7 @@ from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
 
 #: Below so many pixels a yarn is not seen as one.
@@ -81,6 +82,16 @@ class Sheet:
         few = _MANY_PATCHES if few is None else few
         many = not fits or (sides is None and patches > few)
         return cls(scene, patches) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
+
+    @classmethod
+    def required(cls, scene: Scene, pixels: int, frames: int = 1) -> Sheet | None:
+        """Return the sheet for pictures of so many pixels, as `of` does; refuse too large ones."""
+        sheet = cls.of(scene, fits_picture(scene, pixels, frames))
+        if sheet is None:
+            require_picture(scene, pixels, frames)
+        else:
+            require_sheet(scene, pixels)
+        return sheet
 
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""

@@ -9,6 +9,7 @@ step: ``{"done": 3, "of": 50}``, ``{"lost": ...}`` for what the file cannot hold
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 import warnings
@@ -45,6 +46,9 @@ _PIECES, _MOST_PIECES = 4, 10_000
 
 #: Rays for each pixel of a traced picture, and at most.
 SAMPLES, MOST_SAMPLES = 64, 65_536
+
+#: How far a process of its own stands back behind others.
+_NICE = 5
 
 #: Told how many steps are done, and of how many; it may raise, to end the work.
 Tell = Callable[[int, int], object]
@@ -249,6 +253,7 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
     from spacemap_vtk.scenes.face import fill, picture_size
 
     size = order.size or picture_size(scene)
+    _fill_background(order, scene, "picture")
     if order.place is None:
         fill(scene, size)
     time = order.times[0] if order.times else scene.view.time
@@ -258,7 +263,8 @@ def _picture(order: Order, scene: Scene, tell: Tell) -> Image:
         return raytraced(scene, time, size, order.samples, tell)
     tell(0, 1)
     times = scene.animation.frame_times() if order.framed else [time]
-    picture = Picture(scene, times, size, order.panels, order.place)
+    clear = scene.view.transparent
+    picture = Picture(scene, times, size, order.panels, order.place, clear=clear)
     image = picture.draw(time)
     picture.close()
     tell(1, 1)
@@ -323,12 +329,20 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     width, height = order.size or picture_size(scene)
     if order.size is None and order.output.suffix.lower() == ".gif":
         width, height = max(16, width // 2), max(16, height // 2)
+    _fill_background(order, scene, "frames" if order.numbered else "film")
     job = FilmJob.of(scene, (width, height), order.panels, order.place)
     kept = KeptFrames(order.output, job.digest, order.again)
     with _file(order, whole) as file:
         plain = order.numbered and order.output.suffix.lower() == ".png"
         format_ = None if plain else writer(file, "frames" if order.numbered else "film")
         return write_film(file, format_, scene, job, kept, tell, order.workers)
+
+
+def _fill_background(order: Order, scene: Scene, what: str) -> None:
+    """Draw a background where a format cannot be without."""
+    if scene.view.transparent and not writer(order.output, what).alpha:
+        scene.warn(f"a {order.output.suffix} cannot be transparent, and has its background")
+        scene.view.transparent = False
 
 
 def _write_data(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose) -> str:
@@ -434,6 +448,8 @@ def as_text(order: Order, values: Mapping[str, Any], base: Path) -> str:
 def main() -> None:
     """Carry out the order on standard input; whoever ordered makes its files whole."""
     warnings.simplefilter("ignore", SpacemapWarning)  # whoever ordered shows what stages doubt
+    if hasattr(os, "nice"):
+        os.nice(_NICE)  # ... and goes on working meanwhile
     try:
         from spacemap_vtk.scenes.scene import Scene
 

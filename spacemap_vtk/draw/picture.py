@@ -26,7 +26,7 @@ from spacemap_vtk.draw.shading import contact_shade
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
+from spacemap_vtk.scenes.footprint import require_picture
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
@@ -78,6 +78,8 @@ class Picture:
     bare : bool
         Whether it is laid over a page, which has a scale for all: then there is no background and
         no scale, and pictures have a fourth number, how much of a pixel is covered.
+    clear : bool
+        Whether there is no background, likewise, but a scale.
 
     Raises
     ------
@@ -96,17 +98,14 @@ class Picture:
         place: Viewpoint | None = None,
         extent: Extent | None = None,
         bare: bool = False,
+        clear: bool = False,
     ) -> None:
         prepare_offscreen()  # a machine that cannot draw need not solve
-        self._place, self._bare = place, bare
+        self._place, self._bare, self._clear = place, bare, bare or clear
         self.scene = scene
         width, height = size or picture_size(scene)
         demand = width * height, len(times)
-        sheet = Sheet.of(scene, fits_picture(scene, *demand))
-        if sheet is None:
-            require_picture(scene, *demand)
-        else:
-            require_sheet(scene, width * height)
+        sheet = Sheet.required(scene, *demand)
         chosen = scene.view.show if scene.moves else "fabric"
         panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
         room, self._span = extent or over_motion(scene, times, sheet)
@@ -156,7 +155,7 @@ class Picture:
         Returns
         -------
         ndarray of uint8, shape (height, width, 3)
-            Red, green and blue; bare ones have a fourth number, how much is covered.
+            Red, green and blue; without background a fourth number, how much is covered.
         """
         view, sheet, surface, cloth, crossings = self.scene.view, self.sheet, None, None, None
         if sheet is None:
@@ -261,7 +260,7 @@ class Picture:
         if self._place is not None:
             self._place.take(camera)
         behind = gradient(size, view.look.below, view.look.above)
-        if self._bare:
+        if self._clear:
             behind = nothing(size)
         return _Panel(window, shown, look, shaded, behind)
 

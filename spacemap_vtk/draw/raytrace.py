@@ -40,6 +40,7 @@ _DRAWN = [
     "scale_bar",
     "triad",
     "time_stamp",
+    "transparent",
 ]
 #: Rays are traced in so many passes, for progress.
 _PASSES = 8

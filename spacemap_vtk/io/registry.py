@@ -104,6 +104,8 @@ class Writer:
     numbers: bool
     #: Bytes that what moves may take in single precision.
     most: int
+    #: Whether pictures may have a fourth number for each pixel, how much of it is covered.
+    alpha: bool
 
     def check(self, path: Path) -> None:
         """Refuse a file that cannot be written here."""
@@ -146,6 +148,7 @@ def writes(
     loses: Callable[[Any], list[str]] | None = None,
     numbers: bool = False,
     most: int = 2**32,
+    alpha: bool = False,
 ) -> Callable[[_F], _F]:
     """Register a function of a path and data as the writer of files of some endings."""
 
@@ -153,7 +156,7 @@ def writes(
 
     def register(function: _F) -> _F:
         _builtin()
-        kinds = times, pieces, require, loses, numbers, most
+        kinds = times, pieces, require, loses, numbers, most, alpha
         _writers.append(Writer(endings, label, holds, function, *kinds))
         return function
 
@@ -233,6 +236,13 @@ def writable(holds: str) -> list[str]:
             writer(Path(f"a{ending}"), holds).check(Path(f"a{ending}"))
             found.append(ending)
     return found
+
+
+def endings_with_alpha(holds: str) -> list[str]:
+    """Return the endings of pictures or films that can be without background."""
+    kinds = ("film", "frames") if holds == "film" else (holds,)
+    found = [each for kind in kinds for each in writers(kind) if each.alpha]
+    return _once(ending for each in found for ending in each.endings)
 
 
 def opened_words() -> str:

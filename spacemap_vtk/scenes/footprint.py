@@ -90,6 +90,9 @@ def require_picture(scene: Scene, pixels: int, frames: int = 1, pieces: int = 1)
     if scene.woven:
         with scene.naming_file():
             _require_picture(scene, pixels, frames, pieces)
+    else:
+        what, cure = f"a picture of {pixels:,} pixels", "Take a smaller one."
+        require(round(_MARGIN * _PIXEL * pixels), what, key="size", cure=cure)
 
 
 def sheet_bytes(scene: Scene, pixels: int) -> int:

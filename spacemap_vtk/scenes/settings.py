@@ -121,6 +121,9 @@ class View(Parameterised):
     background_top = Color(
         None, "Colour of the background, at the top.", automatic="as the style has it"
     )
+    transparent = Flag(
+        False, "No background in pictures and frames of films that can be without, as .png."
+    )
     cage_color = Color(
         None,
         "Colour of the cage's edges.",

@@ -21,7 +21,8 @@ _COMPRESSION = 3
 _SEGMENT = 60_000
 
 
-@writes(".png", ".jpg", ".jpeg", label="picture", holds=("picture",))
+@writes(".jpg", ".jpeg", label="picture", holds=("picture",))
+@writes(".png", label="picture", holds=("picture",), alpha=True)
 def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
     """Write a picture."""
     from PIL import Image
@@ -39,16 +40,16 @@ def write_png(file: Path, image: NDArray[np.uint8]) -> None:
 
     import numpy as np
 
-    height, width, _ = image.shape
+    height, width, depth = image.shape  # the third number: four with how much is covered
     rows = np.ascontiguousarray(image).reshape(height, -1)
-    lines = np.empty((height, 1 + 3 * width), np.uint8)
+    lines = np.empty((height, 1 + depth * width), np.uint8)
     # Each row is that of the differences to the pixel before: filter 1 of the format.
     lines[:, 0] = 1
-    lines[:, 1:4] = rows[:, :3]
-    np.subtract(rows[:, 3:], rows[:, :-3], out=lines[:, 4:])
+    lines[:, 1 : 1 + depth] = rows[:, :depth]
+    np.subtract(rows[:, depth:], rows[:, :-depth], out=lines[:, 1 + depth :])
     parts = [b"\x89PNG\r\n\x1a\n"]
     for kind, data in (
-        (b"IHDR", pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
+        (b"IHDR", pack(">IIBBBBB", width, height, 8, 2 if depth == 3 else 6, 0, 0, 0)),
         (b"IDAT", zlib.compress(lines.data, _COMPRESSION)),
         (b"IEND", b""),
     ):
@@ -93,7 +94,7 @@ def told_in_picture(path: Path) -> str | None:
     return text.decode("latin-1") or None
 
 
-@writes(".png", label="numbered frames, as in frames/%04d.png", holds=("frames",))
+@writes(".png", label="numbered frames, as in frames/%04d.png", holds=("frames",), alpha=True)
 def write_frames(file: Path, images: Iterable[NDArray[np.uint8]], rate: float = 0.0) -> None:
     """Write numbered pictures; they know of no rate."""
     for number, image in enumerate(images):
