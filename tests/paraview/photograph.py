@@ -1,6 +1,6 @@
 """Photograph ParaView's real window: the fabric, and the panel made from the declarations.
 
-xvfb-run -a -s "-screen 0 1280x960x24 -noreset" \
+xvfb-run -a -s "-screen 0 1200x900x24 -noreset" \
     python tests/paraview/photograph.py docs/paraview.png
 """
 
@@ -39,7 +39,7 @@ def main() -> None:
         (settings / f"ParaView{version.stdout.split()[-1]}.ini").write_text(
             "[General]\nGeneralSettings.ShowWelcomeDialog=false\n"
         )
-        command = ["paraview", "-qwindowgeometry", "1280x960+0+0", f"--script={HERE / 'window.py'}"]
+        command = ["paraview", "-qwindowgeometry", "1200x900+0+0", f"--script={HERE / 'window.py'}"]
         with open(Path(home) / "log", "w+") as log:
             window = subprocess.Popen(command, env=surroundings, stdout=log, stderr=log)
             try:

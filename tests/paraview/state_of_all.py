@@ -105,18 +105,29 @@ simple.BarycentricWarp(registrationName="object on scene", Input=tubes, Cage=sce
 chain = connected(WarpDiameter="0.2 mm", WarpColor="#ff0000")
 chain[4].Outside, chain[5].Subdivisions = "clamp", 3
 chain[3].Gravity = [0.0, 0.0, -1.0]  # too weak to turn it so far that it warns
+# By steps, and turned without being stretched: what moves in place of it, or after it.
+stepped = simple.TransientResponse(registrationName="stepped", Input=chain[2], Gravity="0, 0, -1")
+turned = simple.RotationStrain(registrationName="turned", Input=chain[3])
+simple.CrimpInterchange(registrationName="crimped", Input=chain[0], Cage=turned)
+simple.BarycentricWarp(
+    registrationName="interchanged", Input=simple.FindSource("crimped"), Cage=turned
+)
 CHAIN = ("WeaveSource1", "TetraCage1", "ModalSolver1", "ModalResponse1", "BarycentricWarp1")
 CHAIN = (*CHAIN, "PatchTessellator1")
 made = {}
 for name in (
     *("draft", "moving cage", "motion", "object"),
     *("cloth on motion", "surface", "object on scene"),
+    *("stepped", "turned", "crimped", "interchanged"),
     *CHAIN,
 ):
     proxy = simple.FindSource(name)
     written[name], made[name] = settings(proxy), data(proxy)
     assert len(made[name]["points"]) > 0, name
-for name in ("moving cage", "motion", "surface", "object on scene", CHAIN[-1]):
+for name in (
+    *("moving cage", "motion", "surface", "object on scene", CHAIN[-1]),
+    *("stepped", "turned", "interchanged"),
+):
     assert np.abs(made[name]["Point displacement"]).max() > 1e-5, name
 
 view = simple.CreateRenderView(ViewSize=[60, 40])
