@@ -235,7 +235,7 @@ def test_the_face_has_no_perspective(open_scene: Any) -> None:
     camera, parallel = window.view.plotter.camera, window.tools.orthographic
     assert camera.GetParallelProjection()
     assert parallel.isChecked()
-    seen = image(window)
+    seen = image(window)[:-150]  # above the axes
     assert (seen.std(axis=2) > 15).mean() > 0.4  # of the picture's width the cloth takes its share
     window.tools.cameras["front"].trigger()
     assert not camera.GetParallelProjection()
@@ -264,9 +264,28 @@ def test_a_click_reads_the_yarn_under_it(open_scene: Any) -> None:
     # As weavers count, and as "spacemap info" and the draft do.
     said = f"pick {pick.yarn - 6}" if pick.family else f"end {pick.yarn + 1}"
     assert window.told.whole.startswith(said + " ")
+    # It is told at the point, with what is shown, while time goes on, until Escape.
+    labels = window.view.scene_view.annotations
+    place, words = labels.labels[0]
+    np.testing.assert_allclose(place, pick.position, atol=1e-9)
+    assert words.splitlines()[0] == pick.name
+    end, over = sorted(pick.name.replace("pick", "q").split(" × "))  # by what crosses it at rest
+    spacing = 0.5e-3
+    np.testing.assert_allclose(pick.rest[0] / spacing + 4, int(end[4:]), atol=0.5)
+    np.testing.assert_allclose(pick.rest[1] / spacing + 4, int(over[2:]), atol=0.5)
+    window.document.set("view", "color", "displacement")
+    wait_until(lambda: settled(window) and window.view.frame.color == "displacement")
+    moved = 1e3 * np.linalg.norm(pick.displacement)
+    assert labels.labels[0][1].splitlines()[1] == f"Displacement {moved:.3g} mm"
     # Nothing moves at t = 0.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
+    np.testing.assert_allclose(labels.labels[0][0], pick.rest, atol=1e-9)
+    forget = window.tools.keys.looks[-1]
+    assert forget.shortcut().toString() == "Esc"
+    forget.trigger()
+    assert not labels.labels
+    assert not forget.isEnabled()
     still = window.view.pick(middle.x(), middle.y()) or window.view.pick(
         middle.x() + 20, middle.y()
     )
@@ -346,6 +365,28 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
     QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
     assert np.linalg.norm(window.view.plotter.camera.GetPosition() - before) > 1e-4
     assert not picks
+
+
+def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
+    window = open_scene()
+    widget, camera = window.view.plotter, window.view.plotter.camera
+    signs = window.view.scene_view.annotations
+    for way, axis in ((0, 0), (1, 1), (0, 2), (0, 2)):
+        window.view.image()
+        before = np.array(camera.GetDirectionOfProjection())
+        x, y, _ = signs.ends[way, axis] / widget.devicePixelRatioF()
+        at = QPoint(round(x), round(widget.height() - y))
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at)
+        wanted = -np.eye(3)[axis] * (1, -1)[way]
+        # One that is already looked along shows the far side.
+        wanted = -wanted if np.allclose(before, wanted) else wanted
+        np.testing.assert_allclose(camera.GetDirectionOfProjection(), wanted, atol=1e-9)
+    # It is the window's own: what a scene's pictures show has not changed.
+    shown = image(window)
+    window.tools.shown["triad"].trigger()
+    assert np.abs(image(window) - shown).max() > 60
+    assert not window.document.scene.view.triad
+    window.tools.shown["triad"].trigger()
 
 
 def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Callable
 from importlib import import_module, util
 from typing import Any
 
@@ -68,6 +69,8 @@ class Canvas(_Widget):
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._painting = False
+        #: What is done before each picture.
+        self.before: Callable[[], None] = lambda: None
         self.renderer = lit_renderer()
         self.render_window: vtkRenderWindow = self.GetRenderWindow()
         self.render_window.SetMultiSamples(0)
@@ -106,6 +109,7 @@ class Canvas(_Widget):
         state.Push()
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
+        self.before()
         try:
             # Not the window's own Render: VTK lets go of Python's lock in that. Then its collector,
             # which holds a lock of all threads, needs Python's to free an array, and a thread that

@@ -69,7 +69,7 @@ class MainWindow(QMainWindow):
         self.panels: dict[QWidget, QAction] = {}
         self.document = Document(self)
         self.engine = Engine(self)
-        self.look = Look()
+        self.look = Look(handled=True)
         self.view = View3D(self.look)
         self.times = TimeBar()
         self.stages = StageList()

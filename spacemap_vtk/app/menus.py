@@ -39,6 +39,7 @@ MOUSE = "\n".join(
         ("Wheel", "Zoom (or drag, right button)"),
         ("Click", "Read and plot a yarn's point"),
         ("Shift+click", "One more point"),
+        ("Click an axis", "Look along it"),
     )
 )
 

@@ -13,12 +13,22 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
 
 from spacemap_vtk.app.canvas import Canvas
-from spacemap_vtk.app.pick import Pick, read_point
+from spacemap_vtk.app.pick import Pick, read_point, read_sheet
 from spacemap_vtk.app.widgets import later
-from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height, stand_upright, upward
+from spacemap_vtk.draw.annotations import MOST_LABELS
+from spacemap_vtk.draw.camera import (
+    FLAT,
+    SIDES,
+    Seen,
+    Viewpoint,
+    aim,
+    half_height,
+    seen_from,
+    stand_upright,
+    upward,
+)
 from spacemap_vtk.draw.frame import Frame
-from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of, rest_of
+from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.draw.surface_actor import rgb
 from spacemap_vtk.scenes.scene import Scene
@@ -27,8 +37,6 @@ from spacemap_vtk.scenes.settings import View
 if TYPE_CHECKING:
     from spacemap_vtk.app.clip_handle import ClipHandle
 
-#: Most picked points; the oldest goes.
-MOST_PICKS = 6
 #: Milliseconds after the camera's last move until it counts as at rest.
 _REST = 220
 #: Half the pixels a mouse may move in a click.
@@ -62,6 +70,8 @@ class View3D(QWidget):
         #: What is drawn, but for what the mouse takes hold of and where it has picked.
         self.scene_view = SceneView(self.plotter.renderer, shades=False)
         self.plotter.front.AddActor(self.scene_view.loads.through)
+        self.plotter.before = self.scene_view.annotations.led()
+        self.plotter.shade.clear = self.scene_view.annotations.boxes
         #: Where the user has picked.
         self.marks = DotsActor()
         self.marks.GetProperty().SetColor(*rgb("#d9642c"))
@@ -337,7 +347,7 @@ class View3D(QWidget):
 
     def add_pick(self, pick: Pick, alone: bool = True) -> None:
         """Keep a picked point, and mark it."""
-        self.picks = [pick] if alone else [*self.picks, pick][-MOST_PICKS:]
+        self.picks = [pick] if alone else [*self.picks, pick][-MOST_LABELS:]
         self._mark()
         self.render()
         self.picks_changed.emit(list(self.picks))
@@ -352,12 +362,11 @@ class View3D(QWidget):
 
     def _mark(self) -> None:
         """Show picked points where they are now."""
-        shown = bool(self.picks) and self.frame is not None
-        self.marks.SetVisibility(shown)
-        if self.frame is not None and shown:
-            rest = rest_of(self.frame.surface)
-            nearest = [int(((rest - p.rest) ** 2).sum(axis=1).argmin()) for p in self.picks]
-            self.marks.place(points_of(self.frame.surface)[nearest].astype(np.float64))
+        frame, span = self.frame, self.scene_view.span
+        labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
+        self.scene_view.annotations.labels = labels
+        self.marks.SetVisibility(bool(labels))
+        self.marks.place(np.array([at for at, _ in labels]).reshape(-1, 3))
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Return what lies under a point of the widget."""
@@ -367,24 +376,43 @@ class View3D(QWidget):
         picker = vtkCellPicker()
         picker.SetTolerance(0.0005)
         picker.PickFromListOn()
-        surface = self.frame.surface if self.frame.cloth is None else self.frame.yarns
-        if surface is None:
-            return None
-        picker.AddPickList(self.scene_view.surface)
+        cloth, surface = self.frame.cloth, self.frame.surface
+        if cloth is not None and self.frame.yarns is not None:
+            surface = self.frame.yarns
+        actors = self.scene_view.surface, self.scene_view.sheet
+        picker.AddPickList(actors[surface is self.frame.surface and cloth is not None])
         height = self.plotter.height()
         if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.plotter.renderer):
             return None
         cell, point = picker.GetCellId(), picker.GetPointId()
         if cell < 0 or point < 0:
             return None
-        return read_point(surface, cell, point, self.frame.cloth)
+        if cloth is None or surface is not self.frame.surface:
+            return read_point(surface, cell, point, cloth)
+        surface = self.scene_view.sheet.GetMapper().GetInput()  # while it moves a coarser one
+        behind = np.dot(picker.GetMapperNormal(), self.plotter.camera.GetDirectionOfProjection())
+        return read_sheet(surface, cell, picker.GetPCoords(), behind > 0.0, cloth)
 
     def click(self, at: QPointF, adding: bool = False) -> None:
-        """Pick what lies under a point of the widget, if anything does."""
+        """Pick what lies under a point of the widget, if anything does; an axis turns it."""
+        side = self._side_at(at)
+        if side is not None:
+            self.reset_camera(side)
+            return
         found = self.pick(at.x(), at.y())
         if found is not None:
             self.add_pick(found, alone=not adding)
             self.picked.emit(found)
+
+    def _side_at(self, at: QPointF) -> str | None:
+        """Return from which side an axis shows it that ends at a point of the widget."""
+        ratio, height = self.plotter.devicePixelRatioF(), self.plotter.height()
+        way = self.scene_view.annotations.axis_at(at.x() * ratio, (height - at.y()) * ratio)
+        if way is None:
+            return None
+        if np.dot(way, self.plotter.camera.GetDirectionOfProjection()) < -0.999:
+            way = -way  # it is looked at from there
+        return next(s for s in SIDES if np.array_equal(seen_from(s, self._up)[0], way))
 
     def image(self) -> NDArray[np.uint8]:
         """Return what is seen, once nothing moves."""
@@ -411,6 +439,11 @@ class View3D(QWidget):
             self._pressed = None
             if (at - start).manhattanLength() <= _STEADY:
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
+        elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
+            side = self._side_at(event.position())
+            tip = "" if side is None else f"From the {side}"
+            if tip != self.plotter.toolTip():
+                self.plotter.setToolTip(tip)
         return False
 
     def _fit(self, view: View) -> None:

@@ -22,7 +22,11 @@ _SHOWN = (
     ("supports", "Supports", "S"),
     ("loads", "Loads", "L"),
     ("ghost", "Ghost", "G"),
+    ("triad", "Axes", ""),
+    ("scale_bar", "Scale bar", ""),
 )
+#: Of these, what a window shows of itself, and a scene can ask for.
+_SIGNS = ("triad", "scale_bar")
 #: Keys of cameras: the far side of a number's is behind Ctrl; V is PyVista's.
 _CAMERA_KEYS = {
     "three-quarter": "1",
@@ -68,12 +72,17 @@ class ViewBar(QToolBar):
         more.setToolTip("What has no room here")
         self._view = view
         self._possible: list[str] = []
+        #: Signs that the scene itself asks for.
+        self._asked: list[str] = []
         self.shown: dict[str, QAction] = {}
         for name, words, key in _SHOWN:
             tip = f"Show the {words.lower()} ({key})"
             shown = action(self, words, self._toggled, key, tip, name, checkable=True)
+            if name in _SIGNS:  # but for the menu: the bar has no room
+                setattr(view.look, name, QSettings().value(name) != "false")
+            else:
+                self.addAction(shown)
             shown.setChecked(getattr(view.look, name, False))
-            self.addAction(shown)
             self.shown[name] = shown
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
         self.hang = action(self, "Hung", self._hang, "H", tip, checkable=True)
@@ -147,7 +156,8 @@ class ViewBar(QToolBar):
         self.styles[scene.view.style].setChecked(True)
         for name, shown in self.shown.items():
             if name in scene.view.parameters:
-                shown.setChecked(getattr(scene.view, name))
+                shown.setChecked(getattr(scene.view, name) or getattr(self._view.look, name, False))
+        self._asked = [name for name in _SIGNS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         solved = scene.modal in scene.stages
         self.hang.setChecked(solved and scene.modal.hangs)
@@ -175,10 +185,12 @@ class ViewBar(QToolBar):
 
     def _toggled(self, on: bool) -> None:
         name = self.sender().data()
+        if name in _SIGNS:
+            QSettings().setValue(name, "true" if on else "false")
         if hasattr(self._view.look, name):
             setattr(self._view.look, name, on)
             self._view.refresh()
-        else:
+        if not hasattr(self._view.look, name) or (name in self._asked and not on):
             self.switched.emit(name, on)
 
     def _colored(self, index: int) -> None:

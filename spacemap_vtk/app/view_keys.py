@@ -49,7 +49,14 @@ class ViewKeys(QObject):
             self._action("Thicker lines and dots", "+", partial(self.thickened.emit, 1)),
             self._action("Thinner lines and dots", "-", partial(self.thickened.emit, -1)),
             self._action("Read the point under the mouse", "P", self._pick),
+            self._action("Forget what was read", "Esc", view.forget_picks),
         ]
+        # Elsewhere the key gives up other things.
+        view.picks_changed.connect(self._may_forget)
+        self._may_forget([])
+
+    def _may_forget(self, picks: list[object]) -> None:
+        self.looks[-1].setEnabled(bool(picks))
 
     def _toggle_wireframe(self) -> None:
         self._view.look.wireframe = self.wireframe.isChecked()

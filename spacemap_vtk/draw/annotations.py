@@ -1,9 +1,9 @@
-"""What is written over a view: a round length, the axes, the time, plates under all letters."""
+"""What is written over a view: a round length, the axes, the time, what points are; on plates."""
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from vtkmodules.vtkRenderingCore import (
 )
 
 from spacemap_vtk.datasets.arrays import to_array, to_points
+from spacemap_vtk.draw.camera import projected
 from spacemap_vtk.draw.measuring import AXES, measures_of, round_length
 from spacemap_vtk.draw.surface_actor import PLATE, inks, letters_of, rgb, scale_share, take_font
 from spacemap_vtk.scenes.settings import View, is_dark
@@ -27,6 +28,8 @@ from spacemap_vtk.units import format_quantity
 _LONGEST = 0.2
 #: How wide a letter is, over its size.
 _WIDTH = 0.62
+#: Most labels of points.
+MOST_LABELS = 6
 
 Polygon = NDArray[np.float64]
 
@@ -37,44 +40,78 @@ class Annotations:
     def __init__(self, renderer: vtkRenderer) -> None:
         self._renderer = renderer
         self._plates, self._shapes = _Polygons(), _Polygons()
-        #: The length, the time, and the axes' names, which stand about their places.
-        self._texts = [vtkTextActor() for _ in range(5)]
+        #: The length, the time, the axes' names, which stand about their places, and labels.
+        self._texts = [vtkTextActor() for _ in range(5 + MOST_LABELS)]
         for text in self._texts:
             take_font(text.GetTextProperty())
-        for text in self._texts[2:]:
+        for text in self._texts[2:5]:
             text.GetTextProperty().SetJustificationToCentered()
             text.GetTextProperty().SetVerticalJustificationToCentered()
         #: All that may be seen.
         self.props: list[vtkProp] = [self._plates, self._shapes, *self._texts]
         for prop in self.props:
             renderer.AddViewProp(prop)
-        #: Left, low, right and high ends of the plates, in drawn pixels.
+        #: Left, low, right and high ends of the plates, in drawn pixels: always the same list.
         self.boxes: list[tuple[float, float, float, float]] = []
+        #: What is written beside points [m].
+        self.labels: list[tuple[NDArray[np.float64], str]] = []
+        #: Where the axes end, and where they would end the other way, in drawn pixels, (2, 3, 3):
+        #: right, up, towards the eye. None: there are none, or they are not to be clicked at.
+        self.ends: NDArray[np.float64] | None = None
         self._view, self._scaled = View(), False
+        #: Whether axes and length are shown; axes that are handled have their other ends, too.
+        self._triad = self._bar = self._handled = False
         self._time: float | None = None
         self._size, self._pixels = (1, 1), 1.0
         self._ink, self._axes = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * 3
+        self._paper = np.ones(3)
         # VTK would keep alive whatever it calls.
         place = weakref.WeakMethod(self._place)
-        renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
+        self._following = renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
+
+    def led(self) -> Callable[[], None]:
+        """Follow the camera no more, but only where what is returned is called before drawing."""
+        # numpy lets go of Python's lock, which a window must keep while VTK draws.
+        self._renderer.RemoveObserver(self._following)
+        return self._place
 
     def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
         """Fit a picture of so many pixels, each of which is drawn so large."""
         self._size, self._pixels = size, pixels
         self._ink, plate = inks(background)
+        self._paper = np.array(plate)
         self._axes = [rgb(color) for color in AXES[is_dark(background)]]
         self._plates.GetProperty().SetColor(*plate)
         self._plates.GetProperty().SetOpacity(PLATE)
-        colors = [self._ink, self._ink, *self._axes]
+        colors = [self._ink, self._ink, *self._axes, *[self._ink] * MOST_LABELS]
         for text, color in zip(self._texts, colors, strict=True):
             text.GetTextProperty().SetFontSize(letters_of(size))
             text.GetTextProperty().SetColor(*color)
 
-    def show(self, view: View, time: float | None, scaled: bool) -> None:
-        """Show what a view asks for at a time, if any, and a plate under a scale of colours."""
+    def show(
+        self, view: View, time: float | None, scaled: bool, triad: bool, bar: bool, handled: bool
+    ) -> None:
+        """Show what a view asks for at a time, if any, and what is wanted besides."""
         self._view, self._time, self._scaled = view, time, scaled
+        self._triad, self._bar = triad or view.triad, bar or view.scale_bar
+        self._handled = handled
         for prop in self.props:
-            prop.SetVisibility(scaled or view.scale_bar or view.triad or view.time_stamp)
+            prop.VisibilityOn()
+
+    def axis_at(self, x: float, y: float) -> NDArray[np.float64] | None:
+        """Return which way an axis ends at a drawn pixel, as a vector; None where none does."""
+        if self.ends is None:
+            return None
+        away = np.linalg.norm(self.ends[..., :2] - (x, y), axis=2)
+        if away.min() > 0.75 * self._letter:
+            return None
+        nearer = np.where(away > 0.75 * self._letter, -2.0, self.ends[..., 2])
+        way, axis = np.unravel_index(nearer.argmax(), (2, 3))
+        return np.eye(3)[axis] * (1, -1)[way]
+
+    @property
+    def _letter(self) -> float:
+        return self._pixels * letters_of(self._size)
 
     def _place(self) -> None:
         if not self._plates.GetVisibility():
@@ -82,17 +119,29 @@ class Annotations:
         # A window may have another size than when it was fitted.
         width, height = (side / self._pixels for side in self._renderer.GetSize())
         letter = letters_of(self._size)
-        self.boxes, shapes, view = [], [], self._view
+        self.boxes.clear()
+        self.ends = None
+        shapes: list[tuple[Polygon, Any]] = []
+        view, camera = self._view, self._renderer.GetActiveCamera()
         for text in self._texts:
             text.SetInput("")
         edge = 0.7 * letter
         if self._scaled:
             left = width * (1.0 - scale_share(self._size))
             self._plate(left, 0.25 * height - edge, width, 0.75 * height + edge)
-        seen = measures_of(self._renderer.GetActiveCamera(), height)
-        if view.triad:
+        seen = measures_of(camera, height)
+        if self._triad:
             middle = np.full(2, edge + 2.9 * letter)
             self._plate(*(middle - 2.9 * letter), *(middle + 2.9 * letter))
+            if self._handled:
+                away = np.stack([1.75 * seen.axes[:, :2], -1.75 * seen.axes[:, :2]])
+                toward = np.stack([seen.axes[:, 2], -seen.axes[:, 2]])[..., None]
+                self.ends = np.concatenate(
+                    [self._pixels * (middle + letter * away), toward], axis=2
+                )
+                for axis, color in zip(seen.axes, self._axes, strict=True):
+                    far, pale = middle - 1.75 * letter * axis[:2], 0.45 * np.array(color)
+                    shapes.append((_disc(far, 0.32 * letter), tuple(pale + 0.55 * self._paper)))
             for k in np.argsort(seen.axes[:, 2]).tolist():
                 tip = middle + 1.75 * letter * seen.axes[k, :2]
                 shapes += [(shape, self._axes[k]) for shape in _arrow(middle, tip, letter)]
@@ -100,11 +149,13 @@ class Annotations:
                 size = float(np.hypot(*way))
                 far = way / size if size > 0.15 * letter else np.array([-0.7, 0.7])
                 self._write(2 + k, "xyz"[k], tip + 0.62 * letter * far)
-        if view.scale_bar:
+        if self._bar:
             length = round_length(_LONGEST * width * seen.length)
             words = format_quantity(length, "m")
-            words += "" if seen.flat else " in the plane of the focus"
-            left, wide = edge * (1 + view.triad) + 5.8 * letter * view.triad, length / seen.length
+            left, wide = edge * (1 + self._triad) + 5.8 * letter * self._triad, length / seen.length
+            more = "" if seen.flat else " in the plane of the focus"
+            room = width * (1.0 - scale_share(self._size) * self._scaled) - left - 2 * edge
+            words += more * (_WIDTH * letter * len(words + more) < room)
             right = left + 2 * edge + max(wide, _WIDTH * letter * len(words))
             self._plate(left, edge, right, edge + 2.7 * letter)
             low = np.array([left + edge, edge + 0.5 * letter])
@@ -115,6 +166,18 @@ class Annotations:
             high, right = height - edge, 3 * edge + _WIDTH * letter * len(words)
             self._plate(edge, high - 2.0 * letter, right, high)
             self._write(1, words, np.array([2 * edge, high - 1.35 * letter]))
+        whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
+        for number, (point, words) in enumerate(self.labels[:MOST_LABELS]):
+            x, y, _, w = projected(camera, point[None], width / height)[0]
+            if w > 0.0:
+                at, ends = (np.array([x, y]) / w + 1.0) / 2 * (width, height), np.zeros(4)
+                self._write(5 + number, words, np.zeros(2))
+                self._texts[5 + number].GetBoundingBox(self._renderer, ends)
+                begin, end = ends.reshape(2, 2).T / self._pixels
+                size = end - begin + edge
+                low = np.clip(at + 0.8 * letter, 0.0, np.maximum(whole - size, 0.0))
+                self._plate(*low, *(low + size))
+                self._write(5 + number, words, low + 0.5 * edge - begin)
         self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
         self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
 
@@ -150,6 +213,11 @@ class _Polygons(vtkActor2D):
 
 def _box(low: Polygon, high: Polygon) -> Polygon:
     return np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+
+
+def _disc(middle: Polygon, radius: float) -> Polygon:
+    turn = np.linspace(0.0, 2 * np.pi, 20, endpoint=False)
+    return middle + radius * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
 def _arrow(begin: Polygon, end: Polygon, letter: float) -> list[Polygon]:

@@ -51,6 +51,8 @@ def stand_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -
     camera.SetViewUp(*axis)
 
 
+#: Those along an axis.
+SIDES = ("front", "back", "right", "left", "top", "bottom")
 #: The one without perspective.
 FLAT = "face"
 #: How much of what is up must be seen of it: nearer to a pole no camera turns.

@@ -57,6 +57,11 @@ class Look:
     wireframe: bool = False
     #: Whether numbers have their scale at the right, and anything is written over the view.
     scale: bool = True
+    #: Whether the axes and a round length are shown even where no scene asks for them; axes that
+    #: are handled can be clicked at.
+    triad: bool = False
+    scale_bar: bool = False
+    handled: bool = False
 
     def occlusion(self, view: View, span: Span | None) -> float:
         """Return how deep contact shadows are; 0 where there are none."""
@@ -160,7 +165,8 @@ class SceneView:
         self.outline.VisibilityOff()
         if look.fabric:
             self._show_fabric(frame, view, look, span)
-        self.annotations.show(view, None if frame.cage is None else frame.time, scaled)
+        time, signs = frame.time if frame.cage else None, (look.triad, look.scale_bar, look.handled)
+        self.annotations.show(view, time, scaled, *signs)
         if not look.scale:
             for prop in self.over:
                 prop.VisibilityOff()

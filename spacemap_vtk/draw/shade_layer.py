@@ -48,6 +48,8 @@ class ShadeLayer:
         self.renderer.AddViewProp(shade)
         #: Whether it is wanted.
         self.on = False
+        #: Left, low, right and high ends of what stands in no shadow, in pixels.
+        self.clear: list[tuple[float, float, float, float]] = []
 
     def want(self, relief: float, strength: float) -> None:
         """Be drawn from now on if there is any strength: for folds so deep [m]."""
@@ -61,6 +63,8 @@ class ShadeLayer:
         depth = metres_from(camera, vtk_to_numpy(self._depth).reshape(height, width))
         pixels = self._relief * pixels_of(camera, height)
         shade = softened(contact_shade(depth, self._relief, pixels, self._strength, thin=2))
+        for left, low, right, high in self.clear:
+            shade[round(low) : round(high), round(left) : round(right)] = 1.0
         black = np.zeros((height, width, 4), np.uint8)
         black[..., 3] = 255.5 - 255.0 * shade
         self._image.SetDimensions(width, height, 1)
