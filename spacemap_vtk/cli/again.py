@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.options import Quiet, Set, tell_warnings
+from spacemap_vtk.cli.options import Quiet, Set, flag, tell_warnings, written_to
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError
@@ -36,19 +36,13 @@ def again(
     *,
     output: Annotated[
         Path | None,
-        Parameter(
-            name=["--output", "-o"],
-            help="What is written; by default beside the file, as cloth-again.png of cloth.png.",
-        ),
+        written_to("What is written; by default beside the file, as cloth-again.png of cloth.png."),
     ] = None,
     set_: Set = (),
     check: Annotated[
         bool,
-        Parameter(
-            negative="",
-            help="Write nothing, but compare what comes with the file; exit status 1 where it "
-            "differs.",
-            show_default=False,
+        flag(
+            "Write nothing, but compare what comes with the file; exit status 1 where it differs."
         ),
     ] = False,
     folder: Annotated[
@@ -58,14 +52,7 @@ def again(
             "default here, or where the file is."
         ),
     ] = None,
-    force: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Without --output: write over what is there.",
-            show_default=False,
-        ),
-    ] = False,
+    force: Annotated[bool, flag("Without --output: write over what is there.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Make a file anew from what it says of itself.

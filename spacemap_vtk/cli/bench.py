@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json
+from spacemap_vtk.cli.options import Json, Quiet, Set, numbers_table, opened, print_json
 from spacemap_vtk.cli.progress import progress
 
 #: Where no scene is named: the paper's experiment, and the same cloth of a hundred ends and picks.
@@ -54,22 +54,15 @@ def bench(
 
 
 def _table(figures: dict[str, Any]) -> Any:
-    from rich import box
-    from rich.table import Table
-
     how = "loops compiled by Numba" if figures["compiled"] else "NumPy"
-    table = Table(
+    table = numbers_table(
+        ("a new time", "MB", "copy [ms]", "takes [ms]", "copies"),
+        words=1,
         title=f"{figures['title']}\n{figures['points']:,} points, "
         f"{figures['surface_points']:,} on the surface\n{how}, {figures['threads']} threads",
         caption="copies: of the points and normals that it writes, in that time",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
         min_width=72,  # of the caption
     )
-    table.add_column("a new time", no_wrap=True)
-    for heading in ("MB", "copy [ms]", "takes [ms]", "copies"):
-        table.add_column(heading, justify="right", no_wrap=True)
     for row in figures["stages"]:
         table.add_row(
             row["name"],

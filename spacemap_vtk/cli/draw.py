@@ -23,12 +23,13 @@ from spacemap_vtk.cli.options import (
     TimeStamp,
     To,
     Triad,
+    carried_out,
+    flag,
     listed_times,
     opened,
-    tell_warnings,
+    written_to,
 )
-from spacemap_vtk.cli.progress import progress
-from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order, carry_out
+from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import whole_file
@@ -37,10 +38,7 @@ from spacemap_vtk.units import parse_quantity
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
-_OUTPUT = ["--output", "-o"]
-PictureFile = Annotated[
-    Path, Parameter(name=_OUTPUT, help=f"A {registry.written_words('picture')} file.")
-]
+PictureFile = Annotated[Path, written_to(f"A {registry.written_words('picture')} file.")]
 
 
 def render(
@@ -57,11 +55,9 @@ def render(
     time_stamp: TimeStamp = False,
     raytrace: Annotated[
         bool,
-        Parameter(
-            negative="",
-            help="Trace rays of light from fibre to fibre (slow; needs the extra [raytrace]): for "
-            "close-ups, with --set view.zoom=6.",
-            show_default=False,
+        flag(
+            "Trace rays of light from fibre to fibre (slow; needs the extra [raytrace]): for "
+            "close-ups, with --set view.zoom=6."
         ),
     ] = False,
     samples: Annotated[
@@ -92,7 +88,7 @@ def render(
         order.samples = samples or SAMPLES
     signs = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
     chosen = opened(scene, set_, time=time, size=size, color=color, style=style, signs=signs)
-    _carry_out(order, chosen, "Drawing", quiet)
+    carried_out(order, chosen, "Drawing", quiet)
 
 
 def animate(
@@ -101,10 +97,7 @@ def animate(
     *,
     output: Annotated[
         Path,
-        Parameter(
-            name=_OUTPUT,
-            help=f"A {registry.written_words('film')} file, or frames such as frames/%04d.png.",
-        ),
+        written_to(f"A {registry.written_words('film')} file, or frames such as frames/%04d.png."),
     ],
     size: Size = None,
     color: ColorBy = None,
@@ -119,14 +112,7 @@ def animate(
             "and the work go."
         ),
     ] = None,
-    again: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Draw again what is there of a film that was stopped.",
-            show_default=False,
-        ),
-    ] = False,
+    again: Annotated[bool, flag("Draw again what is there of a film that was stopped.")] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -155,7 +141,7 @@ def animate(
     order.size = chosen.view.size if size else None
     order.workers, order.again = workers, again
     try:
-        _carry_out(order, chosen, "Drawing frames", quiet)
+        carried_out(order, chosen, "Drawing frames", quiet)
     except BaseException as error:
         from spacemap_vtk.draw.filming import BusyError, KeptFrames
 
@@ -209,14 +195,14 @@ def storyboard(
     order.times = () if times is None else listed_times(times)
     order.motions = () if motions is None else _motions(motions)
     order.size = chosen.view.size if size else None
-    _carry_out(order, chosen, "Drawing columns", quiet)
+    carried_out(order, chosen, "Drawing columns", quiet)
 
 
 def export(
     scene: str,
     /,
     *,
-    output: Annotated[Path, Parameter(name=_OUTPUT, help=f"A {registry.written_words()} file.")],
+    output: Annotated[Path, written_to(f"A {registry.written_words()} file.")],
     what: Annotated[
         str | None,
         Parameter(
@@ -258,14 +244,7 @@ def export(
             "need not fit into memory; 4 by default."
         ),
     ] = None,
-    modes: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Mode shapes in place of the motion: --what modes.",
-            show_default=False,
-        ),
-    ] = False,
+    modes: Annotated[bool, flag("Mode shapes in place of the motion: --what modes.")] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -314,7 +293,7 @@ def export(
     if subdivisions is not None:
         _check_subdivisions(order, chosen, subdivisions)
         order.subdivisions = subdivisions
-    _carry_out(order, chosen, "Computing", quiet)
+    carried_out(order, chosen, "Computing", quiet)
 
 
 def convert(
@@ -323,12 +302,7 @@ def convert(
     /,
     *,
     trim: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Cut off ends in no heddle at the sides, picks without a shed before and after.",
-            show_default=False,
-        ),
+        bool, flag("Cut off ends in no heddle at the sides, picks without a shed before and after.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -365,18 +339,6 @@ def convert(
     if not quiet:
         for text in (*found.warnings, *(format_.loses(found) if format_.loses else ())):
             print(f"spacemap: warning: {text}", file=sys.stderr)
-
-
-def _carry_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
-    def lose(text: str) -> None:
-        if not quiet:
-            print(f"spacemap: warning: {text}", file=sys.stderr, flush=True)
-
-    with progress(scene, doing, quiet) as tell:
-        told = carry_out(order, scene, tell, lose=lose)
-    tell_warnings(scene, quiet)
-    if not quiet and told:
-        print(f"{order.output}: {told}")
 
 
 def _check_times(order: Order, options: list[str]) -> None:

@@ -13,12 +13,13 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SetLists,
     Styled,
+    carried_out,
+    flag,
     listed_times,
     opened,
-    tell_warnings,
+    written_to,
 )
-from spacemap_vtk.cli.progress import progress
-from spacemap_vtk.draw.order import Order, carry_out
+from spacemap_vtk.draw.order import Order
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import written_words
 from spacemap_vtk.scenes.assignments import swept
@@ -32,9 +33,7 @@ def figure(
     scene: str,
     /,
     *,
-    output: Annotated[
-        Path, Parameter(name=["--output", "-o"], help=f"A {written_words('plot')} file.")
-    ],
+    output: Annotated[Path, written_to(f"A {written_words('plot')} file.")],
     panels: Annotated[
         str | None,
         Parameter(
@@ -54,10 +53,7 @@ def figure(
     paired: Paired = False,
     color: ColorBy = None,
     style: Styled = None,
-    cage: Annotated[
-        bool,
-        Parameter(negative="", help="Cages in a row over the pictures.", show_default=False),
-    ] = False,
+    cage: Annotated[bool, flag("Cages in a row over the pictures.")] = False,
     columns: Annotated[int | None, Parameter(help="Pictures in a row.")] = None,
     end: Annotated[
         int | None, Parameter(help="The end that is cut along, from 1; by default in the middle.")
@@ -69,16 +65,9 @@ def figure(
         str, Parameter(help="Of the page: 180mm is two columns of many journals, 88mm is one.")
     ] = "180mm",
     dpi: Annotated[float, Parameter(help="Dots per inch of its pictures.")] = 300.0,
-    dark: Annotated[
-        bool, Parameter(negative="", help="Light ink on dark paper.", show_default=False)
-    ] = False,
+    dark: Annotated[bool, flag("Light ink on dark paper.")] = False,
     transparent: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="No paper: what the figure is laid on shows through.",
-            show_default=False,
-        ),
+        bool, flag("No paper: what the figure is laid on shows through.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -139,9 +128,7 @@ def figure(
     )
     if color is None and not panels and chosen.moves and chosen.view.color == "own":
         chosen.take({"view": {"color": "displacement"}})
-    with progress(chosen, "Drawing", quiet) as tell:
-        carry_out(order, chosen, tell)
-    tell_warnings(chosen, quiet)
+    carried_out(order, chosen, "Drawing", quiet)
 
 
 def _width(text: str) -> float:

@@ -5,16 +5,13 @@ from __future__ import annotations
 import shlex
 from typing import Annotated
 
-from cyclopts import Parameter
-
+from spacemap_vtk.cli.options import flag
 from spacemap_vtk.paraview import environment
 
 
 def paraview(
     *,
-    check: Annotated[
-        bool, Parameter(negative="", help="Try the plugin in pvpython.", show_default=False)
-    ] = False,
+    check: Annotated[bool, flag("Try the plugin in pvpython.")] = False,
 ) -> None:
     """Print how to start ParaView with the plugin, or --check it.
 

@@ -8,7 +8,19 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
+from spacemap_vtk.cli.options import (
+    Json,
+    Quiet,
+    Set,
+    carried_out,
+    flag,
+    numbers_table,
+    opened,
+    print_json,
+    print_labelled,
+    tell_warnings,
+    written_to,
+)
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
@@ -54,32 +66,15 @@ def modes(
     if json_:
         print_json(figures)
         return
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(
+    table = numbers_table(
+        ("mode", "f [Hz]", "ratio", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        show_edge=False,
+        caption="x, y, z: effective mass in % of what can move; Σ: with those above it",
         min_width=72,  # of the caption
     )
-    headings = (
-        "mode",
-        "f [Hz]",
-        "ratio",
-        "regime",
-        "x",
-        "Σx",
-        "y",
-        "Σy",
-        "z",
-        "Σz",
-    )
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
     frequencies = aligned(mode["frequency_hz"] for mode in figures["modes"])
     for number, (mode, frequency) in enumerate(zip(figures["modes"], frequencies, strict=True), 1):
         ratio = mode["damping_ratio"]
@@ -91,13 +86,9 @@ def modes(
             mode["regime"],
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
-    table.caption = "x, y, z: effective mass in % of what can move; Σ: with those above it"
-    console = Console()
-    console.print(table)
-    cage = Table.grid(padding=(0, 2))
-    for figure in (*sheet_figures(figures), *hung_figures(figures["hung"])):
-        cage.add_row(figure.label, figure.told)
-    console.print(cage)
+    Console().print(table)
+    told = (*sheet_figures(figures), *hung_figures(figures["hung"]))
+    print_labelled((figure.label, figure.told) for figure in told)
     tell_warnings(chosen, quiet)
 
 
@@ -107,10 +98,7 @@ def plot(
     *,
     output: Annotated[
         Path,
-        Parameter(
-            name=["--output", "-o"],
-            help=f"A {written_words('plot')} file; of --biaxial a .csv table, too.",
-        ),
+        written_to(f"A {written_words('plot')} file; of --biaxial a .csv table, too."),
     ],
     point: Annotated[
         str | None,
@@ -123,12 +111,10 @@ def plot(
     ] = "displacement",
     biaxial: Annotated[
         bool,
-        Parameter(
-            negative="",
-            help="In place of these the cloth's tensile tests, from its yarns (section yarns): "
+        flag(
+            "In place of these the cloth's tensile tests, from its yarns (section yarns): "
             "force per width against extension, of a strip whose other direction is free, along "
-            "the warp and along the weft, and of both pulled alike.",
-            show_default=False,
+            "the warp and along the weft, and of both pulled alike."
         ),
     ] = False,
     set_: Set = (),
@@ -159,6 +145,4 @@ def plot(
                 allowed="three lengths x,y,z, in m or with a unit, as in 1mm,0,0.2mm",
             )
         order.point = place
-    with progress(chosen, "Pulling" if biaxial else "Plotting", quiet) as tell:
-        carry_out(order, chosen, tell)
-    tell_warnings(chosen, quiet)
+    carried_out(order, chosen, "Pulling" if biaxial else "Plotting", quiet)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
-from spacemap_vtk.cli.options import print_json, tell_warnings
+from spacemap_vtk.cli.options import print_json, print_labelled, tell_warnings
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.scenes.anatomy import body
 from spacemap_vtk.scenes.scene import Scene
@@ -18,33 +17,14 @@ _MOST_PIECES = 8
 
 
 def tell_object(scene: Scene, json: bool, quiet: bool) -> None:
-    """Print an object's figures, and its cage's.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene with an object.
-    json : bool
-        For programs.
-    quiet : bool
-        No progress, no warnings.
-
-    Raises
-    ------
-    InputError
-        If the object or its cage cannot be made.
-    """
+    """Print an object's figures, and its cage's."""
     with progress(scene, "Measuring", quiet):
         figures = body(scene)
     if json:
         print_json(figures)
         return
-    table = Table.grid(padding=(0, 2))
-    for label, value in _rows(figures):
-        table.add_row(label, value)
-    console = Console()
-    console.print(scene.title, highlight=False)
-    console.print(table)
+    Console().print(scene.title, highlight=False)
+    print_labelled(_rows(figures))
     tell_warnings(scene, quiet)
 
 

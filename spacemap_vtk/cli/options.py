@@ -5,19 +5,34 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
+    from spacemap_vtk.draw.order import Order
     from spacemap_vtk.scenes.scene import Scene
+
+
+def flag(help: str, *names: str) -> Parameter:
+    """Return a switch that is off unless it is given, and has no opposite."""
+    return Parameter(name=names or None, negative="", help=help, show_default=False)
+
+
+def written_to(help: str) -> Parameter:
+    """Return what names the file that is written."""
+    return Parameter(name=["--output", "-o"], help=help)
+
 
 Set = Annotated[
     tuple[str, ...],
@@ -42,12 +57,10 @@ SetLists = Annotated[
 ]
 Paired = Annotated[
     bool,
-    Parameter(
-        name="--zip",
-        negative="",
-        help="Pair the lists: the first value of each together, then the second, and so on. "
+    flag(
+        "Pair the lists: the first value of each together, then the second, and so on. "
         "Without, every value of one goes with every value of the others.",
-        show_default=False,
+        "--zip",
     ),
 ]
 Time = Annotated[
@@ -75,38 +88,18 @@ To = Annotated[
     str | None, Parameter(name="--to", help="Time in s at which it ends; by default the scene's.")
 ]
 ColorBy = Annotated[
-    str | None,
-    Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}."),
+    str | None, Parameter(name="--color", help=f"What the colours show: {', '.join(COLORINGS)}.")
 ]
 Styled = Annotated[
-    str | None,
-    Parameter(name="--style", help=f"What it looks like: {', '.join(STYLES)}."),
+    str | None, Parameter(name="--style", help=f"What it looks like: {', '.join(STYLES)}.")
 ]
 ScaleBar = Annotated[
-    bool,
-    Parameter(
-        negative="",
-        help="A bar of a round length; with perspective that in the plane of the focus.",
-        show_default=False,
-    ),
+    bool, flag("A bar of a round length; with perspective that in the plane of the focus.")
 ]
-Triad = Annotated[bool, Parameter(negative="", help="The axes.", show_default=False)]
-TimeStamp = Annotated[
-    bool, Parameter(negative="", help="The time of what is shown.", show_default=False)
-]
-Quiet = Annotated[
-    bool,
-    Parameter(
-        name=["--quiet", "-q"],
-        negative="",
-        help="No progress, no warnings.",
-        show_default=False,
-    ),
-]
-Json = Annotated[
-    bool,
-    Parameter(name="--json", negative="", help="Print JSON, for programs.", show_default=False),
-]
+Triad = Annotated[bool, flag("The axes.")]
+TimeStamp = Annotated[bool, flag("The time of what is shown.")]
+Quiet = Annotated[bool, flag("No progress, no warnings.", "--quiet", "-q")]
+Json = Annotated[bool, flag("Print JSON, for programs.", "--json")]
 
 
 def opened(
@@ -122,31 +115,7 @@ def opened(
     fps: str | None = None,
     signs: Mapping[str, bool] | None = None,
 ) -> Scene:
-    """Read a scene and apply the command line's changes to it.
-
-    Parameters
-    ----------
-    name : str
-        What the user wrote for SCENE.
-    assignments : sequence of str
-        What followed each ``--set``.
-    time, size, style, color : str, optional
-        What followed ``--time``, ``--size``, ``--color`` and ``--style``.
-    start, stop, fps : str, optional
-        What followed ``--from``, ``--to`` and ``--fps``.
-    signs : mapping, optional
-        Which of the flags of the section ``[view]`` are given, by their keys.
-
-    Returns
-    -------
-    Scene
-        Not yet run.
-
-    Raises
-    ------
-    InputError
-        If something is refused.
-    """
+    """Read a scene and apply the command line's changes to it."""
     from spacemap_vtk.scenes.scene import Scene  # with VTK, which no command's help needs
 
     scene = Scene.read(name)
@@ -186,25 +155,7 @@ def opened(
 
 
 def listed_times(text: str, option: str = "--times") -> list[float]:
-    """Return what followed an option for several times.
-
-    Parameters
-    ----------
-    text : str
-        Times, separated by commas.
-    option : str
-        For messages.
-
-    Returns
-    -------
-    list of float
-        In s.
-
-    Raises
-    ------
-    InputError
-        If one is none, or there are too many.
-    """
+    """Return what followed an option for several times."""
     refused = InputError(
         "not a list of times",
         key=option,
@@ -220,29 +171,53 @@ def listed_times(text: str, option: str = "--times") -> list[float]:
     return times
 
 
-def tell_warnings(scene: Scene, quiet: bool) -> None:
-    """Print what the stages say of their trustworthiness.
+def carried_out(order: Order, scene: Scene, doing: str, quiet: bool) -> None:
+    """Carry out an order, with progress; tell what is lost, doubted and written."""
+    from spacemap_vtk.draw.order import carry_out
 
-    Parameters
-    ----------
-    scene : Scene
-        As of its last update.
-    quiet : bool
-        Print nothing.
-    """
+    def lose(text: str) -> None:
+        if not quiet:
+            print(f"spacemap: warning: {text}", file=sys.stderr, flush=True)
+
+    with progress(scene, doing, quiet) as tell:
+        told = carry_out(order, scene, tell, lose=lose)
+    tell_warnings(scene, quiet)
+    if not quiet and told:
+        print(f"{order.output}: {told}")
+
+
+def tell_warnings(scene: Scene, quiet: bool) -> None:
+    """Print what the stages say of their trustworthiness."""
     if not quiet:
         for text in scene.warnings:
             print(f"spacemap: warning: {text}", file=sys.stderr)
 
 
-def print_json(figures: Any) -> None:
-    """Print figures for programs.
+def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
+    """Return a table of numbers, whose first columns are words."""
+    from rich import box
+    from rich.table import Table
 
-    Parameters
-    ----------
-    figures : dict or list
-        Of what JSON knows; infinite and undefined numbers become null.
-    """
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False, **more)
+    for column, heading in enumerate(headings):
+        justify: Any = "left" if column < words else "right"
+        table.add_column(heading, justify=justify, no_wrap=True)
+    return table
+
+
+def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
+    """Print figures below each other, their labels before them."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def print_json(figures: Any) -> None:
+    """Print figures for programs; infinite and undefined numbers become null."""
     print(json.dumps(_finite(figures), indent=2, ensure_ascii=False))
 
 

@@ -18,22 +18,7 @@ _PATIENCE = 1.0
 
 @contextmanager
 def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[int, int], object]]:
-    """Show a bar while a scene is worked on, and the running stage beside it.
-
-    Parameters
-    ----------
-    scene : Scene or None
-        Its stages are watched, if there is one.
-    what : str
-        The work, in a word or two.
-    quiet : bool
-        Show nothing.
-
-    Yields
-    ------
-    callable
-        To be called with the number of steps done and that of all.
-    """
+    """Show a bar while a scene is worked on, and the running stage beside it."""
     if quiet or not sys.stderr.isatty():
         yield lambda done, of: None
         return

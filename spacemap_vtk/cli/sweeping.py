@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import ColorBy, Paired, Quiet, SetLists, Size, listed_times, opened
+from spacemap_vtk.cli.options import (
+    ColorBy,
+    Paired,
+    Quiet,
+    SetLists,
+    Size,
+    flag,
+    listed_times,
+    numbers_table,
+    opened,
+    written_to,
+)
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError, SpacemapError
 
@@ -35,7 +46,7 @@ def sweep(
     *,
     output: Annotated[
         Path,
-        Parameter(name=["--output", "-o"], help="A folder; it is made where it is not there."),
+        written_to("A folder; it is made where it is not there."),
     ],
     set_: SetLists = (),
     paired: Paired = False,
@@ -64,14 +75,7 @@ def sweep(
             "here. Needs the extra [cluster]."
         ),
     ] = None,
-    again: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Compute again what is in the folder already.",
-            show_default=False,
-        ),
-    ] = False,
+    again: Annotated[bool, flag("Compute again what is in the folder already.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run a scene over lists of values, into a folder.
@@ -142,10 +146,8 @@ def sweep(
 
 def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
     """Print the values and those figures that differ, as many as there is room for."""
-    from rich import box
     from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
     from spacemap_vtk.draw.study import table
 
@@ -167,11 +169,9 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
         if room > 0 or k in columns or k == last:
             shown.append(k)
     shown.sort()
-    told = Table(
-        title=escape(sweep.title), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    told = numbers_table(
+        (escape("\n".join(_wrapped(headings[k]))) for k in shown), title=escape(sweep.title)
     )
-    for k in shown:
-        told.add_column(escape("\n".join(_wrapped(headings[k]))), justify="right", no_wrap=True)
     for row in rows:
         cells = [escape(row[k]) or "–" for k in shown]
         told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])

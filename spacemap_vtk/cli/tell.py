@@ -10,7 +10,16 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, opened, print_json, tell_warnings
+from spacemap_vtk.cli.options import (
+    Json,
+    Quiet,
+    Set,
+    numbers_table,
+    opened,
+    print_json,
+    print_labelled,
+    tell_warnings,
+)
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError, MissingLibraryError
@@ -67,12 +76,8 @@ def info(
         table.add_column(heading, justify="right" if heading else "left")
     for warp, weft in figure_list.yarn_figures(figures):
         table.add_row(warp.label, warp.told, weft.told)
-    console = Console()
-    console.print(table)
-    cloth = Table.grid(padding=(0, 2))
-    for figure in figure_list.cloth_figures(figures):
-        cloth.add_row(figure.label, figure.told)
-    console.print(cloth)
+    Console().print(table)
+    print_labelled((figure.label, figure.told) for figure in figure_list.cloth_figures(figures))
     tell_warnings(chosen, quiet)
 
 
@@ -169,16 +174,15 @@ def materials(*, json_: Json = False) -> None:
     if json_:
         print_json({"materials": rows, "source": SOURCE, "assumed": list(ASSUMED)})
         return
-    from rich import box
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("\nmaterial")
-    for heading in ("\ng/m²", "\nC11", "\nC12", "\nC22", "\nC33", "B\nweft", "B\nbias", "B\nwarp"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for heading in ("c\nweft", "c\nwarp", "\nplate"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = numbers_table(
+        [
+            *("\nmaterial", "\ng/m²", "\nC11", "\nC12", "\nC22", "\nC33"),
+            *("B\nweft", "B\nbias", "B\nwarp", "c\nweft", "c\nwarp", "\nplate"),
+        ],
+        words=1,
+    )
     for name, fabric in FABRICS.items():
         lengths = [bending_length(fabric.bending[k], fabric.areal_mass) for k in (0, 2)]
         table.add_row(
