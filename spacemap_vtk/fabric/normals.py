@@ -52,12 +52,14 @@ class RobustNormals:
             weights = weights[self._nets].astype(np.float64)
         du, dv = _slopes(self._bases, local, weights, self._places)
         both = _cross(du, dv)
-        (here, inside), (length, within) = (np.split(a, 2, axis=-1) for a in (both, _length(both)))
+        lengths, count = _length(both), len(self.found)
+        here, length = both[:, :count], lengths[:count]
+        inside, within = both[:, count:], lengths[count:]
         clear = length > np.maximum(_NOTHING, _INSIDE * within)
         if (within > _NOTHING).all():  # as at the poles of caps
             return (np.where(clear, here, inside) / np.where(clear, length, within)).T
         # across the longest direction: what has no area may still be a line
-        du, dv = (np.split(a, 2, axis=-1)[0] for a in (du, dv))
+        du, dv = du[:, :count], dv[:, :count]
         along = np.where(_length(du) >= _length(dv), du, dv)
         across = _cross(along, np.eye(3)[:, np.abs(along).argmin(axis=0)])
         result = np.zeros_like(here)

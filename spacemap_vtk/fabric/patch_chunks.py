@@ -117,20 +117,23 @@ class Scratch:
         self._normal = [aligned(rows // 3 * most) for _ in range(3)]
         self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
 
-    def net(self, chunk: Chunk, table: NDArray[Any], kind: DTypeLike) -> Floats:
-        """Gather what control points have, relative to the first of each patch, which is last."""
+    def net(self, chunk: Chunk, rows: NDArray[Any], kind: DTypeLike) -> Floats:
+        """Gather what a chunk's rows have, relative to the first of each patch, which is last."""
         places: NDArray[Any] = chunk.gather
         if places.dtype != np.intp:
             places = _part(self._places, places.shape, np.intp)
             places[:] = chunk.gather
-        shape = *places.shape, table.shape[1]
-        gathered = _part(self._gathered, shape, table.dtype)
-        # "clip" is the mode without a buffered copy; every index is in range
-        np.take(table[chunk.rows], places, axis=0, out=gathered, mode="clip")
+        shape = *places.shape, rows.shape[1]
         net = _part(self._net, (len(places) + 1, *shape[1:]), kind)
-        net[-1] = gathered[0]
-        gathered -= gathered[0].copy()  # before it is cast: to do both at once takes longer
-        net[:-1] = gathered
+        same = rows.dtype == kind
+        gathered = net[:-1] if same else _part(self._gathered, shape, rows.dtype)
+        # "clip" is the mode without a buffered copy; every index is in range
+        np.take(rows, places, axis=0, out=gathered, mode="clip")
+        origin = gathered[0].copy()
+        net[-1] = origin
+        gathered -= origin  # before it is cast: to do both at once takes longer
+        if not same:
+            net[:-1] = gathered
         return net
 
     def apart(self, net: Floats) -> Floats:
@@ -199,10 +202,7 @@ class Scratch:
         np.divide(1, length, out=length)
         for axis in range(3):
             np.multiply(normal[axis], length, out=out[..., axis])
-        few = np.flatnonzero(suspect.any(axis=1))  # samples: most often those at poles of caps
-        which, patch = np.nonzero(suspect[few])
-        found: NDArray[np.intp] = few[which] * shape[1] + patch
-        return found
+        return np.flatnonzero(suspect)  # most often at poles of caps
 
 
 def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:

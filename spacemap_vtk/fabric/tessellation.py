@@ -184,7 +184,7 @@ class Tessellation:
 
         def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
-                net = scratch.net(chunk, points, kind)
+                net = scratch.net(chunk, points[chunk.rows], kind)
                 apart = scratch.apart(net)
                 if rational is None:
                     multiply(with_origin, _flat(net), _flat(surface))
@@ -249,7 +249,8 @@ class Tessellation:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 for start in range(0, columns.shape[1], 3):
                     few = slice(start, start + 3)
-                    net = scratch.net(chunk, columns[:, few], kind)
+                    rows = columns[:, few][chunk.rows].astype(kind, copy=False)
+                    net = scratch.net(chunk, rows, kind)
                     if rational is None:
                         out = part if columns.shape[1] <= 3 else np.empty_like(part[..., few])
                         multiply(with_origin, _flat(net), _flat(out))

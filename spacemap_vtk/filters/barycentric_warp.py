@@ -39,7 +39,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.memory import require
-from spacemap_vtk.parallel import for_each
+from spacemap_vtk.parallel import WORTHWHILE, for_each
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
 
@@ -183,8 +183,8 @@ class BarycentricWarp(Stage):
                 f"to carry {count} points along",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
-            # In linear tetrahedra each has one map, and a point needs no weights.
-            affine = elements.shape[1] == 4 and not self.smooth
+            # In linear tetrahedra each has one map, and many points need no weights.
+            affine = elements.shape[1] == 4 and not self.smooth and count > WORTHWHILE
             where = locate(points_of(points), vertices, corners, self.outside, weighted=not affine)
             note = ""
             if where.outside:
@@ -267,7 +267,6 @@ class _Ride:
     location: Location
     interpolation: AffineInterpolation | Interpolation | SmoothInterpolation
     note: str
-    quadratic: QuadraticGradients | None = None
 
     def serves(
         self, settings: tuple[str, bool], points: vtkPointSet, cage: vtkUnstructuredGrid
@@ -279,15 +278,22 @@ class _Ride:
         """Values of tetrahedra to values at vertices, (V, T)."""
         return vertex_averages(self.vertices, self.cells)
 
+    @cached_property
+    def _slopes(self) -> QuadraticGradients | AffineInterpolation | SmoothInterpolation:
+        """What knows how the map of each tetrahedron, or at each point, stretches and turns."""
+        if not isinstance(self.interpolation, Interpolation):
+            return self.interpolation
+        if self.elements.shape[1] > 4:
+            return QuadraticGradients(self.location, self.vertices, self.elements)
+        return AffineInterpolation(np.empty((0, 3)), self.location, self.vertices, self.elements)
+
     def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
         each: NDArray[np.integer[Any]] = np.arange(len(normals))
-        if isinstance(self.interpolation, Interpolation):
-            if self.quadratic is None:
-                self.quadratic = QuadraticGradients(self.location, self.vertices, self.elements)
-            gradients = self.quadratic.at(displacement)
+        if isinstance(self._slopes, QuadraticGradients):
+            gradients = self._slopes.at(displacement)
         else:
-            gradients = self.interpolation.gradients(displacement)
-            if isinstance(self.interpolation, AffineInterpolation):
+            gradients = self._slopes.gradients(displacement)
+            if isinstance(self._slopes, AffineInterpolation):
                 each = self.location.tetrahedron
         return turned_normals(normals, cofactors(gradients), each)
 

@@ -124,7 +124,8 @@ class PatchTessellator(Stage):
             self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
-        rational = grid.GetPointData().GetRationalWeights()
+        given = grid.GetPointData()
+        rational = given.GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         positions, normals = prepared.tessellation.evaluate(points_of(grid), weights=weights)
         if (strands := prepared.strands(grid)) is not None:
@@ -135,18 +136,19 @@ class PatchTessellator(Stage):
                 output.GetPointData().AddArray(prepared.coordinates(strands))
         output.SetPoints(to_points(positions))
         output.SetPolys(prepared.polygons)
-        output.GetPointData().SetNormals(to_array(normals, "Normals"))
-        for array in _numeric_arrays(grid.GetPointData()):
+        at_points, of_cells = output.GetPointData(), output.GetCellData()
+        at_points.SetNormals(to_array(normals, "Normals"))
+        for array in _numeric_arrays(given):
             if array is rational:
                 continue  # it says how to interpolate, and is nothing on the surface
             if (label := prepared.label(array, grid)) is not None:
-                output.GetCellData().AddArray(prepared.cell_array(label))
+                of_cells.AddArray(prepared.cell_array(label))
                 continue
             # In float32 as the positions are: twice the bytes would say no more.
             values = prepared.tessellation.interpolate(vtk_to_numpy(array), weights, np.float32)
-            output.GetPointData().AddArray(to_array(values, array.GetName()))
+            at_points.AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
-            output.GetCellData().AddArray(prepared.cell_array(array))
+            of_cells.AddArray(prepared.cell_array(array))
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
     def _drop_ghosts(self, output: vtkPolyData) -> None:
@@ -239,6 +241,7 @@ class _Patches:
         self.polygons: vtkCellArray = to_cells(self.tessellation.quads)
         self.patches = patches
         self.told: list[bytes | None] = []
+        self.placed: tuple[vtkDataArray, int] | None = None
         self.woven: Strands | None = None
         self.ways: vtkDataArray | None = None
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
@@ -249,11 +252,17 @@ class _Patches:
 
     def strands(self, grid: vtkUnstructuredGrid) -> Strands | None:
         """Return where fibres and plies run on a whole weave; None on anything else."""
+        places = grid.GetFieldData().GetArray(PLACES)
+        # what decides is written together: the same array is of the same weave
+        if places is not None and self.placed is not None:
+            array, time = self.placed
+            if places is array and places.GetMTime() == time:
+                return self.woven
+        self.placed = None if places is None else (places, places.GetMTime())
         told = _told(grid)
         if told != self.told:
             self.told, self.woven, self.ways = told, None, None
             cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
-            places = grid.GetFieldData().GetArray(PLACES)
             if cloth is not None:
                 # not of some patches of a weave
                 with suppress(GeometryError):

@@ -8,6 +8,7 @@ from the equation of motion itself: (p² - 2hp + λ) H = ∫ e^{ps} w - [e^{ps} 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -72,11 +73,11 @@ class Account:
         if time * self._rate > MOST:  # too many to add up: work and loss are unknown
             return Energy(kinetic, strain, math.nan, math.nan)
         self._reach(time)
-        k = int(np.searchsorted(self._marks, time, side="right")) - 1
+        k = bisect_right(self._marks, time) - 1
         work = self._works[k]
         if time > self._marks[k]:
             begin, end = np.array([self._marks[k]]), np.array([time])
-            now = np.stack(state[:2])[None]
+            now = np.array([state[:2]])
             work += float(self._work(begin, end, self._states[k][None], now)[0])
         # The balance is exact, so what is not there any more was lost.
         lost = 0.0 if self._lossless else max(0.0, work - kinetic - strain)
@@ -125,8 +126,8 @@ class Account:
         for drive in motion.drives:
             function = drive.function
             if isinstance(function, Pieces) and not drive.moves_base:
-                load += np.outer([function.value(t) for t in begins], drive.gain)
-                slope += np.outer([function.slope(t) for t in begins], drive.gain)
+                load += np.array([[function.value(t)] for t in begins]) * drive.gain
+                slope += np.array([[function.slope(t)] for t in begins]) * drive.gain
         spans = (ends - begins)[:, None]
         sines = [
             (phasor * np.exp(1j * sine.omega * begins)[:, None], sine.omega)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -51,14 +53,16 @@ def largest_rotation(gradients: FloatArray) -> float:
     float
         In rad.
     """
-    curl = [gradients[j, i] - gradients[i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
-    return 0.5 * float(np.sqrt(sum(part**2 for part in curl).max()))
+    twice = gradients - gradients.swapaxes(0, 1)  # each component of the curl, with both signs
+    return 0.5 * math.sqrt(0.5 * np.einsum("ijt,ijt->t", twice, twice).max())
 
 
 def strains(gradients: FloatArray) -> FloatArray:
     """Return the strain of each tetrahedron: xx, yy, zz, yz, zx, xy, shears as γ = 2ε, (T, 6)."""
-    shears = [gradients[i, j] + gradients[j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
-    return np.stack([*(gradients[i, i] for i in range(3)), *shears], axis=1)
+    twice = (gradients + gradients.swapaxes(0, 1)).reshape(9, -1)
+    strain = twice.take([0, 4, 8, 5, 6, 1], axis=0)
+    strain[:3] *= 0.5
+    return np.asarray(strain.T)
 
 
 #: Barycentric coordinates where a product of two strains of a quadratic tetrahedron is sampled;

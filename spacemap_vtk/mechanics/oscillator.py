@@ -74,12 +74,12 @@ def oscillate(
 
 def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -> Kernels:
     """Return the responses of q̈ + 2h q̇ + λ q = w; values are not checked."""
-    spring, h, t = np.broadcast_arrays(stiffness, half, time)
-    over = h > np.sqrt(spring)
-    if over.all():
-        return _overdamped(h, spring, t)
+    over = half > np.sqrt(stiffness)
     if not over.any():
-        return _underdamped(h, spring, t)
+        return _underdamped(half, stiffness, time)
+    if over.all():
+        return _overdamped(half, stiffness, time)
+    spring, h, t, over = np.broadcast_arrays(stiffness, half, time, over)
     result = Kernels(*np.empty((7, *t.shape)))
     for case, response in ((over, _overdamped), (~over, _underdamped)):
         for whole, part in zip(result, response(h[case], spring[case], t[case]), strict=True):
@@ -159,7 +159,7 @@ def _checked_all(values: tuple[ArrayLike, ...], names: tuple[str, ...]) -> list[
     return list(np.broadcast_arrays(*arrays))
 
 
-def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
+def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) -> Kernels:
     from scipy.special import exprel  # with all it brings: a tenth of a second
 
     omega = np.sqrt(stiffness)
@@ -180,7 +180,7 @@ def _overdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
     return Kernels(free, -stiffness * impulse, impulse, impulse_rate, *integrals)
 
 
-def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels:
+def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray | float) -> Kernels:
     omega = np.sqrt(stiffness)
     # At critical damping rounding may leave h above √λ by its last place.
     phase = np.sqrt(np.maximum(omega - h, 0.0) * (omega + h)) * t
@@ -191,26 +191,28 @@ def _underdamped(h: FloatArray, stiffness: FloatArray, t: FloatArray) -> Kernels
     swing = decay * np.cos(phase)
     free = swing + h * impulse
     # λ S₂ = 1 - C, and integrals of it: λ S₃ = t - S - 2h S₂, λ S₄ = t²/2 - S₂ - 2h S₃.
-    late = omega * t > SHORT
-    step = np.divide(1 - free, stiffness, out=np.zeros_like(t), where=late)
-    ramp = np.divide(t - impulse - 2 * h * step, stiffness, out=np.zeros_like(t), where=late)
-    rest = t * t / 2 - step - 2 * h * ramp
-    parabola = np.divide(rest, stiffness, out=np.zeros_like(t), where=late)
+    with np.errstate(all="ignore"):  # what is early has no digits so, and is summed below
+        step = (1 - free) / stiffness
+        ramp = (t - impulse - 2 * h * step) / stiffness
+        parabola = (t * t / 2 - step - 2 * h * ramp) / stiffness
     integrals = _early(omega * t, h, stiffness, t, [step, ramp, parabola])
     return Kernels(free, -stiffness * impulse, impulse, swing - h * impulse, *integrals)
 
 
 def _early(
-    phase: FloatArray, h: FloatArray, stiffness: FloatArray, t: FloatArray, late: list[FloatArray]
-) -> FloatArray:
+    phase: FloatArray,
+    h: FloatArray,
+    stiffness: FloatArray,
+    t: FloatArray | float,
+    late: list[FloatArray],
+) -> list[FloatArray]:
     """Return the integrals S₂, S₃ and S₄, from Taylor's series where `phase` is small."""
     # Term by term, S'' + 2h S' + λ S = tᵐ⁻² / (m - 2)! gives from tᵐ/m! on T[k+1] (k + 1) k = -2h t
     # k T[k] - λ t² T[k-1].
-    result = np.stack(late)
     early = phase <= SHORT
     if early.any():
-        t = t[early]
-        damping, spring = 2 * h[early] * t, stiffness[early] * t * t
+        h, stiffness, t = (np.broadcast_to(x, early.shape)[early] for x in (h, stiffness, t))
+        damping, spring = 2 * h * t, stiffness * t * t
         term = np.stack([t * t / 2, t**3 / 6, t**4 / 24])
         order = np.array([[2.0], [3.0], [4.0]])
         previous, total = np.zeros_like(term), term.copy()
@@ -221,8 +223,9 @@ def _early(
                 -(power * damping * term + spring * previous) / (power * (power + 1)),
             )
             total += term
-        result[:, early] = total
-    return result
+        for integral, part in zip(late, total, strict=True):
+            integral[early] = part
+    return late
 
 
 def _exponential_integrals(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,6 +8,8 @@ and the sum built by doubling, which divides by nothing and so bears resonance.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 import numpy as np
 
 from spacemap_vtk.errors import InputError
@@ -23,7 +25,7 @@ def propagate(
 ) -> FloatArray:
     """Return the state of oscillators after a while under a load that is linear in time."""
     q, rate = state
-    return np.stack(
+    return np.array(
         [
             q * kernel.free + rate * kernel.impulse + load * kernel.step + slope * kernel.ramp,
             # Not through `free_rate` for the load: its own rates are kernels already.
@@ -67,7 +69,7 @@ class Linear:
 
     def at(self, time: float) -> FloatArray:
         """Return the state at a time, after a jump that happens just then."""
-        k = int(np.searchsorted(self._times, time, side="right")) - 1
+        k = bisect_right(self._times, time) - 1
         if time == self._times[k]:
             return self._starts[k]
         kernel = kernels(self._stiffness, self._half, time - self._times[k])

@@ -7,6 +7,7 @@ the unit. It begins at t = 0.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -43,7 +44,7 @@ class Pieces(NamedTuple):
             count = round((time - rest) / self.period)
             if self.period - rest <= slack:
                 return count + 1, 0.0
-        k = int(np.searchsorted(self.times, rest))
+        k = bisect_left(self.times, rest)
         for start in self.times[max(0, k - 1) : k + 1]:
             if abs(start - rest) <= slack:
                 return count, float(start)
@@ -54,7 +55,7 @@ class Pieces(NamedTuple):
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
-        k = int(np.searchsorted(self.times, time, side="right")) - 1
+        k = bisect_right(self.times, time) - 1
         return float(self.values[k] + self.slopes[k] * (time - self.times[k]))
 
     def slope(self, time: float) -> float:
@@ -62,12 +63,12 @@ class Pieces(NamedTuple):
         if time < 0.0:
             return 0.0
         _, time = self.phase(time)
-        return float(self.slopes[np.searchsorted(self.times, time, side="right") - 1])
+        return float(self.slopes[bisect_right(self.times, time) - 1])
 
     def next_corner(self, time: float) -> float:
         """Return the first time after another one at which a piece starts; infinity for none."""
         count, rest = self.phase(time)
-        k = int(np.searchsorted(self.times, rest, side="right"))
+        k = bisect_right(self.times, rest)
         whole = 0.0 if self.period is None else count * self.period
         if k < len(self.times):
             return whole + float(self.times[k])
