@@ -177,12 +177,9 @@ def readers(holds: str) -> list[Reader]:
 
 def reader(path: Path, holds: str) -> Reader | None:
     """Return who reads a file, by its ending; of two the one that was registered last."""
-    found = readers(holds)
     ending = path.suffix.lower()
-    return next(
-        (each for each in reversed(found) if ending in each.endings),
-        next((each for each in reversed(found) if each.rest), None),
-    )
+    able = [each for each in reversed(readers(holds)) if each.rest or ending in each.endings]
+    return min(able, key=lambda each: each.rest, default=None)
 
 
 def read(path: Path, holds: str) -> Any:

@@ -1,0 +1,104 @@
+"""What is published holds the program and its scenes, and says who, what and which version."""
+
+from __future__ import annotations
+
+import email
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import spacemap_vtk
+
+ROOT = Path(__file__).parents[1]
+#: What makes the package beside its two folders.
+_FILES = ("pyproject.toml", "setup.cfg", "MANIFEST.in", "LICENSE", "README.md", "CITATION.cff")
+
+
+@pytest.fixture(scope="module")
+def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of an sdist and of the wheel that was built from nothing but that."""
+    work = tmp_path_factory.mktemp("published")
+    checkout = work / "checkout"
+    for folder in ("spacemap_vtk", "scenes"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / folder, checkout / folder, ignore=ignored)
+    for file in _FILES:
+        shutil.copy(ROOT / file, checkout)
+
+    def build(kind: str, source: Path) -> None:
+        code = f"import setuptools.build_meta as b; b.build_{kind}({str(work)!r})"
+        words = [sys.executable, "-W", "ignore", "-c", code]
+        done = subprocess.run(words, cwd=source, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+
+    build("sdist", checkout)
+    with tarfile.open(next(work.glob("*.tar.gz"))) as archive:
+        archive.extractall(work / "unpacked", filter="data")
+    (unpacked,) = (work / "unpacked").iterdir()
+    build("wheel", unpacked)
+    return work
+
+
+def test_a_wheel_from_the_sdist_has_all_files_and_runs_alone(published: Path) -> None:
+    (wheel,) = published.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        inside = {name for name in archive.namelist() if ".dist-info/" not in name}
+        archive.extractall(published / "installed")
+    files = (
+        (path, at / path.relative_to(ROOT / folder))
+        for folder, at in (("spacemap_vtk", Path("spacemap_vtk")), ("scenes", _LIBRARY))
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and _LIBRARY not in path.parents
+    )
+    assert inside == {str(name) for _, name in files}
+    # Of the wheel, not of the checkout that is installed here.
+    code = (
+        "import spacemap_vtk, pathlib; from spacemap_vtk.cli.main import main;"
+        f"assert pathlib.Path(spacemap_vtk.__file__).is_relative_to({str(published)!r});"
+        "main(['info', 'handweaving'])"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(published / "installed")}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(
+        words, cwd=published, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "crimp" in done.stdout
+
+
+_LIBRARY = Path("spacemap_vtk/library")
+
+
+def test_the_version_comes_from_one_place_and_the_rest_is_said(published: Path) -> None:
+    with zipfile.ZipFile(next(published.glob("*.whl"))) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith("dist-info/METADATA"))
+        told = email.message_from_bytes(archive.read(name))
+    version = spacemap_vtk.__version__
+    assert told["Version"] == version
+    assert told["Author"]
+    assert "License :: OSI Approved :: MIT License" in told.get_all("Classifier", [])
+    assert told["License-File"] == "LICENSE"
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
+    for file in ("setup.cfg", "pyproject.toml", "CITATION.cff"):
+        assert not re.search(rf"(?<![\d.]){re.escape(version)}(?![\d.])", (ROOT / file).read_text())
+
+
+def test_the_files_that_a_citation_names_are_there_and_name_its_author() -> None:
+    text = (ROOT / "CITATION.cff").read_text("utf-8")
+    references = text.split("  - type: ")[1:]
+    named = 0
+    for reference in references:
+        author = re.search(r"family-names: \"?([\w']+)", reference)
+        files = re.findall(r"\w+/\w+\.py", reference)
+        assert author is not None
+        sources = [(ROOT / "spacemap_vtk" / file).read_text("utf-8") for file in files]
+        assert not files or any(author[1] in source for source in sources), author[1]
+        named += bool(files)
+    assert named >= 10
