@@ -212,6 +212,66 @@ def test_colours_from_the_palette_and_the_dialog(draft_of: Any, qtbot: Any, twil
     assert draft.grid.color.name() == "#e8c78f"
 
 
+def test_swatches_stay_where_they_are(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    draft, view = window.draft, window.draft.grid.viewport()
+    row = draft.palette_row
+
+    def stand() -> list[Any]:
+        places = [row.mapToGlobal(row.rect_of(index).center()) for index in range(len(row.colors))]
+        return [*zip(map(QColor.name, row.colors), places, strict=True)]
+
+    before = stand()
+    # The last one is chosen, and a colour that no yarn has any more stays, too.
+    qtbot.mouseClick(row, LEFT, pos=row.rect_of(len(before) - 1).center())
+    qtbot.mousePress(view, LEFT, pos=spot(window, "warp", 1, 0))
+    qtbot.mouseMove(view, spot(window, "warp", 8, 0))
+    qtbot.mouseRelease(view, LEFT, pos=spot(window, "warp", 8, 0))
+    assert window.document.written("weave", "warp_color") == before[-1][0]
+    assert stand() == before
+    draft.hint.setText("a long hint " * 30)
+    qtbot.wait(20)
+    assert stand() == before
+    # The pattern's squares have the yarns' colours.
+    window.document.open("plain_weave")
+    window.stages.choose("weave")
+    window.document.set_many(
+        "weave", {"warp_color": "#112233", "weft_color": ["#aa3300", "#ffffff"]}
+    )
+    grid = window.properties.rows["pattern"].editor.grid
+
+    def color(pick: int, end: int) -> str:
+        return grid.grab().toImage().pixelColor(grid.square(pick, end).center().toPoint()).name()
+
+    wait_until(lambda: color(0, 0) == "#112233")
+    assert (color(0, 1), color(1, 0)) == ("#aa3300", "#ffffff")
+
+
+def test_a_draft_is_edited_by_keys(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    grid, keys = window.draft.grid, Qt.Key
+    click(qtbot, window, "threading", 2, 2)
+    click(qtbot, window, "threading", 2, 2)
+    assert window.focusWidget() is grid
+    for key in (keys.Key_Right, keys.Key_Up, keys.Key_Up, keys.Key_Return):
+        qtbot.keyClick(grid, key)
+    assert grid.shown.loom.threading[:3] == ((1,), (2,), (4,))
+    assert "end 3, threaded on 4" in window.draft.hint.text()
+    window.menus.actions["Undo"].trigger()
+    assert grid.shown.loom.threading[2] == (3,)
+    # From grid to grid.
+    for _ in range(4):
+        qtbot.keyClick(grid, keys.Key_Down)
+    assert "end 3" in window.draft.hint.text()
+    assert "pick 8" in window.draft.hint.text()
+    # What is not in sight comes there.
+    for _ in range(14):
+        qtbot.keyClick(grid, "+")
+    for _ in range(9):
+        qtbot.keyClick(grid, keys.Key_Down)
+    assert "pick 1 " in window.draft.hint.text()
+
+
 def test_a_draft_of_32_shafts_is_all_in_sight(draft_of: Any, qtbot: Any) -> None:
     window = draft_of(library.folder() / "32-shaft_twill.wif")
     window.splitter.setSizes([260, 300, 640])

@@ -159,6 +159,10 @@ class Document(QObject):
         drafted = self.source is not None and registry.kind_of(self.source) == "draft"
         return self.source if drafted else None
 
+    def told(self, file: Path) -> str:
+        """Return what to call a file: one beside the scene as the scene may."""
+        return file.name if file.parent == self._folder else self.drafts.told(file)
+
     def proposed(self, ending: str) -> str:
         """Return a name for a file of this scene, beside its own if that is the user's."""
         if self.source is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,7 @@ from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.chain import sections
 from spacemap_vtk.scenes.face import picture_size
@@ -112,7 +114,7 @@ class Properties(QScrollArea):
             LoadsEditor(parameter) if isinstance(parameter, Loads) else editor_of(parameter)
         )
         if isinstance(editor, FileEditor):
-            editor.told = self._document.drafts.told
+            editor.told = self._document.told
         made = ParameterRow(parameter, editor, beside)
         made.edited.connect(self._edited)
         made.held.connect(self.held)
@@ -190,6 +192,10 @@ class Properties(QScrollArea):
         known = found or resolved_of(part)
         if part is self._document.scene.view:
             known = {"size": picture_size(self._document.scene)}
+        if isinstance(part, WeaveSource) and part.draft is None:
+            with suppress(SpacemapError):  # the stage says why
+                threads = part.cloth.threads
+                self.rows["pattern"].editor.grid.show_colors(*(each.colors for each in threads))
         for name, row in self.rows.items():
             row.show_resolved(known.get(name))
             row.show_feasible(feasible.get(name))

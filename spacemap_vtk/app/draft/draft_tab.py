@@ -36,9 +36,7 @@ from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pa
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
 _SHARE = 0.3
 _MOST = 4096
-_HINT = (
-    "Drag to edit · Ctrl adds a second mark · a strip takes the chosen colour · Ctrl+wheel zooms"
-)
+_HINT = "Drag, or arrows and Enter, to edit · Ctrl: a second mark · Ctrl+wheel: zoom"
 
 
 class DraftTab(QWidget):
@@ -63,14 +61,15 @@ class DraftTab(QWidget):
         self.grid = DraftGrid()
         self.palette_row = Palette()
         self.hint = note(_HINT)
-        self.hint.setMinimumHeight(2 * self.hint.fontMetrics().height() + 2)
+        # Of one height, whatever it says: the grid would be another under the pointer.
+        self.hint.setFixedHeight(2 * self.hint.fontMetrics().height() + 2)
         self.hint.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.empty = note()
         self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.empty.hide()
         self.tools = QWidget()
         files = self._make_tools()
-        below = ((self.empty, 1), (self.grid, 1), self.palette_row, self.hint)
+        below = (self.palette_row, (self.empty, 1), (self.grid, 1), self.hint)
         column(self, files, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.grid.edited.connect(self._edited)
         self.grid.hovered.connect(self._hovered)
@@ -79,6 +78,7 @@ class DraftTab(QWidget):
         self.palette_row.chosen.connect(self._chose)
         self.palette_row.changed.connect(self._recolored)
         document.changed.connect(self.refresh)
+        document.replaced.connect(self.palette_row.begin)
         document.replaced.connect(self.refresh)
 
     def refresh(self) -> None:

@@ -6,6 +6,7 @@ from PySide6.QtCore import QEvent, QPointF, QSize, Qt, Signal
 from PySide6.QtGui import (
     QColor,
     QImage,
+    QKeyEvent,
     QMouseEvent,
     QPainter,
     QPaintEvent,
@@ -15,10 +16,17 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QWidget
 
 from spacemap_vtk.app.draft.draft_painter import Inks, Painting
-from spacemap_vtk.app.draft.layout import Layout, Place, fitting
+from spacemap_vtk.app.draft.layout import GAP, STRIP, Layout, Place, fitting
 from spacemap_vtk.app.draft.strokes import Stroke
 from spacemap_vtk.scenes.shown import Shown
 
+#: Where arrows lead, across and down.
+_STEPS = {
+    Qt.Key.Key_Left: (-1, 0),
+    Qt.Key.Key_Right: (1, 0),
+    Qt.Key.Key_Up: (0, -1),
+    Qt.Key.Key_Down: (0, 1),
+}
 #: Pixels of a cell, from the least to the most.
 SIZES = (2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 14, 16, 18, 20, 24, 28, 32, 40)
 
@@ -50,6 +58,7 @@ class DraftGrid(QAbstractScrollArea):
         self._picture: QImage | None = None
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.viewport().setMouseTracking(True)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.horizontalScrollBar().valueChanged.connect(self.repaint_all)
         self.verticalScrollBar().valueChanged.connect(self.repaint_all)
 
@@ -70,7 +79,7 @@ class DraftGrid(QAbstractScrollArea):
         self.shown = shown
         if shown is None:
             self._stroke = self._hover = None
-        if before is None or shown is None or before.size != shown.size:
+        if before is None or shown is None or _form(before) != _form(shown):
             self._hover = None
             if self._fits:
                 self.fit()
@@ -173,16 +182,19 @@ class DraftGrid(QAbstractScrollArea):
         if event.button() == Qt.MouseButton.RightButton and place.panel in ("warp", "weft"):
             colors = self.shown.strip(place.panel)
             self.took.emit(QColor(*colors[(place.x or place.y) - 1].tolist()))
-        if event.button() != Qt.MouseButton.LeftButton:
-            return
+        if event.button() == Qt.MouseButton.LeftButton:
+            self._begin(place, event.modifiers())
+
+    def _begin(self, place: Place, keys: Qt.KeyboardModifier) -> None:
+        assert self.shown is not None
         if place.panel == "drawdown" and not self.shown.bare:
             self.refused.emit(
                 "The loom weaves this cloth: change threading, tie-up or "
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
             )
             return
-        keys = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
-        self._stroke = Stroke(self.shown, place, bool(event.modifiers() & keys), self.color)
+        second = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+        self._stroke = Stroke(self.shown, place, bool(keys & second), self.color)
         self._last = place
         self._pass(place)
 
@@ -205,9 +217,62 @@ class DraftGrid(QAbstractScrollArea):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a stroke."""
         if self._stroke is not None and event.button() == Qt.MouseButton.LeftButton:
+            self._end()
+            self._point(self._place(event.position()))
+
+    def _end(self) -> None:
+        if self._stroke is not None:
             name, self._stroke = self._stroke.name, None
             self.edited.emit(self.shown, name, False)
-            self._point(self._place(event.position()))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Go from cell to cell with the arrows, edit with Enter, zoom with + and -."""
+        key, place = event.key(), self._hover
+        if key in _STEPS and self.shown is not None and not self.stroking:
+            self._step(*_STEPS[key])
+        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and place is not None:
+            self._begin(place, event.modifiers())
+            self._end()
+            self.hovered.emit(self.words(place))
+        elif event.text() in ("+", "-"):
+            self.zoom(1 if event.text() == "+" else -1)
+        else:
+            super().keyPressEvent(event)
+
+    def _step(self, across: int, down: int) -> None:
+        """Go to the next cell, at a grid's edge into the next grid."""
+        at = self._show(self._hover or Place("threading", 1, 1))
+        layout = self.layout_now()
+        assert layout is not None
+        spans, ways = layout.panels[at.panel], (across, down)
+        x, y = (
+            number + (-way if span.reversed else way)
+            for number, span, way in zip(at[1:], spans, ways, strict=True)
+        )
+        if all(
+            min(span.cells, 1) <= n <= span.cells for n, span in zip((x, y), spans, strict=True)
+        ):
+            self._point(self._show(Place(at.panel, x, y)))
+            return
+        middle = layout.center(at)
+        for far in range(self.cell + GAP + STRIP):
+            there = layout.at(middle[0] + across * far, middle[1] + down * far)
+            if there not in (None, at):
+                self._point(there)
+                return
+
+    def _show(self, place: Place) -> Place:
+        """Scroll until a cell is in sight."""
+        layout = self.layout_now()
+        assert layout is not None
+        bars = self.horizontalScrollBar(), self.verticalScrollBar()
+        for bar, span, number, room in zip(
+            bars, layout.panels[place.panel], place[1:], self._room(), strict=True
+        ):
+            begin = span.pixel(number)
+            low, high = max(span.low, 0), min(span.high, room)
+            bar.setValue(bar.value() + min(0, begin - low) + max(0, begin + span.size - high))
+        return place
 
     def leaveEvent(self, _event: QEvent) -> None:
         """Nothing is under the mouse."""
@@ -274,6 +339,11 @@ class DraftGrid(QAbstractScrollArea):
             bar.setRange(0, end)
             bar.setPageStep(room)
             bar.setSingleStep(4 * self.cell)
+
+
+def _form(shown: Shown) -> tuple[object, ...]:
+    """Return which cells there are."""
+    return shown.size, shown.loom.shafts, shown.columns, shown.loom.liftplan is None
 
 
 def _listed(numbers: tuple[int, ...], nothing: str) -> str:

@@ -27,27 +27,25 @@ class Palette(QWidget):
         super().__init__()
         self.colors: list[QColor] = []
         self.color = QColor(_OFFERED[2])
-        self._own: list[QColor] = []
-        self._extra: list[QColor] = []
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)
         self.setMouseTracking(True)
 
-    def show_colors(self, shown: Shown | None) -> None:
-        """Show the colours that a draft has."""
-        self._own = []
-        if shown is not None:
-            both = np.concatenate([shown.warp, shown.weft])
-            found, first = np.unique(both, axis=0, return_index=True)
-            self._own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MOST]]
-        self._arrange()
+    def begin(self) -> None:
+        """Forget the colours of another draft."""
+        self.colors = []
+
+    def show_colors(self, shown: Shown) -> None:
+        """Show the colours that a draft has; those that are there stay where they are."""
+        both = np.concatenate([shown.warp, shown.weft])
+        found, first = np.unique(both, axis=0, return_index=True)
+        own = [QColor(*found[i].tolist()) for i in np.argsort(first)[:_MOST]]
+        self._add(*own, *(QColor(word) for word in _OFFERED))
 
     def choose(self, color: QColor) -> None:
         """Paint with a colour."""
-        if color not in self.colors:
-            self._extra.append(color)
-            self._arrange()
+        self._add(color)
         self.color = color
         self.update()
         self.chosen.emit(color)
@@ -109,7 +107,8 @@ class Palette(QWidget):
         old = self.colors[index]
         new = QColorDialog.getColor(old, self, "This colour, wherever it is")
         if new.isValid() and new != old:
-            self._extra = [color for color in self._extra if color != old]
+            if new not in self.colors:
+                self.colors[index] = new
             self.changed.emit(old, new)
             self.choose(new)
 
@@ -122,10 +121,8 @@ class Palette(QWidget):
                 words = f"{self.colors[index].name()}: double click changes it everywhere"
             QToolTip.showText(event.globalPosition().toPoint(), words, self)
 
-    def _arrange(self) -> None:
-        offered = [QColor(word) for word in _OFFERED]
-        self.colors = []
-        for color in (*self._own, *self._extra, *offered):
+    def _add(self, *colors: QColor) -> None:
+        for color in colors:
             if color not in self.colors:
                 self.colors.append(color)
         self.updateGeometry()

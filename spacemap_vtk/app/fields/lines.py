@@ -128,7 +128,7 @@ class FileEditor(LineEditor):
     def show_value(self, value: Any) -> None:
         self.show_text("" if value is None else self.told(value))
         #: Where a dialog begins: nobody knows of a file that is called otherwise.
-        self._file = "" if self.shown != str(value) else self.shown
+        self._file = str(value) if str(value).endswith(self.shown) else ""
 
     def _browse(self) -> None:
         file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)

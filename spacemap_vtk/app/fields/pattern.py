@@ -22,6 +22,7 @@ from spacemap_vtk.app.fields.number import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft
+from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.filters.weave_parameters import repeat_of
 from spacemap_vtk.parameters import Parameter
 
@@ -36,7 +37,8 @@ COMMON = (
     "basket 2",
 )
 _LARGEST, _SMALLEST, _HEIGHT = 26.0, 3.0, 140
-_WARP, _WEFT = "#2d6a8e", "#e8c78f"
+#: Share of a square at whose sides a thread is darker, and by how much, of 100.
+_SIDE, _DARKER = 0.14, 135
 
 
 class PatternEditor(Editor):
@@ -124,9 +126,11 @@ class PatternGrid(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.repeat: NDArray[np.bool_] = np.ones((1, 1), bool)
+        #: Colours of the warp and the weft, (n, 3), which begin again after the last.
+        self.colors = np.array([WARP_COLOR]), np.array([WEFT_COLOR])
         self._brush: bool | None = None
         self._burst = 0
-        self.setToolTip("A dark square: the end lies over the pick. Click or drag to change.")
+        self.setToolTip("Upright: the end lies over the pick. Click or drag to change.")
 
     @property
     def cell(self) -> float:
@@ -140,17 +144,24 @@ class PatternGrid(QWidget):
         self.setFixedSize(QSize(int(ends * self.cell) + 2, int(picks * self.cell) + 2))
         self.update()
 
+    def show_colors(self, warp: NDArray[np.uint8], weft: NDArray[np.uint8]) -> None:
+        self.colors = warp, weft
+        self.update()
+
     def square(self, pick: int, end: int) -> QRectF:
         cell = self.cell
         return QRectF(1 + end * cell, 1 + (len(self.repeat) - 1 - pick) * cell, cell, cell)
 
     def paintEvent(self, _event: QPaintEvent) -> None:
-        painter = QPainter(self)
-        painter.setPen(QColor(255, 255, 255, 60) if self.cell > 5 else Qt.PenStyle.NoPen)
+        painter, side = QPainter(self), _SIDE * self.cell
+        warp, weft = ([QColor(*color) for color in colors.tolist()] for colors in self.colors)
         for pick, squares in enumerate(self.repeat):
             for end, over in enumerate(squares):
-                painter.setBrush(QColor(_WARP if over else _WEFT))
-                painter.drawRect(self.square(pick, end))
+                color = warp[end % len(warp)] if over else weft[pick % len(weft)]
+                x, y, square = side * over, side * (not over), self.square(pick, end)
+                # By its sides one sees which way a thread goes, of whatever colour.
+                painter.fillRect(square, color.darker(_DARKER))
+                painter.fillRect(square.adjusted(x, y, -x, -y), color)
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
