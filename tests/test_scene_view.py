@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spacemap_vtk.datasets.arrays import elements_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of
 from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.frame import Frame, frame_of
 from spacemap_vtk.draw.glyphs import CageActor, cut_of, moved_points
@@ -18,6 +18,7 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.surface_actor import Span
+from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.scenes.scene import Scene
 
 VALUES: dict[str, Any] = {
@@ -120,3 +121,11 @@ def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
     edges |= {tuple(sorted(t[[k, k + 2]])) for t in corners for k in (0, 1)}
     assert lines.GetNumberOfLines() == order * len(edges)
     np.testing.assert_allclose(points_of(lines), moved_points(cage), atol=1e-9)
+    # A dense one has those of its surface, of which two triangles share each, here 18 by n².
+    box, n = TetraCage(divisions=(7, 7, 7), order=order), 7
+    box.SetInputDataObject(0, cage)
+    dense = box.update().output
+    add_array(dense.GetPointData(), "displacement", np.zeros((dense.GetNumberOfPoints(), 3)))
+    actor.show(dense, 1.0, over=True)
+    assert actor.GetMapper().GetInput().GetNumberOfLines() == order * 18 * n * n
+    assert 0.0 < actor.GetProperty().GetOpacity() < 0.5

@@ -192,7 +192,7 @@ def test_the_background_is_chosen_and_undone_as_one(open_scene: Any, name: str) 
     corner = window.view.image()[-4, 4].astype(int)
     bottom = BACKGROUNDS[name][0] or "#ffffff"
     assert np.abs(corner - list(bytes.fromhex(bottom[1:]))).max() < 8
-    if name != "Of the style":
+    if name != "Automatic":
         assert window.document.undo.count() == 1
         window.document.undo.undo()
     assert window.document.text == before

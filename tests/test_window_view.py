@@ -367,6 +367,19 @@ def test_a_drag_turns_the_camera_and_picks_nothing(open_scene: Any) -> None:
     assert not picks
 
 
+def test_what_lies_behind_follows_the_window_until_it_is_said(open_scene: Any) -> None:
+    window = open_scene()
+    document, dark = window.document, window.menus.dark
+    dark.trigger()
+    assert image(window)[[0, -1], 0].max() < 90
+    document.set("view", "background", "#ffffff")
+    assert image(window)[-1, 0].min() > 250
+    document.set("view", "background", None)
+    assert image(window)[-1, 0].max() < 90
+    dark.trigger()
+    assert image(window)[[0, -1], 0].min() > 200
+
+
 def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
     window = open_scene()
     widget, camera = window.view.plotter, window.view.plotter.camera

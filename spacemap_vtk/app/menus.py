@@ -209,6 +209,7 @@ class Menus(QObject):
     def _theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
         apply_theme(QApplication.instance(), self.dark.isChecked())
+        self._view.darken(self.dark.isChecked())
 
     def _tell_keys(self) -> None:
         box = QMessageBox(self.parent())

@@ -82,7 +82,10 @@ class View3D(QWidget):
         self.last_cut: Cut | None = None
         #: What moves it; there from the first cut on.
         self.handle: ClipHandle | None = None
+        #: What the scene says, and that with the background of a dark window.
+        self._given: View | None = None
         self._view: View | None = None
+        self._dark = False
         #: Whether the frame is of a scene that has been left.
         self._left = False
         self._cut: tuple[object, Cut | None] = None, None
@@ -109,8 +112,8 @@ class View3D(QWidget):
         """Draw a frame."""
         first = self.frame is None or self.frame.generation != frame.generation
         self.frame, self._left = frame, False
-        self._fit(view)
-        self._view = view
+        self._given, self._view = view, view.within(self._dark)
+        self._fit(self._view)
         if first:
             self.last_cut = None
             self.forget_picks()
@@ -214,12 +217,19 @@ class View3D(QWidget):
 
     def adopt(self, view: View) -> None:
         """Show the present frame as a scene's section ``[view]`` says."""
-        if self._view is None:
-            self._fit(view)  # behind what may never come
-        elif view.settings != self._view.settings:
-            self._view = view
-            self._fit(view)
+        if self._given is None:
+            self._fit(view.within(self._dark))  # behind what may never come
+        elif view.settings != self._given.settings:
+            self._given, self._view = view, view.within(self._dark)
+            self._fit(self._view)
             self.refresh()
+
+    def darken(self, dark: bool) -> None:
+        """Have a dark or light background where neither the scene nor its style has one."""
+        self._dark = dark
+        self._view = (self._given or View()).within(dark)
+        self._fit(self._view)
+        self.refresh()
 
     def refresh(self, render: bool = True) -> None:
         """Show the present frame as `look` and the scene say."""

@@ -14,13 +14,18 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataM
 from spacemap_vtk.datasets.arrays import elements_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.draw.load_arrows import KINDS, Arrows
 from spacemap_vtk.draw.surface_actor import rgb, rgb_table
+from spacemap_vtk.embedding.triangles import boundary
 from spacemap_vtk.scenes.settings import View
 
 #: Normal and origin of a plane; the normal points to what stays in sight.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
-#: Width of a support's dot, of a picked point's and of the cage's lines, in points.
+#: Width of a support's dot, of a picked point's and of the cage's lines alone, in points.
 DOT, PICKED, LINE = 9.0, 14.0, 1.5
+#: Likewise of lines over the cloth, and how much these hide of it: of a cage, and of a dense one.
+THIN, _FAINT = 1.2, (0.6, 0.4)
+#: Of more tetrahedra only the surface's edges are drawn.
+_DENSE = 1000
 
 
 class GhostActor(vtkActor):
@@ -56,19 +61,24 @@ class CageActor(vtkActor):
         self._mapper = vtkPolyDataMapper()
         self._mapper.ScalarVisibilityOff()
         self.SetMapper(self._mapper)
-        # Opaque: one thing that light passes through costs a quarter of a frame in software.
+        # Blended as it is drawn, after the cloth: VTK's own way costs a quarter of a frame more.
+        self.ForceOpaqueOn()
         self.GetProperty().SetLighting(False)
         self.SetPickable(False)
         self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
 
-    def show(self, cage: vtkUnstructuredGrid | None) -> None:
-        """Draw a cage."""
-        lines = vtkPolyData()
+    def show(
+        self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
+    ) -> None:
+        """Draw a cage in lines of so many points; over something else it is to be seen through."""
+        lines, faint = vtkPolyData(), _FAINT[cage is not None and cage.GetNumberOfCells() > _DENSE]
+        self.GetProperty().SetLineWidth((THIN if over else LINE) * point)
+        self.GetProperty().SetOpacity(faint if over else 1.0)
         if cage is not None:
             elements = elements_of(cage)
             # By content: a box of another size is divided as before, and its edges are the same.
             if self._kept is None or not np.array_equal(self._kept[0], elements):
-                self._kept = elements, to_cells(_edges(elements))
+                self._kept = elements, to_cells(_edges(elements, points_of(cage)))
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
             lines.SetLines(self._kept[1])
         self._mapper.SetInputData(lines)
@@ -171,12 +181,20 @@ def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
     return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
 
 
-def _edges(elements: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return each edge of tetrahedra once, (n, 2); of quadratic ones, both halves."""
-    ends = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]
+def _edges(elements: NDArray[np.int64], points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
+    """Return each edge of tetrahedra once, (n, 2): of many the surface's; of 10 nodes halves."""
+    ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
+    shown = np.ones((len(elements), 6), bool)
+    if len(elements) > _DENSE:
+        corners = points[elements[:, :4]]
+        positive = np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0
+        whose, face = boundary(elements[:, :4], positive)
+        shown[:] = False
+        # A face has the edges that do not end in the corner opposite.
+        np.logical_or.at(shown, whose, (ends != face[:, None, None]).all(axis=2))
     if elements.shape[1] == 10:
-        ends = [[end, 4 + k] for k, pair in enumerate(ends) for end in pair]
-    pairs = np.sort(elements[:, ends].reshape(-1, 2), axis=1)
+        ends = np.stack([ends, np.stack([np.arange(4, 10)] * 2, axis=1)], axis=2)
+    pairs = np.sort(elements[:, ends][shown].reshape(-1, 2), axis=1)
     pairs = pairs[np.lexsort(pairs.T)]
     return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
 

@@ -24,7 +24,6 @@ from spacemap_vtk.draw.cut_face import CutFaceActor
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import (
     DOT,
-    LINE,
     CageActor,
     Cut,
     GhostActor,
@@ -123,7 +122,6 @@ class SceneView:
         below, above = view.look.below, view.look.above
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
-        self.cage.GetProperty().SetLineWidth(LINE * point)
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
         self.supports.GetProperty().SetPointSize(DOT * point)
         self.sheet.behind(below, above)
@@ -174,10 +172,14 @@ class SceneView:
         self.ghost.SetVisibility(ghost)
         if ghost:
             self.ghost.show(frame.surface, frame.closed)
-        for actor, wanted in ((self.cage, look.cage), (self.supports, supports)):
-            actor.SetVisibility(wanted)
-            if wanted:
-                actor.show(frame.cage)
+        self.cage.SetVisibility(look.cage)
+        if look.cage:
+            self.cage.show(frame.cage, self._point, look.fabric)
+            # Unless it lies over what is drawn afterwards.
+            self.cage.SetForceOpaque(not (ghost or view.ground))
+        self.supports.SetVisibility(supports)
+        if supports:
+            self.supports.show(frame.cage)
         self.loads.SetVisibility(view.loads)
         self._show_ground(frame, view, look)
         self.cut_open(cut)

@@ -19,7 +19,20 @@ FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 def boundary(
     tetrahedra: NDArray[np.integer[Any]], positive: NDArray[np.bool_]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the faces on which the nearest point of a mesh to a point outside can lie."""
+    """Return the faces on which the nearest point of a mesh to a point outside can lie.
+
+    Parameters
+    ----------
+    tetrahedra : ndarray of int, shape (n, 4)
+        Numbers of their corners.
+    positive : ndarray of bool, shape (n,)
+        Whether each one's last corner lies on the side to which the first three turn left.
+
+    Returns
+    -------
+    tetrahedra, corners : ndarray of int, shape (m,)
+        Whose face each is, and which of its corners lies opposite.
+    """
     # A face is left out only if exactly two tetrahedra share it from opposite sides. A mesh that
     # does not conform, or overlaps itself, thus yields more faces than it needs, and never too few.
     faces = tetrahedra[:, FACES].reshape(-1, 3)

@@ -19,9 +19,11 @@ MOST_FRAMES = 100_000
 #: Colours of the cage's edges, on a light background and on a dark one.
 LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
 
-#: Backgrounds to choose from: the colours at the bottom and at the top; None is the style's.
+#: Backgrounds to choose from: the colours at the bottom and at the top; None is the
+#: style's, and in a dark window dark.
 BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
-    "Of the style": (None, None),
+    "Automatic": (None, None),
+    "Light": ("#ffffff", "#dfe6ee"),
     "White": ("#ffffff", "#ffffff"),
     "Dark": ("#1b222b", "#36424f"),
     "Black": ("#000000", "#000000"),
@@ -152,6 +154,14 @@ class View(Parameterised):
         below = style.below if self.background is None else self.background
         above = style.above if self.background_top is None else self.background_top
         return replace(style, below=below, above=above)
+
+    def within(self, dark: bool) -> View:
+        """Return it as a window shows it: dark where the window is and the scene has no word."""
+        own = self.background, self.background_top, self.style
+        if not dark or own != (None, None, View.parameters["style"].default):
+            return self
+        below, above = BACKGROUNDS["Dark"]
+        return View(**{**self.settings, "background": below, "background_top": above})
 
     @property
     def line_color(self) -> tuple[int, int, int]:

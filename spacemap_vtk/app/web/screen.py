@@ -13,7 +13,7 @@ from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import cut_of
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
-from spacemap_vtk.scenes.settings import BACKGROUNDS, View
+from spacemap_vtk.scenes.settings import View
 
 #: JPEG's own measure of what rests, and of what moves.
 _STILL, _MOVING = 92, 75
@@ -142,9 +142,7 @@ class Screen:
         frame, view = self.frame, self._view
         if frame is None:
             return
-        if self.dark and (view.style, view.background, view.background_top) == _USUAL:
-            below, above = BACKGROUNDS["Dark"]
-            view = View(**{**view.settings, "background": below, "background_top": above})
+        view = view.within(self.dark)
         width, height = self.window.size
         units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
         self.shown.fit(view, units, self._ratio, self._ratio * view.line_scale)
@@ -158,6 +156,3 @@ class Screen:
     @property
     def _place(self) -> Viewpoint:
         return Viewpoint.of(self.window.camera)
-
-
-_USUAL = View().style, View().background, View().background_top
