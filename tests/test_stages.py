@@ -22,7 +22,7 @@ from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
 from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.parameters import Real
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.chain import sections, switched
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
@@ -336,3 +336,23 @@ def test_connect_joins_stages_and_any_algorithm() -> None:
     assert warp.GetNumberOfInputConnections(1) == 1
     with pytest.raises(InputError, match="too many inputs for TetraCage: 2"):
         connect((ball, ball), cage)
+
+
+@pytest.mark.parametrize(
+    ("given", "section", "on", "then"),
+    [
+        ("weave view", "response", True, "weave view response"),
+        ("weave cage response", "transient", True, "weave cage transient"),
+        ("weave transient", "rotation", True, "weave rotation"),
+        ("weave cage modal rotation", "motion", True, "weave motion rotation"),
+        ("weave motion rotation", "cage", True, "weave cage rotation"),
+        ("weave modal rotation", "rotation", False, "weave modal"),
+        ("weave modal rotation view", "cage", False, "weave view"),
+        ("weave rotation", "rotation", False, "weave cage modal response warp"),
+    ],
+)
+def test_a_stage_that_is_switched_takes_others_along(
+    given: str, section: str, on: bool, then: str
+) -> None:
+    parts = Scene({"weave": {}}).parts
+    assert switched(parts, given.split(), section, on) == set(then.split())

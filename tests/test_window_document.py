@@ -68,22 +68,59 @@ def test_an_edit_builds_one_scene(
     document.undo.setClean()
 
 
-def test_a_stage_that_needs_no_value_is_added_by_a_click(open_scene: Any) -> None:
+def box(window: Any, section: str, column: int = 3) -> None:
+    """Click the box of a stage, or what stands in another column."""
+    stages = window.stages
+    at = stages.visualRect(stages.indexFromItem(stages.items[section], column)).center()
+    if column == 3:
+        at.setX(stages.columnViewportPosition(column) + 10)
+    QTest.mouseClick(stages.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    wait_until(lambda: settled(window))
+
+
+def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     window = open_scene()
-    document, properties = window.document, window.properties
-    before = document.text
-    assert properties.add.isHidden()
+    document, stages = window.document, window.stages
+    before, values = document.text, document.values
     window.stages.choose("rotation")
-    QTest.mouseClick(properties.add, Qt.MouseButton.LeftButton)
-    wait_until(lambda: settled(window) and window.stages.states["rotation"] == "fresh")
+    QTest.mouseClick(window.properties.add, Qt.MouseButton.LeftButton)
+    wait_until(lambda: settled(window) and stages.states["rotation"] == "fresh")
     assert document.text == before + "\n[rotation]\n"
-    assert properties.add.isHidden()
-    document.undo.undo()
-    wait_until(lambda: settled(window) and window.stages.states["rotation"] == "off")
+    assert window.properties.add.isHidden()
+    # What runs without it stays as it was run.
+    assert stages.items["modal"].text(2) == "1"
+    box(window, "rotation")
     assert document.text == before
-    assert not properties.add.isHidden()
-    # What another takes the place of is refused as in a file.
-    window.stages.choose("transient")
-    QTest.mouseClick(properties.add, Qt.MouseButton.LeftButton)
-    assert "[transient] takes the place of [response]" in window.errors.text
+    # A source cannot be off; without modes nothing moves, and with them comes all that had.
+    assert stages.items["weave"].data(3, Qt.ItemDataRole.CheckStateRole) is None
+    box(window, "modal")
+    assert [s for s, state in stages.states.items() if state == "fresh"] == ["weave", "surface"]
+    assert window.statusBar().currentMessage().startswith("Off, too: Tetra cage, Modal response")
+    assert window.view.frame.cage is None
+    box(window, "response")
+    assert document.values == values
+    assert stages.states["rotation"] == "off"
+    for _ in range(4):
+        document.undo.undo()
+    wait_until(lambda: settled(window))
     assert document.text == before
+
+
+def test_eye_button_menu_and_scene_never_disagree(open_scene: Any) -> None:
+    window = open_scene()
+    document, cage, fabric = (
+        window.document,
+        window.tools.shown["cage"],
+        window.view.scene_view.cage,
+    )
+    for click, show in (
+        (lambda: box(window, "cage", column=4), "fabric"),
+        (cage.trigger, "side by side"),  # as it was
+        (lambda: box(window, "surface", column=4), "cage"),
+        (lambda: document.set("view", "show", "both"), "both"),
+        (document.undo.undo, "cage"),
+    ):
+        click()
+        assert document.scene.view.show == show
+        assert cage.isChecked() == bool(fabric.GetVisibility()) == (show != "fabric")
+        assert window.tools.shown["fabric"].isChecked() == (show != "cage")

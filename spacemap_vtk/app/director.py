@@ -132,7 +132,7 @@ class Director(QObject):
         connected = {stage.section for stage in self._document.scene.stages}
         listed = {s for s, state in self._stages.states.items() if state not in ("off", "settings")}
         if connected != listed:
-            self._stages.restart(self._document.scene)
+            self._stages.restart(self._document.scene, anew=False)
         # A drag goes on, a single change may: a coarse frame at once, a smooth one soon. What is
         # only looked at in another way runs nothing, and is smooth at once.
         before, self._settings = self._settings, _settings_of(self._document.scene)

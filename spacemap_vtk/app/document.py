@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import pprint
 import re
-import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import tomlkit
@@ -19,10 +18,10 @@ from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.formats.toml import format_value
 from spacemap_vtk.io.output import check_output, whole_file, whole_folder
-from spacemap_vtk.parameters import AUTOMATIC, FilePath
+from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
@@ -32,6 +31,7 @@ _LINE = 8
 DRAFTED = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
 #: Milliseconds that a change of a drag waits at most.
 _LATEST = 50
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 #: Section, values, burst and name, as for `Document.set_many`.
 _Change = tuple[str, dict[str, Any], int, str]
 
@@ -47,6 +47,8 @@ class Document(QObject):
     replaced = Signal()
     #: Colours show what they did no more, after a change: what that was, in words.
     uncolored = Signal(str)
+    #: What else a stage that is switched on or off has switched, in words.
+    switched = Signal(str)
     #: Undo or redo has led to a scene that is refused; all stays as it was.
     failed = Signal(object)
 
@@ -60,6 +62,8 @@ class Document(QObject):
         #: Drafts that are edited and in no file of the user's yet.
         self.drafts = KeptDrafts()
         self._saved_draft: Path | None = None
+        #: What the sections of stages that are off had in them, and whether each went with others.
+        self._off: dict[str, tuple[Any, bool]] = {}
         # Drafts that were written over, and copies of what was in them.
         self._overwritten: list[tuple[Path, Path]] = []
         self._folder = Path.cwd()
@@ -238,18 +242,61 @@ class Document(QObject):
             self._waiting = waiting  # it had been accepted
             raise
 
-    def add(self, section: str) -> None:
-        """Add a section with no values, and so its stage."""
-        if section not in self.values:
-            self._make(section, {}, 0, section)
+    def switch(self, section: str, on: bool = True, values: Mapping[str, Any] = _NOTHING) -> None:
+        """Switch a stage on, as it was before it was switched off, or off; what it needs, too."""
+        scene, given = self.scene, self.values.keys() - {"title"}
+        if on == (scene.parts[section] in scene.stages) and not values:
+            return
+        wanted = switched(scene.parts, given, section, on)
+        here, gone = chain(scene.parts, wanted), given - wanted
+        if on:
+            for name, (_, together) in self._off.items():
+                if together and fits(scene.parts, name, wanted):
+                    wanted.add(name)
+            here = chain(scene.parts, wanted)
+            wanted |= {stage.section for stage in here} & self._off.keys()
+        elif len(gone) > 1:
+            self._off = {name: (table, False) for name, (table, _) in self._off.items()}
+
+        def change() -> None:
+            self._text = self._values = None
+            for name in gone:
+                self._off[name] = self._toml.pop(name), not on or len(gone) > 1
+            for name in scene.parts:  # in the order of the pipeline
+                if name in wanted - given:
+                    self._toml[name] = self._off.get(name, (tomlkit.table(), False))[0]
+            for key, value in values.items():
+                self._put(section, key, value)
+            if on and not scene.moves and "show" not in self.values.get("view", {}):
+                self._put("view", "show", "both")  # what has come in is seen
+
+        self._change(
+            change, f"{words_of(type(scene.parts[section]).__name__)} {'on' if on else 'off'}"
+        )
+        before, after = (
+            [words_of(type(s).__name__) for s in stages if s.section != section]
+            for stages in (scene.stages, self.scene.stages)
+        )
+        also = {"On": [n for n in after if n not in before]}
+        also["Off"] = [n for n in before if n not in after]
+        words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
+        if words:
+            self.switched.emit(words)
+
+    def remembers(self, section: str) -> bool:
+        """Return whether a stage is off that has been on."""
+        return section in self._off
 
     def _make(self, section: str, written: Mapping[str, Any], burst: int, name: str) -> None:
+        def put() -> None:
+            for key, value in written.items():
+                self._put(section, key, value)
+
+        self._change(put, name or ", ".join(f"{section}.{key}" for key in written), burst)
+
+    def _change(self, change: Callable[[], None], name: str, burst: int = 0) -> None:
         before, former = self.version, self.values
-        if section not in former and not written:
-            self._toml[section] = tomlkit.table()
-            self._text = self._values = None
-        for key, value in written.items():
-            self._put(section, key, value)
+        change()
         colors = self._scene.colorings
         try:
             self._scene = Scene(self.values, self.base)
@@ -263,8 +310,7 @@ class Document(QObject):
             self._values = former
             raise
         if self.text != before.text:
-            names = name or ", ".join(f"{section}.{key}" for key in written)
-            self.undo.push(Edit(self.restore, names, before, self.version, burst))
+            self.undo.push(Edit(self.restore, name, before, self.version, burst))
             self.changed.emit()
 
     def catch_up(self) -> None:
@@ -325,6 +371,7 @@ class Document(QObject):
         self._saved_draft = self.scene.weave.draft if self.file else None
         self._clean = self._settings()
         self._overwritten.clear()
+        self._off.clear()
         self.undo.clear()
         self.replaced.emit()
 
@@ -435,43 +482,3 @@ def _replaces(change: _Change, former: _Change) -> bool:
 
 def _unwrapped(item: Any) -> Any:
     return item.unwrap() if hasattr(item, "unwrap") else item
-
-
-def as_command(document: Document, time: float) -> str:
-    """Return the command that draws what the window shows."""
-    # A scene that was never saved is told as what it changes of the one that everyone has.
-    name = "plain_weave" if document.source is None else str(document.source)
-    words = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
-    before, here = Scene.read(name), document.scene
-    was_written, written = library.values_of(library.find(name)), document.values
-    for section, part in here.parts.items():
-        for key, parameter in part.parameters.items():
-            value = getattr(part, key)
-            said = key in written.get(section, {}) or key in was_written.get(section, {})
-            if not said or value == getattr(getattr(before, section), key):
-                continue
-            told = written.get(section, {}).get(key, value)
-            if isinstance(parameter, FilePath) and value is not None:
-                told = str(Path(value).resolve())
-            words += [
-                "--set",
-                f"{section}.{key}={format_value(AUTOMATIC if told is None else told)}",
-            ]
-    return shlex.join(words)
-
-
-def as_script(document: Document, time: float) -> str:
-    """Return a Python script that makes the surface that the window shows."""
-    # Indented below the brace of the first line.
-    values = pprint.pformat(document.values, width=87, sort_dicts=False)
-    values = values.replace("\n", "\n" + " " * len("values = "))
-    return (
-        "from pathlib import Path\n\n"
-        "from spacemap_vtk.scenes.scene import Scene\n\n"
-        f"values = {values}\n"
-        "# Relative paths count from this file's folder.\n"
-        f"scene = Scene(values, Path({str(document.base)!r}))\n"
-        f"scene.update(time={time:g})\n"
-        "surface = scene.polygons  # vtkPolyData\n"
-        'print(surface.GetNumberOfPoints(), "points")\n'
-    )

@@ -10,6 +10,7 @@ from typing import Any
 from PySide6.QtCore import QSettings, QSize, Qt
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
+    QFileDialog,
     QLabel,
     QMainWindow,
     QProgressBar,
@@ -70,6 +71,8 @@ class MainWindow(QMainWindow):
         self.document = Document(self)
         self.engine = Engine(self)
         self.look = Look(handled=True)
+        #: How fabric and cage are shown where both are.
+        self._both = "both"
         self.view = View3D(self.look)
         self.times = TimeBar()
         self.stages = StageList()
@@ -216,7 +219,7 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.told = OneLine()
-        self.told.linkActivated.connect(self.document.add)
+        self.told.linkActivated.connect(self._switch_stage)
         self.bar = QProgressBar()
         self.bar.setFixedWidth(160)
         self.cancel = QPushButton("Cancel")
@@ -229,6 +232,10 @@ class MainWindow(QMainWindow):
 
     def _connect(self) -> None:
         self.stages.chosen.connect(self.properties.choose)
+        self.stages.switched.connect(self._switch_stage)
+        self.stages.look(self.tools.eyes)
+        self.properties.added.connect(self._switch_stage)
+        self.document.switched.connect(self._tell_done)
         self.properties.held.connect(self.director.hold)
         self._connect_errors()
         self.director.drawn.connect(self._drawn)
@@ -309,8 +316,34 @@ class MainWindow(QMainWindow):
         self._try(self.document.set_many, "view", written)
 
     def _switch(self, name: str, on: bool) -> None:
+        if name in ("fabric", "cage"):
+            self._show(name, on)
+            return
         usual = on == View.parameters[name].default
         self._try(self.document.set, "view", name, None if usual else on)
+
+    def _show(self, name: str, on: bool) -> None:
+        # One of the two is always seen: what hides it shows the other.
+        scene, other = self.document.scene, "cage" if name == "fabric" else "fabric"
+        show = scene.view.show
+        if show not in (name, other):
+            self._both = show
+        seen = self._both if on and show != name else name if on else other
+        if not scene.moves:  # there is one of the two
+            self.tools.show_scene(scene)
+            return
+        usual = seen == View.parameters["show"].default
+        self._try(self.document.set, "view", "show", None if usual else seen)
+
+    def _switch_stage(self, section: str, on: bool = True) -> None:
+        values = {}
+        if on and section == "motion" and not self.document.remembers(section):
+            # Alone of all it has nothing to begin with.
+            file, _ = QFileDialog.getOpenFileName(self, "The motion to read")
+            values = {"file": file} if file else {}
+            on = bool(file)
+        self._try(self.document.switch, section, on, values)
+        self.stages.show_boxes(self.document.scene)  # it may have been refused
 
     def _hang(self, on: bool) -> None:
         modal, response = self.document.scene.modal, self.document.scene.response
@@ -339,10 +372,13 @@ class MainWindow(QMainWindow):
 
     def _tell_written(self, file: str) -> None:
         # Not as the view's own words, which the next frame replaces.
-        self.statusBar().showMessage(f"Written: {file}", _TOLD)
+        self._tell_done(f"Written: {file}")
 
     def _tell_uncolored(self, what: str) -> None:
-        self.statusBar().showMessage(f'Own colours again: "{what}" is there no more', _TOLD)
+        self._tell_done(f'Own colours again: "{what}" is there no more')
+
+    def _tell_done(self, what: str) -> None:
+        self.statusBar().showMessage(what, _TOLD)
 
     def _tell_lost(self, what: str) -> None:
         self.errors.warn(f"Written, but {what}.", "export")

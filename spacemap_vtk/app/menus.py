@@ -16,7 +16,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.document import Document, as_command, as_script
+from spacemap_vtk.app.copied import as_command, as_script
+from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.exports import Exports
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.properties import Properties
@@ -204,7 +205,12 @@ class Menus(QObject):
             words = "The draft is edited and in no file yet: save the scene, then copy"
             self.refused.emit(InputError(words))
             return
-        QGuiApplication.clipboard().setText(text_of(self._document, self._times.time))
+        try:
+            text = text_of(self._document, self._times.time)
+        except InputError as error:
+            self.refused.emit(error)
+        else:
+            QGuiApplication.clipboard().setText(text)
 
     def _theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")

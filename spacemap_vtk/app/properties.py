@@ -41,6 +41,8 @@ class Properties(QScrollArea):
     accepted = Signal(int)
     #: Whether a drag goes on.
     held = Signal(bool)
+    #: The section shown, which is off and shall be on.
+    added = Signal(str)
 
     def __init__(self, document: Document) -> None:
         super().__init__()
@@ -79,7 +81,7 @@ class Properties(QScrollArea):
         self.search.setPlaceholderText("Search what can be set")
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._seek)
-        self.add = QPushButton("Add to the scene")
+        self.add = QPushButton("Switch it on")
         self.add.clicked.connect(self._add)
         parts: list[QWidget] = [about, self.add]
         if len(cls.parameters) > _MANY:
@@ -244,10 +246,7 @@ class Properties(QScrollArea):
             self.accepted.emit(burst)
 
     def _add(self) -> None:
-        try:
-            self._document.add(self.section)
-        except InputError as error:
-            self.refused.emit(error)
+        self.added.emit(self.section)
 
     def _restored(self) -> None:
         row = self.sender()

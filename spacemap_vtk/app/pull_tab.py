@@ -59,7 +59,7 @@ class PullTab(QWidget):
         self._crossings: Interchange | None = None
         self._known: Any = None
         self.rest = later(self, self._follow, _REST)
-        self.hint.linkActivated.connect(document.add)
+        self.hint.linkActivated.connect(document.switch)
         self.map.dragged.connect(self._pull)
         self.map.held.connect(self.held)
         self.map.left.connect(self.stop)

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QBrush, QColor, QIcon, QPainter, QPen, QPixmap
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from PySide6.QtCore import QPointF, Qt, Signal
+from PySide6.QtGui import (
+    QAction,
+    QBrush,
+    QColor,
+    QIcon,
+    QPainter,
+    QPainterPath,
+    QPen,
+    QPixmap,
+)
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem
 
 from spacemap_vtk.app.widgets import later
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import ROLES, Stage
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.scene import Scene
 
@@ -17,36 +29,53 @@ STATES = {
     "stale": ("#9aa3ae", "waits to be run"),
     "running": ("#e0a526", "running"),
     "failed": ("#d1495b", "failed"),
-    "off": ("#609aa3ae", "not part of this scene: set a value, or add it"),
+    "off": ("#609aa3ae", "off: its box, or a value that is set, switches it on"),
     "settings": ("#6b8fb3", "settings, no stage"),
 }
 _KEY = Qt.ItemDataRole.UserRole
+_CHECKED = Qt.CheckState.Checked
+#: Columns: the name with the state's dot, what the last run took, how many there were, whether the
+#: stage is on, which stands first, and whether what it gives is seen. Pixels of the last two.
+_NAME, _TIME, _RUNS, _BOX, _EYE = range(5)
+_SMALL = 24
 
 
 class StageList(QTreeWidget):
-    """A line for each section: state, last run time, executions."""
+    """A line for each section: on or off, state, last run time, executions, seen or hidden."""
 
     #: The section that is chosen.
     chosen = Signal(str)
+    #: The section whose stage is to be on or off.
+    switched = Signal(str, bool)
 
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("stages")
-        self.setColumnCount(3)
-        self.setHeaderLabels(["Pipeline", "Time", "Runs"])
+        self.setColumnCount(5)
+        self.setHeaderLabels(["Pipeline", "Time", "Runs", "", ""])
         self.setRootIsDecorated(False)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         header = self.header()
         header.setStretchLastSection(False)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        for column in (1, 2):
+        header.setSectionResizeMode(_NAME, QHeaderView.ResizeMode.Stretch)
+        header.setMinimumSectionSize(_SMALL)
+        for column in (_TIME, _RUNS):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
+        for column in (_BOX, _EYE):
+            header.setSectionResizeMode(column, QHeaderView.ResizeMode.Fixed)
+            header.resizeSection(column, _SMALL)
+        header.moveSection(_BOX, 0)
         self.items: dict[str, QTreeWidgetItem] = {}
         self.states: dict[str, str] = {}
         # Each new text lays the list out again: at every frame that would cost more than the frame.
         self._runs: dict[str, tuple[float, int]] = {}
+        #: What the boxes say, of the stages that have one.
+        self._boxes: dict[str, bool] = {}
         self._dots: dict[str, QIcon] = {}
+        #: What shows and hides what the stage of a section gives to be seen, of those that do.
+        self._eyes: dict[str, QAction] = {}
+        self._looks = {on: _eye(on) for on in (False, True)}
         self._flush = later(self, self.flush, 250)
         for section, cls in sections().items():
             item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
@@ -60,21 +89,57 @@ class StageList(QTreeWidget):
             self.items[section] = item
         self.setUniformRowHeights(True)
         self.currentItemChanged.connect(self._chosen)
+        self.itemChanged.connect(self._changed)
+        self.itemClicked.connect(self._clicked)
 
-    def restart(self, scene: Scene) -> None:
-        """Show another scene's stages, none of which has run."""
+    def look(self, eyes: Mapping[str, QAction]) -> None:
+        """Let the stages of some roles have an eye, which does what an action does."""
+        roles = {section: getattr(cls, "role", "") for section, cls in sections().items()}
+        self._eyes = {section: eyes[role] for section, role in roles.items() if role in eyes}
+        for seen in eyes.values():
+            seen.toggled.connect(self._show_eyes)
+
+    def restart(self, scene: Scene, anew: bool = True) -> None:
+        """Show a scene's stages; of another scene none has run, else those that come in."""
         # All rows are in sight: the list is the picture of the pipeline.
         row = max(self.sizeHintForRow(0), self.fontMetrics().height() + 4)
         self.setFixedHeight(row * len(self.items) + self.header().sizeHint().height() + 6)
         connected = {stage.section for stage in scene.stages}
         for section, item in self.items.items():
-            stage = isinstance(scene.parts[section], Stage)
-            item.setText(1, "")
-            item.setText(2, "")
-            self.set_state(
-                section,
-                "settings" if not stage else "stale" if section in connected else "off",
-            )
+            part = scene.parts[section]
+            on, was = section in connected, self.states.get(section, "off")
+            if anew or not on:
+                item.setText(1, "")
+                item.setText(2, "")
+            if anew or on != (was not in ("off", "settings")):
+                stage = isinstance(part, Stage)
+                self.set_state(section, "settings" if not stage else "stale" if on else "off")
+        self.show_boxes(scene)
+
+    def show_boxes(self, scene: Scene) -> None:
+        """Check the boxes of the stages that are on, of those that can be off."""
+        # A scene cannot be without its source and surface, nor exchange crimp without yarns.
+        self._boxes.clear()
+        for section, item in self.items.items():
+            part, on = scene.parts[section], self.states[section] != "off"
+            role = part.role if isinstance(part, Stage) else ""
+            if role in ROLES[1:-1] and (on or scene.woven or role != "crimp"):
+                state = _CHECKED if on else Qt.CheckState.Unchecked
+                item.setCheckState(_BOX, state)
+                self._boxes[section] = on
+            else:
+                item.setData(_BOX, Qt.ItemDataRole.CheckStateRole, None)
+        self._show_eyes()
+
+    def _show_eyes(self) -> None:
+        for section, eye in self._eyes.items():
+            item, there = self.items[section], self.states.get(section, "off") != "off"
+            item.setIcon(_EYE, self._looks[eye.isChecked()] if there else QIcon())
+            item.setToolTip(_EYE, eye.toolTip() if there else "")
+
+    def _clicked(self, item: QTreeWidgetItem, column: int) -> None:
+        if column == _EYE and not item.icon(_EYE).isNull():
+            self._eyes[item.data(0, _KEY)].trigger()
 
     def set_state(self, section: str, state: str) -> None:
         if section not in self.items or self.states.get(section) == state:
@@ -110,24 +175,42 @@ class StageList(QTreeWidget):
     def choose(self, section: str) -> None:
         self.setCurrentItem(self.items[section])
 
+    def _changed(self, item: QTreeWidgetItem, column: int) -> None:
+        section, on = item.data(0, _KEY), item.checkState(_BOX) == _CHECKED
+        # Dots and texts are told of here, too.
+        if self._boxes.get(section, on) != on:
+            self._boxes[section] = on
+            self.switched.emit(section, on)
+
     def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
         if item is not None:
             self.chosen.emit(item.data(0, _KEY))
 
 
 def _dot(color: str, hollow: bool = False) -> QIcon:
-    icon = QIcon(_drawn_dot(color, hollow, ring=False))
+    icon = QIcon(_pixmap(_draw_dot, color, hollow, False))
     # Qt would tint it with the line's own colour, and the chosen stage's state would be lost.
-    icon.addPixmap(_drawn_dot(color, hollow, ring=True), QIcon.Mode.Selected)
+    icon.addPixmap(_pixmap(_draw_dot, color, hollow, True), QIcon.Mode.Selected)
     return icon
 
 
-def _drawn_dot(color: str, hollow: bool, ring: bool) -> QPixmap:
-    size = 96  # sharp on screens of many pixels, too
-    pixmap = QPixmap(size, size)
+def _eye(opened: bool) -> QIcon:
+    icon = QIcon(_pixmap(_draw_eye, opened, "#6f8fa8" if opened else "#a09aa3ae"))
+    icon.addPixmap(_pixmap(_draw_eye, opened, "white"), QIcon.Mode.Selected)
+    return icon
+
+
+def _pixmap(draw: Callable[..., None], *how: Any) -> QPixmap:
+    pixmap = QPixmap(96, 96)  # sharp on screens of many pixels, too
     pixmap.fill(Qt.GlobalColor.transparent)
     painter = QPainter(pixmap)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    draw(painter, *how)
+    painter.end()
+    return pixmap
+
+
+def _draw_dot(painter: QPainter, color: str, hollow: bool, ring: bool) -> None:
     if hollow:
         painter.setPen(QPen(QColor(color), 8))
         painter.drawEllipse(28, 28, 40, 40)
@@ -135,5 +218,17 @@ def _drawn_dot(color: str, hollow: bool, ring: bool) -> QPixmap:
         painter.setBrush(QColor(color))
         painter.setPen(QPen(QColor("white"), 6) if ring else Qt.PenStyle.NoPen)
         painter.drawEllipse(24, 24, 48, 48)
-    painter.end()
-    return pixmap
+
+
+def _draw_eye(painter: QPainter, opened: bool, name: str) -> None:
+    color = QColor(name)
+    lids = QPainterPath(QPointF(8, 48))
+    lids.quadTo(48, 4, 88, 48)
+    lids.quadTo(48, 92, 8, 48)
+    painter.setPen(QPen(color, 7))
+    painter.drawPath(lids)
+    if opened:
+        painter.setBrush(color)
+        painter.drawEllipse(34, 34, 28, 28)
+    else:
+        painter.drawLine(16, 84, 80, 12)

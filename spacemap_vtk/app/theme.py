@@ -63,8 +63,8 @@ QTableWidget#modes QHeaderView::section {{ padding: 4px 2px; }}
 """
 #: Fusion draws an empty box darker than the window, where nobody sees it.
 _DARK_SHEET = """
-QCheckBox::indicator:unchecked:enabled { border: 1px solid #7d8998; border-radius: 2px;
-    width: 12px; height: 12px; }
+QCheckBox::indicator:unchecked:enabled, QTreeView::indicator:unchecked {
+    border: 1px solid #7d8998; border-radius: 2px; width: 12px; height: 12px; }
 """
 
 

@@ -105,8 +105,8 @@ class View3D(QWidget):
         self.turntable = False
         self._stood: Viewpoint | None = None
         self._observe_camera()
-        #: What the camera is aimed for: the share of the width that the scale takes, and arrows.
-        self._aimed_for = 0.0, False
+        #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
+        self._aimed_for = 0.0, False, False
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
@@ -240,10 +240,12 @@ class View3D(QWidget):
         if wanted != self._cut[0]:
             self._cut = wanted, self._placed(cut_of(view, frame.surface))
         self._stir()
+        self.look.fabric = view.show != "cage" or frame.cage is None
+        self.look.cage = view.show != "fabric"
         self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
         self.scene_view.move(self.steering)
         self._smooth()
-        aimed_for = self.scene_view.room, view.loads
+        aimed_for = self.scene_view.room, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
             self.plotter.front.SetDraw(view.loads)

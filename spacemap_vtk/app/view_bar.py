@@ -15,15 +15,15 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
 from spacemap_vtk.scenes.styles import STYLES
 
-#: What can be shown: attribute of `Look` or key of a scene's section ``[view]``, words, key.
+#: What can be shown: name, words, key, and the role of the stage whose eye it is.
 _SHOWN = (
-    ("fabric", "Fabric", "F"),
-    ("cage", "Cage", "C"),
-    ("supports", "Supports", "S"),
-    ("loads", "Loads", "L"),
-    ("ghost", "Ghost", "G"),
-    ("triad", "Axes", ""),
-    ("scale_bar", "Scale bar", ""),
+    ("fabric", "Fabric", "F", "surface"),
+    ("cage", "Cage", "C", "cage"),
+    ("supports", "Supports", "S", "solver"),
+    ("loads", "Loads", "L", "mover"),
+    ("ghost", "Ghost", "G", "warp"),
+    ("triad", "Axes", "", ""),
+    ("scale_bar", "Scale bar", "", ""),
 )
 #: Of these, what a window shows of itself, and a scene can ask for.
 _SIGNS = ("triad", "scale_bar")
@@ -53,7 +53,7 @@ class ViewBar(QToolBar):
     backed = Signal(object, object)
     #: A key of `STYLES`.
     styled = Signal(str)
-    #: A key of a scene's section ``[view]``, and whether that is shown.
+    #: A key of `shown`, and whether that is to be seen.
     switched = Signal(str, bool)
     #: Whether the cage shall hang before anything moves.
     hung = Signal(bool)
@@ -75,14 +75,17 @@ class ViewBar(QToolBar):
         #: Signs that the scene itself asks for.
         self._asked: list[str] = []
         self.shown: dict[str, QAction] = {}
-        for name, words, key in _SHOWN:
+        #: The same by the role of a stage, for its eye.
+        self.eyes: dict[str, QAction] = {}
+        for name, words, key, role in _SHOWN:
             tip = f"Show the {words.lower()} ({key})"
             shown = action(self, words, self._toggled, key, tip, name, checkable=True)
             if name in _SIGNS:  # but for the menu: the bar has no room
                 setattr(view.look, name, QSettings().value(name) != "false")
+                shown.setChecked(getattr(view.look, name))
             else:
                 self.addAction(shown)
-            shown.setChecked(getattr(view.look, name, False))
+                self.eyes[role] = shown
             self.shown[name] = shown
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
         self.hang = action(self, "Hung", self._hang, "H", tip, checkable=True)
@@ -154,9 +157,11 @@ class ViewBar(QToolBar):
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)
         self.styles[scene.view.style].setChecked(True)
+        show = scene.view.show
+        look = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
         for name, shown in self.shown.items():
-            if name in scene.view.parameters:
-                shown.setChecked(getattr(scene.view, name) or getattr(self._view.look, name, False))
+            seen = look[name] if name in look else getattr(scene.view, name)
+            shown.setChecked(seen or (name in _SIGNS and getattr(self._view.look, name)))
         self._asked = [name for name in _SIGNS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         solved = scene.modal in scene.stages
@@ -187,10 +192,9 @@ class ViewBar(QToolBar):
         name = self.sender().data()
         if name in _SIGNS:
             QSettings().setValue(name, "true" if on else "false")
-        if hasattr(self._view.look, name):
             setattr(self._view.look, name, on)
             self._view.refresh()
-        if not hasattr(self._view.look, name) or (name in self._asked and not on):
+        if name not in _SIGNS or (name in self._asked and not on):
             self.switched.emit(name, on)
 
     def _colored(self, index: int) -> None:

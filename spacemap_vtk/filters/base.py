@@ -54,6 +54,8 @@ class Stage(Algorithm):
     #: What each input port takes, and what the output is: by these a scene connects its stages.
     takes: ClassVar[tuple[Kind, ...]] = ()
     makes: ClassVar[Kind] = "object"
+    #: The roles of stages that it cannot stand beside in a scene.
+    excludes: ClassVar[tuple[str, ...]] = ()
     #: The arrays that it adds, by name; those of present parameters are `arrays`.
     provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
 

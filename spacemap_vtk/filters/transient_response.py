@@ -55,6 +55,7 @@ class TransientResponse(LoadedCage):
     """
 
     section = "transient"
+    excludes = ("rotation",)  # what is stepped turns without being stretched
     provides: ClassVar = dict(LoadedCage.provides)
 
     held = Supports(

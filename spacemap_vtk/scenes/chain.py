@@ -61,6 +61,33 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
             )
 
 
+def switched(
+    parts: Mapping[str, Parameterised], given: Collection[str], section: str, on: bool
+) -> set[str]:
+    """Return the sections of a scene whose stage of a section is switched on or off."""
+    if on:
+        return {section} | {other for other in given if fits(parts, section, [other])}
+    middle = {stage.section for stage in chain(parts, given)[1:-1]} - {section}
+    rest = set(given) - {section}
+    part = parts[section]
+    if not isinstance(part, Stage) or part.role not in OPTIONAL:
+        return rest - middle  # without one of them there is no motion
+    return rest if rest & middle else rest | middle  # the others were there for it alone
+
+
+def fits(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]) -> bool:
+    """Return whether the stage of a section can stand in one scene with each of some others."""
+    one = parts[section]
+    assert isinstance(one, Stage)
+    stages = (parts.get(other) for other in others)
+    return all(
+        {one, other} <= set(chain(parts, (section, other.section)))
+        and not (one.role in other.excludes or other.role in one.excludes)
+        for other in stages
+        if isinstance(other, Stage)
+    )
+
+
 def connect_chain(stages: Iterable[Stage]) -> None:
     """Connect stages: each port to the last stage before that makes what it takes."""
     stages = list(stages)
