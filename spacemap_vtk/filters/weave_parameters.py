@@ -1,46 +1,46 @@
-"""Kinds of parameters that only a weave has."""
+"""The parameters of a weave, and the kinds that only these have."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Iterable
+from copy import copy
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric import draft, pattern_names
+from spacemap_vtk.fabric.cloth import AXES
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import SECTIONS
-from spacemap_vtk.fabric.yarn import linear_density, twist
-from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
+from spacemap_vtk.fabric.yarn import COTTON, PACKING, linear_density, twist
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Parameter, Real, Series
 
 _P = TypeVar("_P", bound=Parameter[Any])
+#: Warp and weft in the words of their parameters: `crossed` is the number of the other family.
+_WORDS = [
+    dict(zip(("name", "yarns", "Yarns", "number", "crossed", "color"), words, strict=True))
+    for words in (
+        ("warp", "ends", "Ends", 1, 2, "#{:02x}{:02x}{:02x}".format(*WARP_COLOR)),
+        ("weft", "picks", "Picks", 2, 1, "#{:02x}{:02x}{:02x}".format(*WEFT_COLOR)),
+    )
+]
 
 
-class FamilyWords(NamedTuple):
-    """Warp or weft, in the words of its parameters."""
-
-    name: str
-    yarns: str
-    number: int
-    crossed: int
-    """Number of the other family."""
-    color: tuple[int, int, int]
-
-
-_WARP, _WEFT = (
-    FamilyWords("warp", "ends", 1, 2, WARP_COLOR),
-    FamilyWords("weft", "picks", 2, 1, WEFT_COLOR),
-)
-
-
-def both(declare: Callable[[FamilyWords], _P], group: str) -> tuple[_P, _P]:
-    """Declare a parameter once for the warp and the weft."""
-    made = declare(_WARP), declare(_WEFT)
-    for each in made:
-        each.group = group
-    return made
+def both(declared: _P) -> tuple[_P, _P]:
+    """Declare a parameter for the warp and the weft, once: with the words of each in its texts."""
+    warp, weft = copy(declared), copy(declared)
+    for made, words in zip((warp, weft), _WORDS, strict=True):
+        parts: list[Parameter[Any]] = [made]
+        if isinstance(made, Series):
+            made.component = copy(made.component)
+            parts.append(made.component)
+        for part in parts:
+            said = {key: text for key, text in vars(part).items() if isinstance(text, str)}
+            vars(part).update({key: text.format(**words) for key, text in said.items()})
+    return warp, weft
 
 
 class Pattern(Parameter[Any]):
@@ -108,140 +108,219 @@ class PerYarn(Series):
     each = "repeated over the yarns"
 
 
-def diameter_of(family: FamilyWords) -> PerYarn:
-    """Declare how thick a family's yarns are."""
-    return PerYarn(
-        Real(
-            "0.25 mm",
-            f"Diameter d{family.number} of the {family.name} yarns; of flattened yarns, their "
-            "height.",
-            unit="m",
-            above=0.0,
-        ),
-        automatic="from the yarn count, the draft's thickness, or half the spacing",
-    )
-
-
-def count_of(family: FamilyWords) -> PerYarn:
-    """Declare how heavy a family's yarns are."""
-    return PerYarn(
-        YarnCount(
-            "30 tex",
-            f"Yarn count of the {family.name}, in place of its diameter.",
-            unit="kg/m",
-            above=0.0,
-            maximum=1.0,
-        ),
-        automatic="from the diameter",
-    )
-
-
-def spacing_of(family: FamilyWords) -> PerYarn:
-    """Declare how far a family's yarns are apart."""
-    return PerYarn(
-        Real(
-            "0.5 mm",
-            f"Distance p{family.number} between neighbouring {family.yarns}.",
-            unit="m",
-            above=0.0,
-        ),
-        automatic="from the sett, the draft's spacing, or 0.5 mm",
-    )
-
-
-def sett_of(family: FamilyWords) -> Real:
-    """Declare how many of a family's yarns are in a length."""
-    return Real(
-        None,
-        f"{family.yarns.capitalize()} in a length, in place of their spacing: "
-        '"20 /cm" or "50 /in".',
-        unit="1/m",
-        above=0.0,
-        automatic="from the spacing",
-    )
-
-
-def crimp_of(family: FamilyWords) -> Real:
-    """Declare how much longer a family's yarns are than the cloth."""
-    return Real(
-        None,
-        f"Crimp c{family.number} = l{family.number} / p{family.crossed} - 1 of the "
-        f'{family.name} where it changes side, as 0.09 or "9 %".',
-        minimum=0.0,
-        automatic="from the crimp height",
-    )
-
-
-def section_of(family: FamilyWords) -> Choice:
-    """Declare what section a family's yarns have."""
-    return Choice(
-        "circular",
-        f"Section of the {family.name} yarns; a racetrack is a rectangle between two half circles.",
-        SECTIONS,
-    )
-
-
-def aspect_of(family: FamilyWords) -> Real:
-    """Declare how wide a family's yarns are for their height."""
-    return Real(
-        None,
-        f"Width over height of the {family.name}'s section.",
-        minimum=1.0,
-        automatic="1 for circular yarns, 1.5 for others",
-    )
-
-
-def twist_of(family: FamilyWords) -> PerYarn:
-    """Declare how a family's yarns are twisted."""
-    return PerYarn(
-        Twist(
-            None,
-            f"Twist of the {family.name}, of plied yarns that of their plies: turns in a length, Z "
-            "above 0 and S below. It is seen, and enters no mechanics.",
-            unit="1/m",
-            minimum=-20_000,
-            maximum=20_000,
-        ),
-        automatic="Z, so that outer fibres lean by 24 degrees; S of plied yarns",
-    )
-
-
-def plies_of(family: FamilyWords) -> PerYarn:
-    """Declare how many singles are a family's yarns."""
-    return PerYarn(
-        Integer(
-            None,
-            f"Plies of the {family.name}: singles that are twisted together, in the section that "
-            "the yarn has. They are seen, and enter no mechanics.",
-            minimum=1,
-            maximum=12,
-        ),
-        automatic="1: singles",
-    )
-
-
-def layer_of(family: FamilyWords) -> PerYarn:
-    """Declare to which cloth of a double weave a family's yarns belong."""
-    return PerYarn(
-        Integer(
-            None,
-            f"Of a double weave, the cloth to which each of the {family.yarns} belongs: 1 and "
-            "2 are repeated over them; 1 alone draws one layer.",
-            minimum=1,
-            maximum=2,
-        ),
-        automatic="found in the weave",
-    )
-
-
-def color_of(family: FamilyWords) -> PerYarn:
-    """Declare what colours a family's yarns have."""
-    return PerYarn(
-        Color(family.color, f"Colour of the {family.name}."),
-        automatic="the draft's, or #{:02x}{:02x}{:02x}".format(*family.color),
-    )
-
-
 def repeat_of(pattern: Any) -> NDArray[np.bool_]:
     """Return one repeat of a pattern."""
     return pattern_names.named(pattern) if isinstance(pattern, str) else draft.from_matrix(pattern)
+
+
+class WeaveParameters(Stage):
+    """A stage that knows what is woven."""
+
+    pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
+    draft = FilePath(
+        None,
+        "A draft in place of the pattern: a WIF, or one of Fiberworks (.dtx), WeavePoint (.wpo) or "
+        "TempoWeave (.twa); a text (.txt, .csv), a row for each pick, the first pick first, of 0 "
+        "and 1, or of the shafts that rise (1,3); or a black-and-white picture (.png and others), "
+        "a pixel for each crossing, black where the end lies over the pick, the first pick at the "
+        "bottom.",
+        automatic="no draft",
+    )
+    trim = Flag(
+        False,
+        "Cut off ends in no heddle at a draft's sides, and picks without a shed at its beginning "
+        "and end.",
+        when={"draft": ()},
+    )
+    ends, picks = both(
+        Integer(
+            None,
+            "Number of {name} yarns.",
+            minimum=1,
+            maximum=100_000,
+            automatic="the draft's own number, or 7",
+        )
+    )
+    warp_diameter, weft_diameter = both(
+        PerYarn(
+            Real(
+                "0.25 mm",
+                "Diameter d{number} of the {name} yarns; of flattened yarns, their height.",
+                unit="m",
+                above=0.0,
+            ),
+            automatic="from the yarn count, the draft's thickness, or half the spacing",
+            group="Yarn",
+        )
+    )
+    warp_count, weft_count = both(
+        PerYarn(
+            YarnCount(
+                "30 tex",
+                "Yarn count of the {name}, in place of its diameter.",
+                unit="kg/m",
+                above=0.0,
+                maximum=1.0,
+            ),
+            automatic="from the diameter",
+            group="Yarn",
+        )
+    )
+    fibre_density = Real(
+        COTTON,
+        "Density of the fibres; the default is cotton's.",
+        unit="kg/m3",
+        above=0.0,
+        group="Yarn",
+    )
+    packing = Real(
+        PACKING,
+        "Share of fibre in a yarn's section; the rest is air.",
+        above=0.0,
+        maximum=1.0,
+        group="Yarn",
+    )
+    warp_spacing, weft_spacing = both(
+        PerYarn(
+            Real("0.5 mm", "Distance p{number} between neighbouring {yarns}.", unit="m", above=0.0),
+            automatic="from the sett, the draft's spacing, or 0.5 mm",
+            group="Spacing",
+        )
+    )
+    warp_sett, weft_sett = both(
+        Real(
+            None,
+            '{Yarns} in a length, in place of their spacing: "20 /cm" or "50 /in".',
+            unit="1/m",
+            above=0.0,
+            automatic="from the spacing",
+            group="Spacing",
+        )
+    )
+    warp_crimp_height = Real(
+        None,
+        "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
+        unit="m",
+        minimum=0.0,
+        automatic="from a crimp, or the middle of the feasible interval",
+        group="Crimp",
+    )
+    warp_crimp, weft_crimp = both(
+        Real(
+            None,
+            "Crimp c{number} = l{number} / p{crossed} - 1 of the {name} where it changes side, as "
+            '0.09 or "9 %".',
+            minimum=0.0,
+            automatic="from the crimp height",
+            group="Crimp",
+        )
+    )
+    warp_section, weft_section = both(
+        Choice(
+            "circular",
+            "Section of the {name} yarns; a racetrack is a rectangle between two half circles.",
+            SECTIONS,
+            group="Section",
+        )
+    )
+    warp_aspect, weft_aspect = both(
+        Real(
+            None,
+            "Width over height of the {name}'s section.",
+            minimum=1.0,
+            automatic="1 for circular yarns, 1.5 for others",
+            group="Section",
+        )
+    )
+    thick_yarns = Choice(
+        "scale",
+        "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
+        "of the feasible limit (round, and a net), flatten them (as cloth: they fill their "
+        "spacing, also where the draft gives no thickness), or refuse the draft.",
+        ["scale", "flatten", "refuse"],
+        when={"draft": ()},
+        group="Section",
+    )
+    warp_layer, weft_layer = both(
+        PerYarn(
+            Integer(
+                None,
+                "Of a double weave, the cloth to which each of the {yarns} belongs: 1 and 2 are "
+                "repeated over them; 1 alone draws one layer.",
+                minimum=1,
+                maximum=2,
+            ),
+            automatic="found in the weave",
+            group="Layers",
+        )
+    )
+    layer_gap = Real(
+        None,
+        "Room between the two cloths of a double weave.",
+        unit="m",
+        above=0.0,
+        automatic="a tenth of d1 + d2",
+        group="Layers",
+    )
+    overhang = Real(
+        None,
+        "How far yarns reach past their last crossing.",
+        unit="m",
+        above=0.0,
+        automatic="half the spacing crossed",
+        group="Cut ends",
+    )
+    caps = Flag(True, "Close the cut ends of the yarns.", group="Cut ends")
+    exact = Flag(
+        False,
+        "Make rational patches, exact to rounding where yarns are round.",
+        group="Patches",
+    )
+    precision = Choice(
+        "double",
+        "Of the control points: single precision takes half the memory, and is enough for what is "
+        "looked at. What is computed of the cloth stays double.",
+        ["double", "single"],
+        group="Patches",
+    )
+    axis = Choice(
+        "arcs",
+        "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
+        "curvature, which holds no distance between yarns.",
+        AXES,
+        group="Patches",
+    )
+    warp_twist, weft_twist = both(
+        PerYarn(
+            Twist(
+                None,
+                "Twist of the {name}, of plied yarns that of their plies: turns in a length, Z "
+                "above 0 and S below. It is seen, and enters no mechanics.",
+                unit="1/m",
+                minimum=-20_000,
+                maximum=20_000,
+            ),
+            automatic="Z, so that outer fibres lean by 24 degrees; S of plied yarns",
+            group="Twist and colour",
+        )
+    )
+    warp_plies, weft_plies = both(
+        PerYarn(
+            Integer(
+                None,
+                "Plies of the {name}: singles that are twisted together, in the section that the "
+                "yarn has. They are seen, and enter no mechanics.",
+                minimum=1,
+                maximum=12,
+            ),
+            automatic="1: singles",
+            group="Twist and colour",
+        )
+    )
+    warp_color, weft_color = both(
+        PerYarn(
+            Color("{color}", "Colour of the {name}."),
+            automatic="the draft's, or {color}",
+            group="Twist and colour",
+        )
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,36 +13,20 @@ from spacemap_vtk.datasets.arrays import add_array, to_array, to_cells, to_point
 from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth
 from spacemap_vtk.datasets.extent import tell_bounds
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric import weave, yarn
+from spacemap_vtk.fabric import weave
 from spacemap_vtk.fabric.as_draft import as_draft
 from spacemap_vtk.fabric.axes import ALL, Share
-from spacemap_vtk.fabric.cloth import AXES, Cloth
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.feasible import feasible_intervals
 from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.partition import cropped, share_of, whole_bounds
 from spacemap_vtk.fabric.resolve import Asked, ThreadsAsked, resolve
-from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.filters.weave_parameters import (
-    Pattern,
-    aspect_of,
-    both,
-    color_of,
-    count_of,
-    crimp_of,
-    diameter_of,
-    layer_of,
-    plies_of,
-    repeat_of,
-    section_of,
-    sett_of,
-    spacing_of,
-    twist_of,
-)
+from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.filters.weave_parameters import WeaveParameters, repeat_of
 from spacemap_vtk.io.draft_file import read_draft
 from spacemap_vtk.io.registry import read_words
 from spacemap_vtk.memory import require
-from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real
 
 #: Ends and picks of a pattern where the user gives no number.
 SIZE = 7
@@ -49,7 +34,7 @@ SIZE = 7
 _CROSSING_BYTES = 4
 
 
-class WeaveSource(Stage):
+class WeaveSource(WeaveParameters):
     """Make any woven fabric by Peirce's exact geometry, as bicubic Bézier patches.
 
     A yarn is arc, straight, arc where it changes side between neighbouring crossings, and straight
@@ -85,115 +70,6 @@ class WeaveSource(Stage):
     _part: tuple[Share, Cloth] | None = None
     #: Of which cloth the mass of an area and, where pieces were asked for, the bounds.
     _whole: tuple[Cloth, float | None, NDArray[np.float64] | None] | None = None
-
-    pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
-    draft = FilePath(
-        None,
-        "A draft in place of the pattern: a WIF, or one of Fiberworks (.dtx), WeavePoint (.wpo) or "
-        "TempoWeave (.twa); a text (.txt, .csv), a row for each pick, the first pick first, of 0 "
-        "and 1, or of the shafts that rise (1,3); or a black-and-white picture (.png and others), "
-        "a pixel for each crossing, black where the end lies over the pick, the first pick at the "
-        "bottom.",
-        automatic="no draft",
-    )
-    trim = Flag(
-        False,
-        "Cut off ends in no heddle at a draft's sides, and picks without a shed at its beginning "
-        "and end.",
-        when={"draft": ()},
-    )
-    ends = Integer(
-        None,
-        "Number of warp yarns.",
-        minimum=1,
-        maximum=100_000,
-        automatic="the draft's own number, or 7",
-    )
-    picks = Integer(
-        None,
-        "Number of weft yarns.",
-        minimum=1,
-        maximum=100_000,
-        automatic="the draft's own number, or 7",
-    )
-    warp_diameter, weft_diameter = both(diameter_of, "Yarn")
-    warp_count, weft_count = both(count_of, "Yarn")
-    fibre_density = Real(
-        yarn.COTTON,
-        "Density of the fibres; the default is cotton's.",
-        unit="kg/m3",
-        above=0.0,
-        group="Yarn",
-    )
-    packing = Real(
-        yarn.PACKING,
-        "Share of fibre in a yarn's section; the rest is air.",
-        above=0.0,
-        maximum=1.0,
-        group="Yarn",
-    )
-    warp_spacing, weft_spacing = both(spacing_of, "Spacing")
-    warp_sett, weft_sett = both(sett_of, "Spacing")
-    warp_crimp_height = Real(
-        None,
-        "Height h1 of the warp's wave, crest to trough of the axis; the weft's is d1 + d2 - h1.",
-        unit="m",
-        minimum=0.0,
-        automatic="from a crimp, or the middle of the feasible interval",
-        group="Crimp",
-    )
-    warp_crimp, weft_crimp = both(crimp_of, "Crimp")
-    warp_section, weft_section = both(section_of, "Section")
-    warp_aspect, weft_aspect = both(aspect_of, "Section")
-    thick_yarns = Choice(
-        "scale",
-        "What is done with a draft's yarns that are too thick to interlace: scale them to a share "
-        "of the feasible limit (round, and a net), flatten them (as cloth: they fill their "
-        "spacing, also where the draft gives no thickness), or refuse the draft.",
-        ["scale", "flatten", "refuse"],
-        when={"draft": ()},
-        group="Section",
-    )
-    warp_layer, weft_layer = both(layer_of, "Layers")
-    layer_gap = Real(
-        None,
-        "Room between the two cloths of a double weave.",
-        unit="m",
-        above=0.0,
-        automatic="a tenth of d1 + d2",
-        group="Layers",
-    )
-    overhang = Real(
-        None,
-        "How far yarns reach past their last crossing.",
-        unit="m",
-        above=0.0,
-        automatic="half the spacing crossed",
-        group="Cut ends",
-    )
-    caps = Flag(True, "Close the cut ends of the yarns.", group="Cut ends")
-    exact = Flag(
-        False,
-        "Make rational patches, exact to rounding where yarns are round.",
-        group="Patches",
-    )
-    precision = Choice(
-        "double",
-        "Of the control points: single precision takes half the memory, and is enough for what is "
-        "looked at. What is computed of the cloth stays double.",
-        ["double", "single"],
-        group="Patches",
-    )
-    axis = Choice(
-        "arcs",
-        "Shape of a yarn's axis: Peirce's arc, straight, arc; or a spline without jumps in "
-        "curvature, which holds no distance between yarns.",
-        AXES,
-        group="Patches",
-    )
-    warp_twist, weft_twist = both(twist_of, "Twist and colour")
-    warp_plies, weft_plies = both(plies_of, "Twist and colour")
-    warp_color, weft_color = both(color_of, "Twist and colour")
 
     @property
     def cloth(self) -> Cloth:
@@ -290,45 +166,14 @@ class WeaveSource(Stage):
         """
         # here, and nowhere else, the names that a user writes become warp and weft
         size = SIZE if self.draft is None else None
-        return Asked(
-            ends=self.ends or size,
-            picks=self.picks or size,
-            warp=ThreadsAsked(
-                diameter=self.warp_diameter,
-                count=self.warp_count,
-                spacing=self.warp_spacing,
-                sett=self.warp_sett,
-                crimp=self.warp_crimp,
-                section=self.warp_section,
-                aspect=self.warp_aspect,
-                layer=self.warp_layer,
-                color=self.warp_color,
-                twist=self.warp_twist,
-                plies=self.warp_plies,
-            ),
-            weft=ThreadsAsked(
-                diameter=self.weft_diameter,
-                count=self.weft_count,
-                spacing=self.weft_spacing,
-                sett=self.weft_sett,
-                crimp=self.weft_crimp,
-                section=self.weft_section,
-                aspect=self.weft_aspect,
-                layer=self.weft_layer,
-                color=self.weft_color,
-                twist=self.weft_twist,
-                plies=self.weft_plies,
-            ),
-            fibre_density=self.fibre_density,
-            packing=self.packing,
-            crimp_height=self.warp_crimp_height,
-            thick_yarns=self.thick_yarns,
-            layer_gap=self.layer_gap,
-            overhang=self.overhang,
-            caps=self.caps,
-            exact=self.exact,
-            axis=self.axis,
+        each = [field.name for field in fields(ThreadsAsked)]
+        warp, weft = (
+            ThreadsAsked(**{name: getattr(self, f"{family}_{name}") for name in each})
+            for family in FAMILIES
         )
+        own = {f.name: getattr(self, f.name) for f in fields(Asked) if f.name in self.parameters}
+        own |= {"ends": self.ends or size, "picks": self.picks or size}
+        return Asked(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
 
     @property
     def found(self) -> dict[str, float]:
