@@ -24,8 +24,10 @@ import scipy.sparse.linalg as sla
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics import factors, lanczos
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.pencil import Pencil, selection
 
 #: Name of each method, and the package it needs.
 METHODS = {"spacemap": "", "cholmod": "sksparse", "pardiso": "pypardiso", "eigsh": ""}
@@ -45,22 +47,23 @@ def solve(method: str, divisions: tuple[int, ...], count: int) -> dict[str, obje
     """Solve one problem by one method."""
     bounds = (0.0, 1.0, 0.0, divisions[1] / divisions[0], 0.0, divisions[2] / divisions[0])
     points, tetrahedra = lattice(bounds, divisions)  # type: ignore[arg-type]
-    stiffness, mass = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
+    assembly = assemble(points, tetrahedra)
+    springs, inertia = stiffness(assembly, isotropic(1e6, 0.3)), mass(assembly, 300.0)
     free = np.repeat(points[:, 1] < points[:, 1].max(), 3)
     for name in {"cholmod", "pardiso"} - {method}:
         setattr(factors, name, absent)
     before, start, cpu = peak(), time.perf_counter(), time.process_time()
     if method == "eigsh":
-        k, m = stiffness[free][:, free].tocsc(), mass[free][:, free].tocsc()
+        k, m = springs[free][:, free].tocsc(), inertia[free][:, free].tocsc()
         values, modes = sla.eigsh(k, count, m, sigma=-lanczos.shift(k.tocsr(), m.tocsr()))
         order = np.argsort(values)
         values, modes = values[order], modes[:, order]
     else:
-        values, shapes = solve_modes(stiffness, mass, free, count)
+        values, shapes = lowest(Pencil(springs, inertia, selection(free)), count)[:2]
         modes = shapes.reshape(count, -1).T[free]
     seconds, megabytes = time.perf_counter() - start, peak() - before
     cpu = time.process_time() - cpu
-    k, m = stiffness[free][:, free], mass[free][:, free]
+    k, m = springs[free][:, free], inertia[free][:, free]
     force = k @ modes
     residual = np.linalg.norm(force - (m @ modes) * values, axis=0) / np.linalg.norm(force, axis=0)
     return {

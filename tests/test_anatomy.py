@@ -11,8 +11,9 @@ import pyvista as pv
 from PIL import Image
 
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.cage.split import parts
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.scenes.anatomy import body, pieces
+from spacemap_vtk.scenes.anatomy import body
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -82,7 +83,7 @@ def test_no_modes_are_solved(tmp_path: Path) -> None:
 
 def test_pieces_hang_together_by_faces() -> None:
     cells = lattice((0, 1, 0, 1, 0, 1), (3, 1, 1))[1]
-    assert pieces(cells) == [15]
-    assert pieces(np.concatenate((cells[:5], cells[10:]))) == [5, 5]
+    assert parts(cells)[0] == [15]
+    assert parts(np.concatenate((cells[:5], cells[10:])))[0] == [5, 5]
     edge = np.array([[0, 1, 2, 3], [2, 3, 4, 5]])
-    assert pieces(edge) == [1, 1]
+    assert parts(edge)[0] == [1, 1]

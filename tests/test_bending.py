@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 from spacemap_vtk import ModalSolver, SpacemapWarning, TetraCage
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics.bending import _Plate as Plate
-from spacemap_vtk.mechanics.bending import layers_through_thickness, locking
+from spacemap_vtk.mechanics.bending import locking, proportions_of
 from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic
@@ -188,8 +188,8 @@ def test_what_is_no_sheet_is_not_judged():
     points, tetrahedra = lattice((0, 1, 0, 1, 0, 0.5), (4, 4, 1))
     nothing = np.zeros(points.shape, bool)
     assert locking(points, tetrahedra, STUFF, nothing) == (1.0, 1.0)
-    assert layers_through_thickness(points, tetrahedra) == np.inf
-    layers = layers_through_thickness(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3)))
+    assert proportions_of(points, tetrahedra).layers == np.inf
+    layers = proportions_of(*lattice((0, 1, 0, 1, 0, 0.1), (4, 4, 3))).layers
     assert layers == pytest.approx(3)
 
 

@@ -8,11 +8,11 @@ import sys
 
 import numpy as np
 import pytest
+from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.materials import isotropic
 
 threadpoolctl = pytest.importorskip("threadpoolctl")
 

@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from calculix import ABSENT, CCX, mesh, their_mass
+from pencils import solve_modes
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import InputDeck
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import assemble, isotropic, mass, stiffness
+from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
 from spacemap_vtk.mechanics.fittings import Fittings
-from spacemap_vtk.mechanics.materials import orthotropic
+from spacemap_vtk.mechanics.materials import isotropic, orthotropic
 from spacemap_vtk.mechanics.model import Model
 from spacemap_vtk.scenes.scene import Scene
 

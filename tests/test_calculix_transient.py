@@ -50,7 +50,10 @@ def test_a_beam_bends_far_as_calculix_says(tmp_path: Path) -> None:
     model.pencil.__dict__["whole_mass"] = their_mass(points, cells, 1.0)
     cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
     load = cage.vector(
-        "force", (0, 0, FORCE), timefunctions.ramp(RISE), tuple(points[loaded].tolist())
+        "force",
+        (0, 0, FORCE),
+        timefunctions.table([0, RISE], [0, 1]),
+        tuple(points[loaded].tolist()),
     )
     motion = Stepped(cage, [load], tolerance=1.0, max_step=SPAN)
     weights = np.zeros(len(points))

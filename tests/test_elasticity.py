@@ -5,21 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse.linalg as sla
+from pencils import stiffness_and_mass
 from skfem import Basis, BilinearForm, ElementTetP1, ElementVector, MeshTet
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.mechanics.elasticity import (
-    assemble,
-    isotropic,
-    mass,
-    nodal_mass,
-    stiffness,
-    stiffness_and_mass,
-    volumes,
-)
+from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.tetrahedra import volumes
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

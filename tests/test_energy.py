@@ -94,7 +94,10 @@ def test_work_behind_too_many_periods_is_not_added_up():
 def test_equilibrium_holds_the_work_that_led_there():
     gain = GAIN * (STIFFNESS > 0)
     motion = ModalMotion(
-        STIFFNESS, DAMPING["ratio"], [Drive(gain, tf.pulse(0.2))], equilibrium=True
+        STIFFNESS,
+        DAMPING["ratio"],
+        [Drive(gain, tf.table([0, 0.2, 0.2], [1, 1, 0]))],
+        equilibrium=True,
     )
     energy = Account(motion).at(0.1)
     static = 0.5 * (gain[1:] ** 2 / STIFFNESS[1:]).sum()

@@ -8,12 +8,11 @@ import numpy as np
 import psutil
 import pytest
 import scipy.sparse as sp
+from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics import factors
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import stiffness_and_mass
 from spacemap_vtk.mechanics.factors import factorise
 from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.multifrontal import Analysis

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pencils import solve_modes, stiffness_and_mass
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import stiffness_and_mass
 from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropic, volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 

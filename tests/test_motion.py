@@ -33,8 +33,8 @@ DAMPING = {
 FUNCTIONS = {
     "step": tf.step(),
     "late step": tf.step(0.35),
-    "pulse": tf.pulse(0.4, 0.1),
-    "ramp": tf.ramp(0.5, 0.2),
+    "pulse": tf.table([0, 0.4, 0.4], [1, 1, 0], 0.1),
+    "ramp": tf.table([0, 0.5], [0, 1], 0.2),
     "table": tf.table([0.0, 0.2, 0.2, 0.9, 1.4], [0.0, 1.0, -0.5, 0.3, 0.0]),
     "late table": tf.table([0.3, 0.9], [0.4, 1.0], 0.1),
     "sine": tf.harmonic(0.8),
@@ -159,7 +159,10 @@ def test_before_zero_the_start_is_held_at_rest(function, base):
 
 def test_equilibrium_and_release():
     gain = GAIN * (STIFFNESS > 0)
-    weight, held = Drive(gain, tf.step()), Drive(np.roll(gain, 1) * (STIFFNESS > 0), tf.pulse(0.5))
+    weight, held = (
+        Drive(gain, tf.step()),
+        Drive(np.roll(gain, 1) * (STIFFNESS > 0), tf.table([0, 0.5, 0.5], [1, 1, 0])),
+    )
     half = DAMPING["alpha"]
     motion = ModalMotion(STIFFNESS, half, [weight, held], equilibrium=True)
     for time in (0.0, 0.2, 0.4999):

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics import multifrontal
 from spacemap_vtk.mechanics.dissection import by_levels, dissection
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.multifrontal import Analysis, Cholesky, negative_eigenvalues
 
 

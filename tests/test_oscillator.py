@@ -16,11 +16,11 @@ import pytest
 import scipy.linalg as la
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pencils import solve_modes, stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.oscillator import damping_ratio, kernels, oscillate, regime
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)

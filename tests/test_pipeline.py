@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pencils import stiffness_and_mass
 from scipy.linalg import expm
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObjectBase, vtkPoints
@@ -35,7 +36,7 @@ from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.mechanics.elasticity import isotropic, stiffness_and_mass
+from spacemap_vtk.mechanics.materials import isotropic
 
 
 class Chain:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 import scipy.sparse.linalg as sla
+from pencils import solve_modes, stiffness_and_mass
 from skfem import Basis, BilinearForm, ElementTetP2, ElementVector, MeshTet
 from skfem.helpers import dot
 from skfem.models.elasticity import lame_parameters, linear_elasticity
@@ -19,16 +20,10 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.mechanics.eigen import solve_modes
-from spacemap_vtk.mechanics.elasticity import (
-    assemble,
-    isotropic,
-    mass,
-    nodal_mass,
-    stiffness_and_mass,
-    volumes,
-)
+from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass
 from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.materials import isotropic
+from spacemap_vtk.mechanics.tetrahedra import volumes
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

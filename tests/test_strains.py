@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pencils import stiffness_and_mass
 
 from spacemap_vtk.cage.lattice import lattice
-from spacemap_vtk.mechanics.elasticity import stiffness_and_mass
 from spacemap_vtk.mechanics.elements import with_midpoints
 from spacemap_vtk.mechanics.kinematics import strain_products
 from spacemap_vtk.mechanics.materials import isotropic, orthotropic

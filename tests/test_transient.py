@@ -96,10 +96,10 @@ def test_energy_is_kept_over_a_hundred_periods() -> None:
 #: Every kind of load, each at its own time.
 LOADS: list[tuple[str, Any, Any, Any]] = [
     ("gravity", (0.0, 0.0, -3e-2), step(), None),
-    ("pressure", 2e-2, timefunctions.pulse(0.02, 0.01), "+z"),
+    ("pressure", 2e-2, timefunctions.table([0, 0.02, 0.02], [1, 1, 0], 0.01), "+z"),
     ("force", (1e-8, 0.0, 2e-8), timefunctions.harmonic(15.0), (0.0, 0.0, 0.0)),
     ("base_acceleration", (0.0, 0.0, 2e-2), timefunctions.periodic([0, 0.02, 0.04], [0, 1, 0]), 0),
-    ("base_displacement", (0.0, 2e-6, 4e-6), timefunctions.ramp(0.02, 0.015), None),
+    ("base_displacement", (0.0, 2e-6, 4e-6), timefunctions.table([0, 0.02], [0, 1], 0.015), None),
     ("base_displacement", (0.0, 0.0, 1e-6), timefunctions.harmonic(9.0, 1.0), None),
     ("base_displacement", (0.0, 0.0, 1e-6), step(0.03), None),
 ]
@@ -150,7 +150,7 @@ def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     values, shapes, lost = model.modes(1000)
     values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
-    loads = [cage.vector("pressure", 1e-4, timefunctions.pulse(0.05), "+z")]
+    loads = [cage.vector("pressure", 1e-4, timefunctions.table([0, 0.05, 0.05], [1, 1, 0]), "+z")]
     modal = Response(cage, loads, Damping(ratio=ratio))
     motion = Stepped(cage, loads, Damping(ratio=ratio), tolerance=1.0, max_step=1e-3)
     weights, times = (points[:, 1] < 1e-9) / 6.0, np.linspace(0.05, 0.4, 6)
@@ -197,7 +197,7 @@ def curtain(cells: int, gust: float = 0.5, **options: Any) -> Stepped:
     cage = cage_of(Model(points, tetrahedra, plate, 500.0, held))
     loads = [
         cage.vector("gravity", (0, -GRAVITY, 0), step()),
-        cage.vector("pressure", gust, timefunctions.pulse(0.3), "+z"),
+        cage.vector("pressure", gust, timefunctions.table([0, 0.3, 0.3], [1, 1, 0]), "+z"),
     ]
     return Stepped(cage, loads, Damping(1.0, 1e-3), tolerance=4e-5, **options)
 
@@ -243,7 +243,7 @@ def strip(**options: Any) -> tuple[Stepped, Response]:
     values, shapes, lost = model.modes(1000)
     values, shapes = values * model.modulus / model.density, shapes / model.density**0.5
     cage = CageModes(model, values, shapes.reshape(len(values), -1), lost)
-    loads = [cage.vector("pressure", 1e-3, timefunctions.pulse(0.02), "+z")]
+    loads = [cage.vector("pressure", 1e-3, timefunctions.table([0, 0.02, 0.02], [1, 1, 0]), "+z")]
     return Stepped(cage, loads, **options), Response(cage, loads, Damping())
 
 

@@ -229,18 +229,18 @@ class Load(Parameterised):
 
     def _made(self) -> TimeFunction:
         start, (times, values) = self.start or 0.0, self._points
-        if self.time == "pulse":
-            return timefunctions.pulse(self.length, start)
-        if self.time == "ramp":
-            return timefunctions.ramp(self.rise, start)
-        if self.time == "table":
-            return timefunctions.table(times, values, start)
         if self.time == "periodic":
             return timefunctions.periodic(times, values, steady=self.steady)
         if self.time == "harmonic":
             phase = math.radians(self.phase or 0.0)
             return timefunctions.harmonic(self.frequency, phase, steady=self.steady)
-        return timefunctions.step(start)
+        tables = {
+            "step": ((0.0,), (1.0,)),
+            "pulse": ((0.0, self.length, self.length), (1.0, 1.0, 0.0)),
+            "ramp": ((0.0, self.rise), (0.0, 1.0)),
+            "table": (times, values),
+        }
+        return timefunctions.table(*tables[self.time], start)
 
     def _parameter_changed(self) -> None:
         if self._sealed:

@@ -21,12 +21,7 @@ from spacemap_vtk.filters.base import Provided
 from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.fitted_cage import FittedCage
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
-from spacemap_vtk.mechanics.bending import (
-    Locking,
-    layers_through_thickness,
-    locking,
-    proportions_of,
-)
+from spacemap_vtk.mechanics.bending import Locking, locking, proportions_of
 from spacemap_vtk.mechanics.cage_modes import CageModes
 from spacemap_vtk.mechanics.materials import volume_ratio
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
@@ -172,7 +167,7 @@ class ModalSolver(FittedCage):
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         held, fittings = self.fittings(grid, vertices, elements)
         sheet = self._sheet(vertices, elements)
-        extent, layers = float(np.ptp(vertices[:, 2])), layers_through_thickness(vertices, elements)
+        extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers
         material: FloatArray | Plate
         if sheet is None:
             material, density = self.constants(extent)

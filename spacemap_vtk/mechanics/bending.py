@@ -60,6 +60,11 @@ class Proportions(NamedTuple):
     height: float
     """Mean extent of a tetrahedron along the normal [m]."""
 
+    @property
+    def layers(self) -> float:
+        """How many tetrahedra lie on top of each other; infinite of a block."""
+        return self.thickness / self.height if self.long else float("inf")
+
 
 def proportions_of(vertices: FloatArray, tetrahedra: IntArray) -> Proportions:
     """Return the shape of a mesh, as its bounding box tells it.
@@ -82,27 +87,6 @@ def proportions_of(vertices: FloatArray, tetrahedra: IntArray) -> Proportions:
     long = [axis for axis in range(3) if extent[normal] <= _THIN * extent[axis]]
     width = size[long or range(3)].mean()
     return Proportions(normal, long, float(extent[normal]), float(width), float(size[normal]))
-
-
-def layers_through_thickness(vertices: FloatArray, tetrahedra: IntArray) -> float:
-    """Return how many tetrahedra lie on top of each other where the mesh is thinnest.
-
-    Parameters
-    ----------
-    vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
-    tetrahedra : ndarray of int64, shape (T, 4) or (T, 10)
-        Vertex numbers, those of the corners first.
-
-    Returns
-    -------
-    float
-        Extent of the bounding box along its thinnest axis over the mean extent of a tetrahedron
-        along it; infinite for a mesh that is no sheet or bar (thinnest extent above a third of
-        the largest one).
-    """
-    sheet = proportions_of(vertices, tetrahedra)
-    return sheet.thickness / sheet.height if sheet.long else float("inf")
 
 
 def locking(

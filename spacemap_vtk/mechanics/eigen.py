@@ -14,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import linalg as la
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
-from spacemap_vtk.mechanics.pencil import Pencil, supported
+from spacemap_vtk.mechanics.pencil import Pencil
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], object]
@@ -69,18 +69,6 @@ class Modes(NamedTuple):
     """An estimate, from above, of the share of each λ that is rounding, (n,): 0 to 1."""
 
 
-def solve_modes(
-    stiffness: sp.csr_matrix,
-    mass: sp.csr_matrix,
-    free: ArrayLike,
-    count: int,
-    progress: Progress | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest vibration modes of K s = λ M s."""
-    _check_count(count)
-    return lowest(supported(stiffness, mass, free), count, progress)[:2]
-
-
 def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Modes:
     """Return the lowest vibration modes of a pencil, and how many of their digits are rounding."""
     # Of a pencil that knows vertices and strains, exactly those modes are rigid that the supports
@@ -88,7 +76,8 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     # lowest modes but rounding; in the space of the modes that are found, whose higher ones are
     # right, strains tell them (Rayleigh and Ritz). What is then lost still is the share that modes
     # outside of that space have.
-    _check_count(count)
+    if count < 1:
+        raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
     report: Progress = progress or _ignore
     report(0.0)
     with blas_threads.one():
@@ -103,7 +92,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
 
 
 def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
-    """Estimate the memory that `solve_modes` takes, to refuse in time.
+    """Estimate the memory that `lowest` takes, to refuse in time.
 
     Parameters
     ----------
@@ -144,11 +133,6 @@ def _is_dense(dof: int, count: int) -> bool:
 
 def _ignore(_: float) -> None:
     pass
-
-
-def _check_count(count: int) -> None:
-    if count < 1:
-        raise InputError("no mode is asked for", key="count", value=count, allowed="1 and more")
 
 
 def _of_components(

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements import element
-from spacemap_vtk.mechanics.materials import isotropic
 from spacemap_vtk.mechanics.tetrahedra import (
     FloatArray,
     IntArray,
@@ -31,17 +30,6 @@ from spacemap_vtk.mechanics.tetrahedra import (
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
-
-__all__ = [
-    "Assembly",
-    "assemble",
-    "isotropic",
-    "mass",
-    "nodal_mass",
-    "stiffness",
-    "stiffness_and_mass",
-    "volumes",
-]
 
 #: Row of the elasticity matrix that holds the strain component (i, k).
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
@@ -160,14 +148,6 @@ def mass(assembly: Assembly, density: float, lumped: bool = False) -> csr_matrix
     count = len(assembly.indptr) - 1
     parts = (density * assembly.products, assembly.indices, assembly.indptr)
     return sp.kron(sp.csr_matrix(parts, shape=(count, count)), sp.identity(3), format="csr")
-
-
-def stiffness_and_mass(
-    points: ArrayLike, tetrahedra: ArrayLike, elasticity: ArrayLike, density: float
-) -> tuple[csr_matrix, csr_matrix]:
-    """Return K and consistent M of a mesh of tetrahedra."""
-    assembly = assemble(points, tetrahedra)
-    return stiffness(assembly, elasticity), mass(assembly, density)
 
 
 def _summed(places: IntArray, values: FloatArray, count: int) -> FloatArray:

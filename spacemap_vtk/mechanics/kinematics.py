@@ -8,15 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.mechanics.elasticity import barycentric_gradients
-from spacemap_vtk.mechanics.elements import shape_slopes
+from spacemap_vtk.mechanics.elements import EDGES, shape_slopes
 
 FloatArray = NDArray[np.float64]
 
 #: Rotations beyond this angle (rad) are reported: at 20 degrees a line is stretched by 6 %.
 LARGE_ROTATION = np.radians(20.0)
-
-#: The edges whose middles are the nodes 4 to 9 of a quadratic tetrahedron.
-_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 
 
 class MeanGradient:
@@ -28,7 +25,7 @@ class MeanGradient:
         if nodes.shape[1] == 10:
             # N = L (2L - 1) at a corner, 4 Lᵢ Lⱼ on an edge; where all L are 1/4 the gradients of
             # the corners vanish, and those of an edge are the sum of its corners'.
-            slopes = np.stack([slopes[:, a] + slopes[:, b] for a, b in _EDGES], axis=1)
+            slopes = slopes[:, EDGES].sum(axis=2)
             nodes = nodes[:, 4:]
         # The tetrahedra last, so that each sum runs along memory.
         self._nodes = np.ascontiguousarray(nodes.T)

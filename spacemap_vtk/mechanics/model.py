@@ -399,8 +399,7 @@ class Model:
         if surface is None:
             solid = pencil.strains[0]
             strain, gradients = solid.at(positions)
-            strain += np.einsum("eqsnk,enk->eqs", gradients, moved[solid.nodes])
-            mean = strain.mean(axis=1)
+            mean = (strain + solid.changes(gradients, moved)).mean(axis=1)
             return mean, self.stress(mean)
         assert self.plate is not None
         mean, pull = of_middle(pencil.strains, positions, moved, surface, self.plate)

@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics.supports import six_motions, turned
 
 # Modes may come from a cache: all of scipy that solves is imported where something is solved.
 if TYPE_CHECKING:
@@ -66,18 +67,11 @@ class Nodes(NamedTuple):
 
     def rigid(self, near: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Return the six rigid motions of some nodes, (3n, 6), and the loads' turning with them."""
-        places = self.translate[near]
-        middle = self.positions[near][places].mean(axis=0)
-        away = self.positions[near] - np.where(places[:, None], middle, 0.0)
-        away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
-        six = np.zeros((len(near), 3, 6))
-        six[places, :, :3] = np.eye(3)
-        six[:, :, 3:] = np.cross(np.eye(3)[None], away[:, None]).swapaxes(1, 2)
-        turned = np.zeros((len(near), 3, 6))
+        loads = np.zeros((len(near), 3, 6))
         if self.forces is not None and self.forces.any():
-            force = self.forces[near] / abs(self.forces).max()
-            turned[:, :, 3:] = np.cross(np.eye(3)[None], force[:, None]).swapaxes(1, 2)
-        return six.reshape(-1, 6), turned.reshape(-1, 6)
+            loads[:, :, 3:] = turned(self.forces[near] / abs(self.forces).max())
+        six = six_motions(self.positions[near], self.translate[near])
+        return six, loads.reshape(-1, 6)
 
 
 class Pencil:
@@ -264,7 +258,7 @@ class Pencil:
         # Within a rigid piece K is zero, and joins no nodes.
         near = np.unique(np.concatenate([touched, self.whole_stiffness[touched].indices]) // 3)
         basis = self.basis[(3 * near[:, None] + np.arange(3)).ravel()]
-        six, turned = self.nodes.rigid(near)
+        six, loads = self.nodes.rigid(near)
         share = (basis.T @ six) / np.asarray(basis.multiply(basis).sum(axis=0)).ravel()[:, None]
         # What is held against it, and what would turn the loads under which it hangs.
         held = six - basis @ share
@@ -273,9 +267,9 @@ class Pencil:
             held = np.concatenate([held, self.nodes.springs[:, rows] @ six])
         held = held[abs(held).max(axis=1) > _HELD]
         motions = share
-        if len(held) or turned.any():
+        if len(held) or loads.any():
             # of the triangle, as there may be many rows
-            rows = np.concatenate([held, _TURNED * turned, np.zeros((6, 6))])
+            rows = np.concatenate([held, _TURNED * loads, np.zeros((6, 6))])
             triangle = la.qr(rows, mode="r")[0][:6]
             _, moved, turn = la.svd(triangle)
             motions = motions @ turn[moved <= _HELD * np.sqrt(max(len(held), 1))].T
@@ -372,19 +366,6 @@ def _conjugate_gradients(
         u += step * direction
         residual -= step * work
     return u, False
-
-
-def supported(stiffness: sp.csr_matrix, mass: sp.csr_matrix, free: ArrayLike) -> Pencil:
-    """Return the pencil of matrices of which some components, (3V,), are free."""
-    mask = np.asarray(free)
-    size = len(mask) if mask.ndim == 1 else -1
-    if mask.dtype != bool or size % 3 or not stiffness.shape == mass.shape == (size, size):
-        raise InputError(
-            f"stiffness {stiffness.shape}, mass {mass.shape} and free ({mask.dtype}, "
-            f"{mask.shape}) do not fit each other",
-            allowed="shapes (3V, 3V), (3V, 3V) and, bool, (3V,)",
-        )
-    return Pencil(stiffness, mass, selection(mask))
 
 
 def selection(free: NDArray[np.bool_]) -> sp.csc_matrix:

@@ -41,16 +41,16 @@ class Motion(Protocol):
     """The tetrahedra, (T, 4) or (T, 10)."""
 
     def at(self, time: float) -> FloatArray:
-        """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
+        """Return displacement [m] of the vertices, and its two rates [m/s, m/s²], (3, V, 3)."""
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
-        """Return displacement, velocity and acceleration of a point over time, (3, t, 3)."""
+        """Return the same of a point over time [s], by its weights of the vertices, (3, t, 3)."""
 
     def energies(self, times: FloatArray) -> FloatArray:
-        """Return kinetic, strain and dissipated energy and external work over time, (t, 4)."""
+        """Return kinetic, strain and dissipated energy and external work [J] over time, (t, 4)."""
 
 
-class Response:
+class Response(Motion):
     """Motion of a cage as a sum over its modes, at any time from 0 on.
 
     Parameters
@@ -173,25 +173,7 @@ class Response:
         return Account(self.modal)
 
     def at(self, time: float, state: State | None = None) -> FloatArray:
-        """Return the motion of the vertices at a time; before 0 they rest in the initial state.
-
-        Parameters
-        ----------
-        time : float
-            In s.
-        state : State, optional
-            That of the modal coordinates at that time, where it is known already.
-
-        Returns
-        -------
-        ndarray of float64, shape (3, V, 3)
-            Displacement [m], velocity [m/s] and acceleration [m/s²].
-
-        Raises
-        ------
-        InputError
-            If the time is not a finite number.
-        """
+        """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
         state = self.modal.at(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
 
@@ -217,20 +199,7 @@ class Response:
         return found._replace(strain=found.strain + hung, work=found.work + hung)
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
-        """Return how a point moves over time.
-
-        Parameters
-        ----------
-        weights : ndarray of float64, shape (V,)
-            Of the vertices in the point's displacement, see `point_weights` of `embedding`.
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (3, t, 3)
-            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
-        """
+        """Return how a point moves over time."""
         shapes = self._at_point(weights)  # the point is a mesh of one vertex
         states = self._states(times)
         rest = (weights @ self.rest)[None]
@@ -240,18 +209,7 @@ class Response:
         return np.stack(rows, axis=1)
 
     def energies(self, times: FloatArray) -> FloatArray:
-        """Return where the energy is over time.
-
-        Parameters
-        ----------
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (t, 4)
-            Kinetic, strain and dissipated energy, and their sum, the external work [J].
-        """
+        """Return where the energy is over time."""
         states = zip(times, self._states(times), strict=True)
         return np.array([self.energy(t, now) for t, now in states]).reshape(-1, 4)
 

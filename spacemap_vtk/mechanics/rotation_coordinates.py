@@ -272,7 +272,7 @@ class RotationCoordinates:
         ]
 
 
-class _Turned:
+class _Turned(Motion):
     """A linear motion, rebuilt at any time."""
 
     def __init__(self, linear: Motion, kernel: RotationCoordinates) -> None:
@@ -282,7 +282,6 @@ class _Turned:
         self._rest = kernel.points - linear.points
 
     def at(self, time: float) -> FloatArray:
-        """Return displacement, velocity and acceleration of the vertices, (3, V, 3)."""
         moved, rate, second = self._linear.at(time)
         moved = moved - self._rest
         shape = self._rest + self._kernel.displacement(moved)
@@ -290,11 +289,9 @@ class _Turned:
         return np.stack([shape, speed, self._kernel.acceleration(moved, rate, second)])
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
-        """Return displacement, velocity and acceleration of a point over time, (3, t, 3)."""
         return np.stack([weights @ self.at(float(time)) for time in times], axis=1)
 
     def energies(self, times: FloatArray) -> FloatArray:
-        """Return the energies of the linear motion over time, (t, 4)."""
         return self._linear.energies(times)
 
 

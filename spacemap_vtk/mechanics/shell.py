@@ -312,7 +312,7 @@ def of_middle(
     found = []
     for part in strains:
         strain, gradients = part.at(positions)
-        found.append(strain + np.einsum("eqsnk,enk->eqs", gradients, moved[part.nodes]))
+        found.append(strain + part.changes(gradients, moved))
     mean, thick = found[0].mean(axis=1), found[1].reshape(-1)[surface.quads].mean(axis=1)
     normal = surface.normal
     one, two = (normal + 1) % 3, (normal + 2) % 3

@@ -228,12 +228,18 @@ class _Block(NamedTuple):
     first: NDArray[np.int64]
 
 
-def six_motions(points: FloatArray) -> FloatArray:
+def six_motions(points: FloatArray, places: NDArray[np.bool_] | None = None) -> FloatArray:
     """Return three shifts and three turns about the middle, (3V, 6), turns scaled to the size."""
-    away = points - points.mean(axis=0)
-    away = away / max(float(np.abs(away).max()), np.finfo(float).tiny)
+    # What is no place, as half thicknesses are none, only turns.
+    shifts = np.ones(len(points), dtype=bool) if places is None else places
+    away = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
+    away /= max(float(np.abs(away).max()), np.finfo(float).tiny)
     motions = np.zeros((len(points), 3, 6))
-    motions[:, :, :3] = np.eye(3)
-    for axis, unit in enumerate(np.eye(3)):
-        motions[:, :, 3 + axis] = np.cross(unit, away)
+    motions[shifts, :, :3] = np.eye(3)
+    motions[:, :, 3:] = turned(away)
     return motions.reshape(-1, 6)
+
+
+def turned(vectors: FloatArray) -> FloatArray:
+    """Return what turns about x, y and z add to vectors, (n, 3, 3)."""
+    return np.cross(np.eye(3)[None], vectors[:, None]).swapaxes(1, 2)

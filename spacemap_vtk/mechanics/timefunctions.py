@@ -115,41 +115,7 @@ def step(start: float = 0.0) -> Pieces:
     Pieces
         The function.
     """
-    return _from_zero([start], [1.0], [0.0])
-
-
-def pulse(length: float, start: float = 0.0) -> Pieces:
-    """Return 1 for a while, 0 before and after.
-
-    Parameters
-    ----------
-    length, start : float
-        In s.
-
-    Returns
-    -------
-    Pieces
-        The function.
-    """
-    return _from_zero([start, start + length], [1.0, 0.0], [0.0, 0.0])
-
-
-def ramp(rise: float, start: float = 0.0) -> Pieces:
-    """Return a function that rises from 0 to 1 and stays there.
-
-    Parameters
-    ----------
-    rise : float
-        How long it rises [s].
-    start : float
-        When it begins to [s].
-
-    Returns
-    -------
-    Pieces
-        The function.
-    """
-    return _from_zero([start, start + rise], [0.0, 1.0], [1.0 / rise, 0.0])
+    return table([0.0], [1.0], start)
 
 
 def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -> Pieces:
@@ -182,7 +148,10 @@ def table(times: Sequence[float], values: Sequence[float], start: float = 0.0) -
     t, v = t[lasts], v[lasts]
     if t[0] > 0.0:
         t, v, slopes = np.r_[0.0, t], np.r_[v[0], v], np.r_[0.0, slopes]
-    return _from_zero(t + start, v, slopes)
+    t = t + start
+    if t[0] > 0.0:
+        t, v, slopes = np.r_[0.0, t], np.r_[0.0, v], np.r_[0.0, slopes]
+    return Pieces(t, v, slopes)
 
 
 def periodic(times: Sequence[float], values: Sequence[float], *, steady: bool = False) -> Pieces:
@@ -255,15 +224,3 @@ def _checked_table(
     if t[0] < 0 or (np.diff(t) < 0).any():
         raise InputError("the times descend", key="times", allowed="ascending times from 0 s on")
     return t, v
-
-
-def _from_zero(
-    times: Sequence[float] | FloatArray,
-    values: Sequence[float] | FloatArray,
-    slopes: Sequence[float] | FloatArray,
-) -> Pieces:
-    """Return the pieces, with one of zeros before them if they start late."""
-    t, v, s = (np.asarray(x, dtype=np.float64) for x in (times, values, slopes))
-    if t[0] > 0.0:
-        t, v, s = np.r_[0.0, t], np.r_[0.0, v], np.r_[0.0, s]
-    return Pieces(t, v, s)

@@ -22,6 +22,7 @@ from spacemap_vtk.mechanics.damping import Damping
 from spacemap_vtk.mechanics.follower import Pressed
 from spacemap_vtk.mechanics.midpoint import Acting, Midpoint
 from spacemap_vtk.mechanics.motion import base_at, jump_of
+from spacemap_vtk.mechanics.response import Motion
 from spacemap_vtk.mechanics.timefunctions import Sine
 from spacemap_vtk.memory import require
 
@@ -43,7 +44,7 @@ IN_PERIOD = 20
 COLUMNS = 6
 
 
-class Stepped:
+class Stepped(Motion):
     """Motion of a cage by steps, at any time from 0 on.
 
     Parameters
@@ -211,38 +212,14 @@ class Stepped:
                     progress(min(1.0, (self.reached - first) / max(time - first, 1e-300)))
 
     def at(self, time: float) -> FloatArray:
-        """Return the motion of the vertices at a time; before 0 they rest in the initial state.
-
-        Parameters
-        ----------
-        time : float
-            In s; it is stepped there, if need be.
-
-        Returns
-        -------
-        ndarray of float64, shape (3, V, 3)
-            Displacement [m], velocity [m/s] and acceleration [m/s²].
-        """
+        """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
         fields = self.model.pencil.spread(self._state(time).T).T.reshape(3, -1, 3)
         fields = fields + self.base(time)[:, None]
         fields[0] += self.rest
         return fields
 
     def history(self, weights: FloatArray, times: FloatArray) -> FloatArray:
-        """Return how a point moves over time.
-
-        Parameters
-        ----------
-        weights : ndarray of float64, shape (V,)
-            Of the vertices in the point's displacement, see `point_weights` of `embedding`.
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (3, t, 3)
-            Displacement [m], velocity [m/s] and acceleration [m/s²] along x, y and z.
-        """
+        """Return how a point moves over time."""
         # The point is a mesh of one vertex; what gathers forces is the transposed of what spreads.
         forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
         point, share = self.model.pencil.gathered(forces), weights.sum()
@@ -251,19 +228,7 @@ class Stepped:
         return found
 
     def energies(self, times: FloatArray) -> FloatArray:
-        """Return where the energy is over time, linear between the states.
-
-        Parameters
-        ----------
-        times : ndarray of float64, shape (t,)
-            In s.
-
-        Returns
-        -------
-        ndarray of float64, shape (t, 4)
-            Kinetic, strain and dissipated energy, and the external work [J], which is their sum but
-            for rounding: each is added up by itself.
-        """
+        """Return where the energy is over time, linear between the states."""
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
         self.reach(float(wanted.max(initial=0.0)))
         table = self.rows

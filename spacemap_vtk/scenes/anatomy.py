@@ -14,10 +14,10 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
+from spacemap_vtk.cage.split import parts
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.outline import edge_faults, outline
 from spacemap_vtk.embedding.locate import locate
-from spacemap_vtk.embedding.triangles import FACES
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.scenes.scene import Scene
 
@@ -73,27 +73,10 @@ def _cage(grid: vtkUnstructuredGrid, points: NDArray[np.float64]) -> dict[str, A
         "tetrahedra": len(tetrahedra),
         "quadratic": grid.GetCells().GetMaxCellSize() > 4,
         "volume": float(volumes.sum()),
-        "pieces": pieces(tetrahedra),
+        "pieces": parts(tetrahedra)[0],
         "points_outside": where.outside,
         "largest_distance": where.largest_distance,
     }
-
-
-def pieces(tetrahedra: NDArray[np.integer[Any]]) -> list[int]:
-    """Return how many tetrahedra each piece of a mesh has."""
-    from scipy.sparse import coo_matrix, csgraph  # with all it brings: a tenth of a second
-
-    faces = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)
-    _, face = np.unique(faces, axis=0, return_inverse=True)
-    owner = np.repeat(np.arange(len(tetrahedra)), 4)
-    order = np.argsort(face.ravel(), kind="stable")
-    same = np.flatnonzero(np.diff(face.ravel()[order]) == 0)
-    joined = coo_matrix(
-        (np.ones(len(same)), (owner[order[same]], owner[order[same + 1]])),
-        shape=(len(tetrahedra), len(tetrahedra)),
-    )
-    _, piece = csgraph.connected_components(joined, directed=False)
-    return sorted(np.bincount(piece).tolist(), reverse=True)
 
 
 def _kinds(data: vtkPointSet) -> dict[str, int]:

@@ -1,0 +1,24 @@
+"""Modes of matrices, of which no mesh is known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.mechanics.eigen import lowest
+from spacemap_vtk.mechanics.elasticity import assemble, mass, stiffness
+from spacemap_vtk.mechanics.pencil import Pencil, selection
+
+
+def stiffness_and_mass(points: Any, cells: Any, elasticity: Any, density: float) -> tuple[Any, Any]:
+    """Return K and consistent M of a mesh of tetrahedra."""
+    assembly = assemble(points, cells)
+    return stiffness(assembly, elasticity), mass(assembly, density)
+
+
+def solve_modes(
+    stiffness: Any, mass: Any, free: Any, count: int, progress: Any = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest modes of K s = λ M s, of which some components, (3V,), are free."""
+    return lowest(Pencil(stiffness, mass, selection(np.asarray(free))), count, progress)[:2]
