@@ -61,6 +61,10 @@ FILTERS = {
 }
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> object:
     module = {**FILTERS, "connect": "spacemap_vtk.filters.base"}.get(name)
     if module is not None:

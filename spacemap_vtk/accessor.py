@@ -6,13 +6,14 @@ pyvista finds this module by its entry point group ``pyvista.accessors``, and im
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
-from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkTrivialProducer
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
 from spacemap_vtk.datasets.volume import tetrahedral
@@ -25,14 +26,15 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.parameters import suggestion
 
 
-@pv.register_dataset_accessor("spacemap", pv.DataSet)
+@pv.register_dataset_accessor("spacemap", pv.DataObject)
 class SpacemapAccessor:
     """Space mapping on a mesh: the mesh rides along with a coarse cage that moves.
 
     Parameters
     ----------
-    mesh : pyvista.DataSet
-        Any mesh; one without points of its own (an image) becomes an unstructured grid.
+    mesh : pyvista.DataSet or pyvista.MultiBlock
+        Any mesh; one without points of its own (an image) becomes an unstructured grid. Of several
+        blocks each rides along with the same cage.
 
     Examples
     --------
@@ -47,35 +49,57 @@ class SpacemapAccessor:
     def __init__(self, mesh: Any) -> None:
         self._mesh = mesh
 
-    def deform(self, cage: Any, displacement: str | ArrayLike = "displacement", **warp: Any) -> Any:
+    def deform(
+        self,
+        cage: Any,
+        displacement: str | ArrayLike | Callable[[Any], ArrayLike] = "displacement",
+        **warp: Any,
+    ) -> Any:
         """Return the mesh, moved with a cage.
 
         Parameters
         ----------
-        cage : pyvista.DataSet
-            A mesh with a volume; cells that are no tetrahedra are split.
-        displacement : str or array_like, shape (n_points, 3)
-            Displacement of the cage's points, or the name of the point array that holds it.
+        cage : pyvista.DataSet, pyvista.MultiBlock or vtkAlgorithm
+            A mesh with a volume, or a stage that makes one; cells that are no tetrahedra are split,
+            and blocks are joined.
+        displacement : str, array_like of shape (n_points, 3), or callable
+            Displacement of the cage's points, the name of the point array that holds it, or a
+            function that makes it of the points, an array of shape (n_points, 3).
         **warp : object
             Parameters of `spacemap_vtk.BarycentricWarp`.
 
         Returns
         -------
-        pyvista.DataSet
+        pyvista.DataSet or pyvista.MultiBlock
             A new mesh with all arrays, turned normals, and a point array ``displacement``.
 
         Raises
         ------
         InputError
-            If the cage has no such array, or it is of another size.
+            If the cage is none, has no such array, or one of another size.
         GeometryError
             If the cage has no volume, or a point is not finite.
         """
+        if isinstance(cage, vtkAlgorithm):
+            # A stage raises what goes wrong.
+            cage.update() if isinstance(cage, Stage) else cage.Update()
+            cage = pv.wrap(cage.GetOutputDataObject(0))
+        if not isinstance(cage, pv.DataObject):
+            raise InputError(
+                f"a {type(cage).__name__} is no mesh",
+                key="cage",
+                allowed="a pyvista mesh with a volume",
+                cure="Write deform(cage, displacement); a file is read by pyvista.read(file).",
+            )
+        if isinstance(cage, pv.MultiBlock):
+            cage = cage.combine(merge_points=True)
         volume = tetrahedral(_with_points(cage), "the cage")
         if isinstance(displacement, str):
             data = volume.grid.GetPointData()
             values = array_of(data, displacement, "deform")
         else:
+            if callable(displacement):
+                displacement = displacement(np.array(cage.points, dtype=np.float64))
             values = np.asarray(displacement, dtype=np.float64)
             if values.shape != (cage.GetNumberOfPoints(), 3):
                 raise InputError(
@@ -134,4 +158,9 @@ class SpacemapAccessor:
 
 
 def _with_points(mesh: Any) -> Any:
+    if isinstance(mesh, pv.MultiBlock):
+        blocks = pv.MultiBlock([block if block is None else _with_points(block) for block in mesh])
+        for number, name in enumerate(mesh.keys()):
+            blocks.set_block_name(number, name)
+        return blocks
     return mesh if isinstance(mesh, vtkPointSet) else mesh.cast_to_unstructured_grid()

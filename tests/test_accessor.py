@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 import spacemap_vtk.accessor
 from spacemap_vtk.draw.graphics import prepare_offscreen
@@ -23,8 +24,13 @@ def test_deform_with_an_array_and_by_name(make: object) -> None:
     mesh, cage = make(), box()  # type: ignore[operator]
     before = np.array(mesh.points)
     cage["u"] = 0.5 * cage.points
+    made = vtkTrivialProducer()
+    made.SetOutput(cage.cast_to_unstructured_grid())
     for moved in (
         mesh.spacemap.deform(cage, cage["u"]),
+        mesh.spacemap.deform(cage, lambda points: 0.5 * points),
+        mesh.spacemap.deform(made, "u"),
+        mesh.spacemap.deform(pv.MultiBlock([cage]), "u"),
         mesh.spacemap.deform(cage, "u", smooth=True, outside="error"),
     ):
         np.testing.assert_allclose(moved.points, 1.5 * before, atol=1e-6)
@@ -32,8 +38,21 @@ def test_deform_with_an_array_and_by_name(make: object) -> None:
     np.testing.assert_array_equal(mesh.points, before)
 
 
+def test_blocks_ride_along_with_one_cage_and_keep_their_names() -> None:
+    blocks = pv.MultiBlock({"ball": pv.Sphere(), "gap": None, "image": box()})
+    moved = blocks.spacemap.deform(box(), lambda points: [1.0, 0.0, 0.0] + 0.0 * points)
+    assert moved.keys() == ["ball", "gap", "image"]
+    np.testing.assert_allclose(
+        moved["ball"].points, blocks["ball"].points + np.eye(3)[0], atol=1e-6
+    )
+    np.testing.assert_allclose(moved["image"].points[0], [0, -1, -1], atol=1e-6)
+
+
 def test_deform_refuses_in_words() -> None:
     cage = box()
+    for guess in (lambda points: points, "cage.vtu", np.zeros((3, 3))):
+        with pytest.raises(InputError, match=r"is no mesh; .* Write deform\(cage, displacement\)"):
+            pv.Sphere().spacemap.deform(guess)
     with pytest.raises(InputError, match=r"shape \(3, 3\); allowed: \(27, 3\)"):
         pv.Sphere().spacemap.deform(cage, np.zeros((3, 3)))
     with pytest.raises(InputError, match=r'needs an array "displacement", and the input has none'):

@@ -6,7 +6,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import pyvista as pv
 from test_pipeline import Chain
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
@@ -14,6 +16,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+import spacemap_vtk
 from spacemap_vtk import (
     BarycentricWarp,
     ModalResponse,
@@ -22,6 +25,7 @@ from spacemap_vtk import (
     SpacemapWarning,
     TetraCage,
     WeaveSource,
+    connect,
 )
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
 
@@ -186,3 +190,44 @@ def test_warnings_come_through_plain_vtk_too(how: str) -> None:
     with pytest.warns(SpacemapWarning, match="too stiffly") as told:
         (chain.surface if how == "Update" else normals).Update()
     assert Path(told[0].filename) == Path(__file__)
+
+
+def test_first_guesses_work_or_are_told_what_to_write() -> None:
+    weave, cage = WeaveSource(ends=2, picks=2), TetraCage(divisions=(2, 2, 1))
+    assert pv.wrap(weave.output).n_cells > 0  # nothing has been updated
+    connect(weave, cage)
+    assert cage.output.GetNumberOfCells() == 20
+    assert cage.GetOutput() is cage.update().output
+    assert (weave.executions, cage.executions) == (1, 1)
+    for guess in ("ant.ply", np.zeros((3, 3)), WeaveSource):
+        with pytest.raises(InputError, match=r"is no data of VTK's; .*pyvista.read"):
+            cage(guess)
+    for time in ("10 ms", [0.0, 0.1]):
+        with pytest.raises(InputError, match="not a time; allowed: a finite number of seconds"):
+            cage.update(time=time)  # type: ignore[arg-type]
+    assert set(spacemap_vtk.__all__) <= set(dir(spacemap_vtk))
+
+
+def test_one_cage_goes_round_all_blocks_and_moves_each() -> None:
+    near, far = pv.Cube(), pv.Cube(center=(3, 0, 0))
+    for blocks in (pv.MultiBlock([near, far]), pv.PartitionedDataSet([near, far])):
+        cage = connect(blocks, TetraCage(divisions=(2, 1, 1))).update().output
+        assert cage.GetNumberOfPoints() == 12
+        assert cage.GetBounds()[:2] == pytest.approx((-0.5, 3.5))
+    moving = pv.wrap(cage)
+    moving["displacement"] = np.tile([0.0, 0.0, 1.0], (12, 1))
+    blocks = pv.MultiBlock([near, far])
+    moved = pv.wrap(BarycentricWarp()(blocks, moving))
+    for block, before in zip(moved, (near, far), strict=True):
+        np.testing.assert_allclose(block.points, before.points + np.array([0, 0, 1]), atol=1e-6)
+    solver, response = ModalSolver(youngs_modulus=1e3, modes=3), ModalResponse()
+    swinging = connect((blocks, connect(moving, solver, response)), BarycentricWarp())
+    lows = [
+        pv.wrap(swinging.update(time=time).output).bounds[4] for time in (0.0, 0.01, 0.02, 0.02)
+    ]
+    assert lows[0] > lows[1] > lows[2] == lows[3]
+    assert swinging.executions == 3
+    # A cage in one block is that block; of several no one knows where they hang together.
+    assert ModalSolver(modes=3)(pv.MultiBlock([moving])).GetNumberOfPoints() == 12
+    with pytest.raises(InputError, match=r"in blocks: vtkUnstructuredGrid, vtkPolyData; .*combine"):
+        ModalSolver()(pv.MultiBlock([moving, near]))

@@ -57,7 +57,7 @@ PIECE = (
 _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
 #: For `Stage.output_type`: the output is of the type of the data on input port 0.
-SAME_AS_INPUT = "vtkPointSet"
+SAME_AS_INPUT = "vtkDataObject"
 
 
 class Cancelled(SpacemapError, RuntimeError):
@@ -324,7 +324,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _run(self, inputs: list[Any], output: Any, time: float) -> None:
         if self._untold is not None:
             raise self._untold
-        self.run(inputs, output, time)
+        self._run_blocks(inputs, output, time)
         for name, value in self._values.items():
             # A zero, or what is off, contradicts nothing.
             if value and (why := self.idle(name)):
@@ -333,6 +333,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         if self.replicated and self._piece.of > 1:
             mark_owner(output, self._piece)
         self._issue()
+
+    def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
+        self.run(inputs, output, time)
 
     def _request_update_extent(
         self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector

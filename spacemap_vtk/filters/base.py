@@ -6,11 +6,12 @@ import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 from vtkmodules.vtkCommonCore import vtkGarbageCollector, vtkInformation
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
 from spacemap_vtk.datasets.processes import Piece
@@ -64,6 +65,56 @@ class Stage(Algorithm):
     #: When this stage and those above it changed last, as they were found to be connected.
     _connected: Sequence[int] = ()
 
+    def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
+        """State what an input port takes: composite data, too, where VTK's own way fails."""
+        # Block by block there would be a cage round each; and after it VTK forgets the times of the
+        # second input, so that a cage stands still.
+        done = super().FillInputPortInformation(port, info)
+        if len(self.inputs) > 1 or self.makes == "cage":
+            info.Append(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkCompositeDataSet")
+        return done
+
+    def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
+        """Run with one object and one cage; blocks of an object that rides are moved each."""
+        if not any(isinstance(data, vtkCompositeDataSet) for data in inputs):
+            self.run(inputs, output, time)
+            return
+        from spacemap_vtk.io.reading import leaves, merged
+
+        for port, data in enumerate(inputs):
+            if not isinstance(data, vtkCompositeDataSet):
+                continue
+            kinds = [leaf.GetClassName() for leaf in leaves(data)]
+            if "cage" in self.takes[port : port + 1]:
+                if kinds != [self.inputs[port]]:
+                    raise InputError(
+                        f"the cage comes in blocks: {', '.join(kinds) or 'none'}",
+                        allowed=f"one {self.inputs[port]}",
+                        cure="Join those that have a volume, by pyvista's "
+                        "combine(merge_points=True) or ParaView's Merge Blocks.",
+                    )
+                inputs[port] = next(leaves(data))
+            elif self.makes == "cage":
+                inputs[port] = merged(data, "the input")
+        if not isinstance(inputs[0], vtkCompositeDataSet):
+            self.run(inputs, output, time)
+            return
+        output.CopyStructure(inputs[0])
+        place = inputs[0].NewIterator()
+        place.InitTraversal()
+        while not place.IsDoneWithTraversal():
+            block = place.GetCurrentDataObject()
+            if not block.IsA(self.inputs[0]):
+                raise InputError(
+                    f"a block is a {block.GetClassName()}",
+                    allowed=self.inputs[0],
+                    cure="Turn it into one, by pyvista's cast_to_unstructured_grid().",
+                )
+            made = block.NewInstance()
+            self.run([block, *inputs[1:]], made, time)
+            output.SetDataSet(place, made)
+            place.GoToNextItem()
+
     @property
     def arrays(self) -> dict[str, Provided]:
         """The arrays that the next run adds, by name."""
@@ -92,7 +143,13 @@ class Stage(Algorithm):
 
     @property
     def output(self) -> Any:
-        """The data object that the last update made."""
+        """The data object that the last update made; where nothing has run yet, it is updated."""
+        if not self._executions:
+            self.update()
+        return self.GetOutputDataObject(0)
+
+    def GetOutput(self) -> Any:
+        """Return what the last update made, as VTK's own algorithms do."""
         return self.GetOutputDataObject(0)
 
     def update(self, time: float | None = None, piece: Piece | None = None) -> Self:
@@ -119,7 +176,7 @@ class Stage(Algorithm):
         InputError
             If an input is not connected, or the time is not a finite number.
         """
-        if time is not None and not math.isfinite(time):
+        if time is not None and not (isinstance(time, Real) and math.isfinite(time)):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
@@ -164,6 +221,8 @@ class Stage(Algorithm):
     def __call__(self, *data: Any) -> Any:
         """Update, and return the output's data, which a later update leaves as they are."""
         _require_ports(self, len(data))
+        for item in data:
+            _require_data(item)
         former = []
         for port, item in enumerate(data):
             outputs = [
@@ -188,7 +247,7 @@ class Stage(Algorithm):
         # From 9.4 on VTK connects `a >> b`; a tuple all to one port, which no stage takes.
         if not hasattr(vtkAlgorithm, "__rshift__"):
             return NotImplemented
-        if not isinstance(producers, Sequence) or not producers:
+        if not _several(producers) or not producers:
             return super().__rrshift__(producers)
         from vtkmodules.util.execution_model import Pipeline, select_ports
 
@@ -245,14 +304,29 @@ def connect(*stages: Any) -> Any:
     1
     """
     for before, stage in pairwise(stages):
-        inputs = before if isinstance(before, Sequence) else (before,)
+        inputs = before if _several(before) else (before,)
         _require_ports(stage, len(inputs))
         for port, item in enumerate(inputs):
-            if isinstance(item, vtkDataObject):
-                stage.SetInputDataObject(port, item)
-            else:
+            if isinstance(item, vtkAlgorithm):
                 stage.SetInputConnection(port, item.GetOutputPort())
+            else:
+                _require_data(item)
+                stage.SetInputDataObject(port, item)
     return stages[-1]
+
+
+def _several(inputs: Any) -> bool:
+    """Whether these are inputs of several ports; pyvista's MultiBlock is a sequence, too."""
+    return isinstance(inputs, Sequence) and not isinstance(inputs, (vtkDataObject, str))
+
+
+def _require_data(item: Any) -> None:
+    if not isinstance(item, vtkDataObject):
+        raise InputError(
+            f"a {type(item).__name__} is no data of VTK's",
+            allowed="a vtkDataObject, as pyvista's meshes are",
+            cure="A file is read by pyvista.read(file), points are pyvista.PolyData(points).",
+        )
 
 
 def _require_ports(stage: vtkAlgorithm, count: int) -> None:

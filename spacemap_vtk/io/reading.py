@@ -98,7 +98,7 @@ def vtk_reader(path: Path, module: str, name: str) -> Any:
     return reader
 
 
-def merged(data: Any, path: Path) -> vtkPointSet:
+def merged(data: Any, path: Path | str) -> vtkPointSet:
     """Return one point set out of whatever a file holds."""
     # Blocks are appended. An array that some blocks lack is filled up with NaN or 0 there, a colour
     # with white, so that none is lost, and the cell array ``block`` numbers the blocks. Points
@@ -141,7 +141,7 @@ def merged(data: Any, path: Path) -> vtkPointSet:
     return result
 
 
-def _check_numbers(block: vtkDataSet, path: Path) -> None:
+def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
     """Refuse cells of points that are not there: VTK does not look, and reads wild memory."""
     if block.IsA("vtkUnstructuredGrid"):
         parts = [block.GetCells()]
@@ -180,8 +180,11 @@ def _dotted(data: vtkPointSet) -> vtkPointSet:
 
 def leaves(data: Any) -> Iterator[vtkDataSet]:
     if isinstance(data, vtkCompositeDataSet):
-        for index in range(data.GetNumberOfBlocks()):
-            yield from leaves(data.GetBlock(index))
+        place = data.NewIterator()
+        place.InitTraversal()
+        while not place.IsDoneWithTraversal():
+            yield from leaves(place.GetCurrentDataObject())
+            place.GoToNextItem()
     elif isinstance(data, vtkDataSet):
         yield data
 

@@ -27,6 +27,7 @@ from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.io.reading import leaves
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview import scene_reader
 from spacemap_vtk.paraview.property_xml import command, property_of
@@ -65,11 +66,12 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             return self._fail(request, out_info)
         if request.Has(_REQUEST_DATA):
             output = out_info.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
-            arrays_to_points(output)
-            # What ParaView colours by where nobody has chosen.
-            for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
-                if output.GetAttributes(kind).HasArray("color"):
-                    output.GetAttributes(kind).SetActiveScalars("color")
+            for block in leaves(output):
+                arrays_to_points(block)
+                # What ParaView colours by where nobody has chosen.
+                for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
+                    if block.GetAttributes(kind).HasArray("color"):
+                        block.GetAttributes(kind).SetActiveScalars("color")
             self._last = output.NewInstance()
             self._last.ShallowCopy(output)
         return done

@@ -105,8 +105,7 @@ def _input(proxy: Element, port: int, name: str, kind: str) -> None:
     allowed = SubElement(xml, "ProxyGroupDomain", name="groups")
     SubElement(allowed, "Group", name="sources")
     SubElement(allowed, "Group", name="filters")
-    # A cage round each block would be another cage than one round all.
-    types = SubElement(xml, "DataTypeDomain", name="input_type", composite_data_supported="0")
+    types = SubElement(xml, "DataTypeDomain", name="input_type", composite_data_supported="1")
     SubElement(types, "DataType", value=kind)
 
 

@@ -82,4 +82,16 @@ for time in (0.0, 0.5, 2.0):
     error = np.abs(moved - expected).max() / np.ptp(at_rest)
     assert error < 1e-6, (time, error)
 assert executions([weave, warp, surface]) == [1, 3, 3], executions([weave, warp, surface])
+# --- grouped with it, another object rides along, in one cage; the cloth's points are as alone ---
+both = simple.GroupDatasets(Input=[weave, simple.Sphere(Radius=1e-4)])
+riding = simple.BarycentricWarp(Input=both, Cage=motion)
+for time in (0.5, 2.0):
+    riding.UpdatePipeline(time)
+    cloth = riding.GetClientSideObject().GetOutputDataObject(0).GetBlock(0)
+    expected = at_rest + time * at_rest @ stretch.T
+    moved = vtk_to_numpy(cloth.GetPoints().GetData())
+    assert np.abs(moved - expected).max() < 1e-6 * np.ptp(at_rest), time
+around = simple.TetraCage(Input=both, Divisions=[1, 1, 1])
+around.UpdatePipeline()
+assert around.GetDataInformation().GetNumberOfPoints() == 8
 print("scenes, drafts and other readers")
