@@ -250,14 +250,14 @@ def keys(section: Annotated[str | None, Parameter(help="Only this section.")] = 
         summary = (known[name].__doc__ or "").strip().splitlines()[0]
         print(f"[{name}]  {summary}\n")
         for key, parameter in known[name].parameters.items():
-            print(f"{key} = {_toml(parameter)}")
+            print(f"{key} = {as_toml(parameter)}")
             when = f" Counts where {parameter.counts}." if parameter.counts else ""
             print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()
 
 
-def _toml(parameter: Any) -> str:
+def as_toml(parameter: Any) -> str:
     """Return a parameter's default as a scene file has it, with what "auto" stands for."""
     from spacemap_vtk.parameters import AUTOMATIC
 

@@ -1,0 +1,60 @@
+"""The documentation's site: python -m sphinx -W -b html docs build/site."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import latex2mathml.converter
+from docutils import nodes
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "tests")]
+
+import pages  # noqa: E402
+
+import spacemap_vtk  # noqa: E402
+
+project = "spacemap_vtk"
+author = "The spacemap_vtk developers"
+copyright = "2026, the spacemap_vtk developers"
+version = release = spacemap_vtk.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+exclude_patterns = ["made/*.txt"]
+
+myst_enable_extensions = ["dollarmath", "amsmath"]
+myst_heading_anchors = 4
+# The word before a colon in "view.color: stress" is no scheme; these alone are.
+myst_url_schemes = ("http", "https", "mailto")
+suppress_warnings = ["myst.header"]
+
+autodoc_typehints = "none"  # numpydoc has them, with shapes and units
+autodoc_default_options = {"members": True, "show-inheritance": False}
+numpydoc_show_class_members = False
+
+html_theme = "furo"
+html_title = "spacemap_vtk"
+html_copy_source = False
+html_show_sourcelink = False
+html_static_path = ["style"]
+html_css_files = ["site.css"]
+html_theme_options = {
+    "light_css_variables": {"color-brand-primary": "#1f5f8b", "color-brand-content": "#1f5f8b"},
+    "dark_css_variables": {"color-brand-primary": "#8cc4ea", "color-brand-content": "#8cc4ea"},
+    "navigation_with_keys": True,
+}
+
+
+def _formula(self: Any, node: nodes.Element) -> None:
+    """Write a formula as MathML, which browsers set themselves: no script, no network."""
+    display = "block" if isinstance(node, nodes.math_block) else "inline"
+    self.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+    raise nodes.SkipNode
+
+
+def setup(app: Any) -> None:
+    """Make the pages that are generated, before any is read."""
+    app.connect("builder-inited", lambda _: pages.write(HERE / "made"))
+    app.add_node(nodes.math, override=True, html=(_formula, None))
+    app.add_node(nodes.math_block, override=True, html=(_formula, None))

@@ -1,0 +1,40 @@
+"""The documentation's site: what it names is there, and it is built without a warning."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_tests_that_the_verification_names_are_there() -> None:
+    text = (ROOT / "docs" / "verification.md").read_text("utf-8")
+    named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", text)
+    assert len(named) >= 35
+    for file, name in named:
+        assert f"\ndef {name}(" in (ROOT / "tests" / file).read_text("utf-8"), name
+    # Each line of its tables names one.
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    assert all("::" in line or line.startswith(("|--", "| what")) for line in lines)
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("furo")
+    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-j2", "-b", "html"]
+    words += ["-d", str(tmp_path / "kept"), str(ROOT / "docs"), str(tmp_path / "site")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    site = tmp_path / "site"
+    parameters = (site / "made" / "parameters.html").read_text("utf-8")
+    assert "youngs_modulus" in parameters
+    assert "<math" in (site / "theory.html").read_text("utf-8")
+    assert "crimp" in (site / "searchindex.js").read_text("utf-8")
+    # Links inside hold: every page that one leads to is there.
+    for page in site.rglob("*.html"):
+        for link in re.findall(r'href="([^"#:]+)(?:#[^"]*)?"', page.read_text("utf-8")):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
