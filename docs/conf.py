@@ -33,6 +33,9 @@ autodoc_typehints = "none"  # numpydoc has them, with shapes and units
 autodoc_default_options = {"members": True, "show-inheritance": False}
 numpydoc_show_class_members = False
 
+smartquotes = False  # "--set" is what has to be typed
+toc_object_entries = False
+
 html_theme = "furo"
 html_title = "spacemap_vtk"
 html_copy_source = False

@@ -104,8 +104,9 @@ def stages() -> Iterator[str]:
 
 
 def _documented(kind: str, name: str) -> str:
-    """Return what takes in a docstring, which is of reStructuredText."""
-    return f"```{{eval-rst}}\n.. auto{kind}:: {name}\n```\n"
+    """Return what takes in a docstring, which is of reStructuredText; of a filter that is all."""
+    alone = "   :no-members:\n" if kind == "class" and name.split(".")[-1] in FILTERS else ""
+    return f"```{{eval-rst}}\n.. auto{kind}:: {name}\n{alone}```\n"
 
 
 def kernels() -> Iterator[str]:
