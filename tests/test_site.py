@@ -36,5 +36,5 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert "crimp" in (site / "searchindex.js").read_text("utf-8")
     # Links inside hold: every page that one leads to is there.
     for page in site.rglob("*.html"):
-        for link in re.findall(r'href="([^"#:?]+)', page.read_text("utf-8")):
+        for link in re.findall(r'href="([^"#:?]+)["#?]', page.read_text("utf-8")):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
