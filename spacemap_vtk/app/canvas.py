@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module, util
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,8 @@ class Canvas(_Widget):
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._painting = False
-        #: What is done before each picture.
+        #: Seconds that the last picture took, and what is done before each.
+        self.took = 0.0
         self.before: Callable[[], None] = lambda: None
         self.renderer = lit_renderer()
         self.render_window: vtkRenderWindow = self.GetRenderWindow()
@@ -110,6 +112,7 @@ class Canvas(_Widget):
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
         self.before()
+        begin = perf_counter()
         try:
             # Not the window's own Render: VTK lets go of Python's lock in that. Then its collector,
             # which holds a lock of all threads, needs Python's to free an array, and a thread that
@@ -123,6 +126,7 @@ class Canvas(_Widget):
         finally:
             self.interactor.EnableRenderOff()
             self._painting = False
+            self.took = perf_counter() - begin
         # What is told while drawing may have made another context current.
         self.makeCurrent()
         # As Qt rounds: at a scale of 1.5 it may have a row or column more than VTK.

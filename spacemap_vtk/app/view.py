@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 _REST = 220
 #: Half the pixels a mouse may move in a click.
 _STEADY = 3.0
+#: Seconds that a picture of what moves may take with smooth edges, and without, to have them next.
+_SMOOTH, _ROUGH = 0.2, 0.1
 #: Of VTK: the mouse turns the camera.
 _TURNING = 1
 
@@ -70,7 +72,7 @@ class View3D(QWidget):
         #: What is drawn, but for what the mouse takes hold of and where it has picked.
         self.scene_view = SceneView(self.plotter.renderer, shades=False)
         self.plotter.front.AddActor(self.scene_view.loads.through)
-        self.plotter.before = self.scene_view.annotations.led()
+        self._place_signs = self.scene_view.annotations.led()
         self.plotter.shade.clear = self.scene_view.annotations.boxes
         #: Where the user has picked.
         self.marks = DotsActor()
@@ -104,6 +106,10 @@ class View3D(QWidget):
         #: Whether what is up stays so while the mouse turns it; where the camera stood before.
         self.turntable = False
         self._stood: Viewpoint | None = None
+        #: Whether the last picture was of something that moves, and such take little time.
+        self._moved, self._quick = False, True
+        me = weakref.ref(self)
+        self.plotter.before = lambda: (here := me()) and here._prepare()
         self._observe_camera()
         #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
         self._aimed_for = 0.0, False, False
@@ -175,7 +181,6 @@ class View3D(QWidget):
         if not self.steering:
             self.steering = True
             self.scene_view.move(True)
-            self._smooth()
             self.moving.emit(True)
         if held:
             self._rest.stop()
@@ -186,7 +191,6 @@ class View3D(QWidget):
         self.steering, frame = False, self.frame
         if frame is not None and (frame.cloth is None or frame.seen == self.seen):
             self.scene_view.move(False)
-            self._smooth()
             self._shade()
         # Else there will be a frame for what is seen now.
         self.moving.emit(False)
@@ -210,10 +214,19 @@ class View3D(QWidget):
         folds = frame.cloth is None or frame.yarns is not None
         self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
+    def _prepare(self) -> None:
+        self._smooth()
+        self._place_signs()
+
     def _smooth(self) -> None:
-        # Smooth edges cost as much as all the rest in software, so moving pictures go without.
-        coarse = self.steering or (self.frame is not None and self.frame.coarse)
-        self.plotter.renderer.SetUseFXAA(not coarse)
+        # Smooth edges take a third of a frame's time in software, as long for each pixel whatever
+        # is drawn (MSAA as long as all the rest): what moves has them while it is quick.
+        renderer, took = self.plotter.renderer, self.plotter.took
+        moving = self.steering or (self.frame is not None and self.frame.coarse)
+        if moving and self._moved:
+            self._quick = took < (_SMOOTH if renderer.GetUseFXAA() else _ROUGH)
+        self._moved = moving
+        renderer.SetUseFXAA(self._quick or not moving)
 
     def adopt(self, view: View) -> None:
         """Show the present frame as a scene's section ``[view]`` says."""
@@ -244,7 +257,6 @@ class View3D(QWidget):
         self.look.cage = view.show != "fabric"
         self.scene_view.show(frame, view, self.look, self.scene_view.span_of(frame), self._cut[1])
         self.scene_view.move(self.steering)
-        self._smooth()
         aimed_for = self.scene_view.room, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
