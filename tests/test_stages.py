@@ -18,6 +18,7 @@ from spacemap_vtk.app.plots.curves import Wish, curves_of
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters import crimp_interchange
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ROLES, Provided, Stage
 from spacemap_vtk.mechanics.response import Motion
@@ -303,6 +304,20 @@ def test_what_a_stage_provides_is_in_its_output(updated: dict[str, Stage], name:
     for word, coloring in COLORINGS.items():
         if coloring.scaled and coloring.array in stage.arrays:
             assert stage.arrays[coloring.array].unit == coloring.unit, word
+
+
+def test_every_array_of_numbers_is_a_colouring() -> None:
+    stages = (getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS)
+    arrays = {
+        name
+        for stage in stages
+        for name, array in stage.provides.items()
+        if array.association != "field"
+    }
+    # What is not: colours as they are, what is of single vertices, what BarycentricWarp uses up.
+    of_vertices = {"fixed", "fixed_components", "rigid_body", "spring_stiffness", "point_mass"}
+    others = {"color", "nodal_mass", *of_vertices, crimp_interchange.FOOT, crimp_interchange.OFFSET}
+    assert arrays - others == {coloring.array for coloring in COLORINGS.values()} - {""}
 
 
 @pytest.mark.parametrize("name", spacemap_vtk.FILTERS)

@@ -184,7 +184,7 @@ def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path)
     bar = window.view.scene_view.surface.bar
     sag = np.linalg.norm(equilibrium(window), axis=1).max()
     for name, title in (("equilibrium", "Hung state"), ("displacement", "Displacement")):
-        assert window.tools.colorings[name].isEnabled()
+        assert window.tools.colorings[name].isVisible()
         window.tools.colorings[name].trigger()
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         assert bar.GetTitle().startswith(title)
@@ -194,7 +194,7 @@ def test_what_hangs_is_coloured_by_how_far_it_does(open_scene: Any, strip: Path)
         assert bar.GetLookupTable().GetTableRange() == pytest.approx((0, 200))  # a round number
     window.tools.hang.trigger()
     wait_until(lambda: settled(window) and equilibrium(window) is None)
-    assert not window.tools.colorings["equilibrium"].isEnabled()
+    assert not window.tools.colorings["equilibrium"].isVisible()
 
 
 def test_an_equilibrium_is_a_step_that_can_be_cancelled(open_window: Any, strip: Path) -> None:

@@ -127,7 +127,7 @@ def test_every_kind_of_change_is_undone_and_done_again(open_scene: Any) -> None:
         lambda: document.set("weave", "ends", 5),
         lambda: pattern.buttons["+ end"].click(),
         lambda: document.set("modal", "fixed", None),
-        lambda: window.tools.coloring.setCurrentIndex(3),
+        lambda: window.tools.colorings["displacement"].trigger(),
         lambda: window.tools.backgrounds["Dark"].trigger(),
         lambda: document.set("response", "loads", []),
         lambda: document.set("animation", "stop", "1 s"),

@@ -116,7 +116,7 @@ class Menus(QObject):
         menu.addSeparator()
         for name, choices in (
             ("Lines and points", tools.keys.looks),
-            ("Colour by", [*tools.colorings.values()]),
+            ("Colour by", tools.coloring_choices),
             ("Camera", tools.camera_choices),
             ("Cut open", [tools.clip, *tools.clip_sides]),
             ("Style", [*tools.styles.values()]),

@@ -16,7 +16,7 @@ from spacemap_vtk.draw.glyphs import rest_of
 from spacemap_vtk.draw.surface_actor import Span
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import format_quantity, pretty
 
 Point = tuple[float, float, float]
 
@@ -76,7 +76,7 @@ class Pick:
             told = _moved(at - self.rest)
         elif value is not None:
             unit, size = unit_of(frame.color, max(map(abs, span or (value,))))
-            told = f"{COLORINGS[frame.color].label.partition(',')[0]} {value / size:.3g} {unit}"
+            told = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
         unit, size = unit_of("displacement", float(np.abs(at).max()))
         where = ", ".join(f"{c / size:.4g}" for c in at + 0.0)
         lines = self.name, told.strip(), f"({where}) {unit}"

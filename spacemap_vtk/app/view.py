@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,8 +109,7 @@ class View3D(QWidget):
         self._stood: Viewpoint | None = None
         #: Whether the last picture was of something that moves, and such take little time.
         self._moved, self._quick = False, True
-        me = weakref.ref(self)
-        self.plotter.before = lambda: (here := me()) and here._prepare()
+        self.plotter.before = self._preparing()
         self._observe_camera()
         #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
         self._aimed_for = 0.0, False, False
@@ -214,9 +214,17 @@ class View3D(QWidget):
         folds = frame.cloth is None or frame.yarns is not None
         self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
-    def _prepare(self) -> None:
-        self._smooth()
-        self._place_signs()
+    def _preparing(self) -> Callable[[], None]:
+        """Return what is done before each picture."""
+        me = weakref.ref(self)
+
+        def prepare() -> None:
+            here = me()
+            if here is not None:
+                here._smooth()
+                here._place_signs()
+
+        return prepare
 
     def _smooth(self) -> None:
         # Smooth edges take a third of a frame's time in software, as long for each pixel whatever

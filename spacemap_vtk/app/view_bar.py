@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QToolBar, QToolButton, Q
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_keys import ViewKeys
 from spacemap_vtk.app.widgets import action, row
-from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
 from spacemap_vtk.scenes.styles import STYLES
@@ -95,11 +95,16 @@ class ViewBar(QToolBar):
         #: The same for the menu: a narrow window has no room for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
-        for name, coloring in COLORINGS.items():
-            self.coloring.addItem(coloring.label, name)
-            self.colorings[name] = action(
-                group, coloring.label, self._color_chosen, data=name, checkable=True
-            )
+        #: Both by groups, and only what the scene has.
+        self.coloring_choices: list[QAction] = []
+        for alike in GROUPS:
+            for name, coloring in alike.items():
+                self.colorings[name] = action(
+                    group, coloring.words, self._color_chosen, data=name, checkable=True
+                )
+                self.coloring_choices.append(self.colorings[name])
+            self.coloring_choices.append(QAction(self))
+            self.coloring_choices[-1].setSeparator(True)
         self.coloring.currentIndexChanged.connect(self._colored)
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
@@ -147,12 +152,17 @@ class ViewBar(QToolBar):
     def show_scene(self, scene: Scene) -> None:
         """Show what a scene's colours mean, and what else they could."""
         possible = scene.colorings
+        self.coloring.blockSignals(True)
         if possible != self._possible:
             self._possible = possible
-            for index, name in enumerate(COLORINGS):
-                self.coloring.model().item(index).setEnabled(name in possible)
-                self.colorings[name].setEnabled(name in possible)
-        self.coloring.blockSignals(True)
+            self.coloring.clear()
+            for name, chosen in self.colorings.items():
+                chosen.setVisible(name in possible)
+            for names in filter(None, ([n for n in group if n in possible] for group in GROUPS)):
+                if self.coloring.count():
+                    self.coloring.insertSeparator(self.coloring.count())
+                for name in names:
+                    self.coloring.addItem(COLORINGS[name].words, name)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)

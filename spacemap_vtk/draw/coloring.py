@@ -23,6 +23,7 @@ SHOWN = "shown"
 _SCALES = {
     "m": ("µm", "mm", "m"),
     "m/s": ("mm/s", "m/s"),
+    "m/s2": ("mm/s2", "m/s2"),
     "Pa": ("Pa", "kPa", "MPa", "GPa"),
     "N": ("µN", "mN", "N"),
     "": ("", "%"),
@@ -38,7 +39,7 @@ def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
         return None
     values = _at_corners(surface, of_cells.GetArray(name)) if array is None else vtk_to_numpy(array)
-    if color == "strain":
+    if color in ("strain", "principal_stress"):
         return largest_principal(values).astype(np.float32)
     if color == "stress":
         values = np.maximum(values, 0.0)  # of what lies outside the cage it is extrapolated

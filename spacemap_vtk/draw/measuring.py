@@ -13,7 +13,7 @@ from spacemap_vtk.draw.coloring import round_numbers, unit_of
 from spacemap_vtk.draw.page import SMALL, TEXT, Paper
 from spacemap_vtk.draw.surface_actor import Span, ramp
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.units import format_quantity
+from spacemap_vtk.units import format_quantity, pretty
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -116,5 +116,5 @@ def _draw_colors(axes: Axes, paper: Paper, color: str, span: tuple[float, float]
         x = left + (number - low) / (high - low) * wide
         axes.plot([x, x], [4.4, 3.7], color=paper.ink, linewidth=0.5)
         axes.text(x, 3.3, f"{number:g}".replace("-", "−"), ha="center", va="top", **style)
-    label = COLORINGS[color].label + (f" [{unit}]" if unit else "")
+    label = COLORINGS[color].label + (f" [{pretty(unit)}]" if unit else "")
     axes.text(left, 7.3, label, va="bottom", **style)

@@ -27,6 +27,7 @@ from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 from spacemap_vtk.scenes.styles import STYLES, Style
+from spacemap_vtk.units import pretty
 
 #: Colours of warp and weft where families are told apart; of yarns; of these, and of what is free
 #: and what is jammed; of numbers from low on.
@@ -237,7 +238,7 @@ def scale_title(color: str, unit: str) -> str:
     """Return what stands over a scale, in lines that are short enough."""
     quantity, _, which = COLORINGS[color].label.partition(", ")
     lines = [quantity, *([which] if len(which) <= len("Displacement") else which.split())]
-    return "\n".join(line for line in (*lines, unit and f"[{unit}]") if line)
+    return "\n".join(line for line in (*lines, unit and f"[{pretty(unit)}]") if line)
 
 
 def scale_share(size: tuple[float, float]) -> float:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from spacemap_vtk.units import pretty
+
 
 class Coloring(NamedTuple):
     """A meaning of colours."""
@@ -21,25 +23,49 @@ class Coloring(NamedTuple):
     scaled: bool = False
 
     @property
+    def words(self) -> str:
+        """The label, with its unit."""
+        return f"{self.label} [{pretty(self.unit)}]" if self.unit else self.label
+
+    @property
     def numbers(self) -> bool:
         """Whether colours stand for numbers, those of an array or of gaps that are measured."""
         return self.scaled or bool(self.array and self.unit)
 
 
-#: By the word that a scene file has for it.
-COLORINGS = {
-    "own": Coloring("Own colours"),
-    "family": Coloring("Warp and weft", "", "family"),
-    "yarn": Coloring("Yarn by yarn", "", "yarn"),
-    "displacement": Coloring("Displacement", "m", "displacement", True),
-    "equilibrium": Coloring("Hung state, displacement", "m", "equilibrium", True),
-    "velocity": Coloring("Velocity", "m/s", "velocity", True),
-    "strain": Coloring("Strain, largest principal", "", "strain", True),
-    "stress": Coloring("Stress, von Mises", "Pa", "von_mises", True),
-    "clearance": Coloring("Clearance", "m", "yarn"),
-    "crimp": Coloring("Crimp", "", "crimp", True),
-    "yarn_strain": Coloring("Yarn strain", "", "yarn_strain", True),
-    "yarn_tension": Coloring("Yarn tension", "N", "yarn_tension", True),
-    "contact_force": Coloring("Contact force", "N", "contact_force", True),
-    "jammed": Coloring("Jammed crossings", "", "jammed"),
-}
+#: By the word that a scene file has for it, in groups: colours, motion, what strains and presses
+#: the cage, what it is made of, and what yarns do.
+GROUPS = (
+    {
+        "own": Coloring("Own colours"),
+        "family": Coloring("Warp and weft", "", "family"),
+        "yarn": Coloring("Yarn by yarn", "", "yarn"),
+    },
+    {
+        "displacement": Coloring("Displacement", "m", "displacement", True),
+        "linear_displacement": Coloring(
+            "Displacement, before rotation", "m", "linear_displacement", True
+        ),
+        "equilibrium": Coloring("Hung state, displacement", "m", "equilibrium", True),
+        "velocity": Coloring("Velocity", "m/s", "velocity", True),
+        "acceleration": Coloring("Acceleration", "m/s2", "acceleration", True),
+    },
+    {
+        "strain": Coloring("Strain, largest principal", "", "strain", True),
+        "stress": Coloring("Stress, von Mises", "Pa", "von_mises", True),
+        "principal_stress": Coloring("Stress, largest principal", "Pa", "stress", True),
+    },
+    {
+        "stiffness_factor": Coloring("Stiffness factor", "", "stiffness_factor", True),
+        "density_factor": Coloring("Density factor", "", "density_factor", True),
+    },
+    {
+        "clearance": Coloring("Clearance", "m", "yarn"),
+        "crimp": Coloring("Crimp", "", "crimp", True),
+        "yarn_strain": Coloring("Yarn strain", "", "yarn_strain", True),
+        "yarn_tension": Coloring("Yarn tension", "N", "yarn_tension", True),
+        "contact_force": Coloring("Contact force", "N", "contact_force", True),
+        "jammed": Coloring("Jammed crossings", "", "jammed"),
+    },
+)
+COLORINGS = {name: coloring for group in GROUPS for name, coloring in group.items()}

@@ -1,0 +1,134 @@
+"""The view's camera: sides, axes that are clicked at, a turntable; and what lies behind."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from window import require_display, settled, wait_until
+
+require_display()
+
+from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+from spacemap_vtk.draw.camera import CAMERAS  # noqa: E402
+from spacemap_vtk.draw.surface_actor import scale_share  # noqa: E402
+from spacemap_vtk.scenes import library  # noqa: E402
+
+
+def image(window: Any) -> np.ndarray:
+    return window.view.image().astype(int)
+
+
+def test_every_camera_is_another_picture(open_scene: Any) -> None:
+    window = open_scene()
+    pictures = []
+    assert {*CAMERAS} - {"side"} == {*window.tools.cameras}  # it is the right one
+    for name in window.tools.cameras:
+        window.tools.cameras[name].trigger()
+        pictures.append(image(window))
+        assert pictures[-1].std() > 20
+    assert all(np.abs(a - b).max() > 60 for a, b in pairwise(pictures))
+    window.tools.orthographic.trigger()
+    assert np.abs(image(window) - pictures[-1]).max() > 60
+
+
+def test_the_face_has_no_perspective(open_scene: Any) -> None:
+    window = open_scene(str(library.folder() / "32-shaft_twill.wif"))
+    camera, parallel = window.view.plotter.camera, window.tools.orthographic
+    assert camera.GetParallelProjection()
+    assert parallel.isChecked()
+    seen = image(window)[:-150]  # above the axes
+    assert (seen.std(axis=2) > 15).mean() > 0.4  # of the picture's width the cloth takes its share
+    window.tools.cameras["front"].trigger()
+    assert not camera.GetParallelProjection()
+    assert not parallel.isChecked()
+    window.tools.cameras["face"].trigger()
+    assert parallel.isChecked()
+    parallel.trigger()
+    assert not camera.GetParallelProjection()
+
+
+def test_what_lies_behind_follows_the_window_until_it_is_said(open_scene: Any) -> None:
+    window = open_scene()
+    document, dark = window.document, window.menus.dark
+    dark.trigger()
+    assert image(window)[[0, -1], 0].max() < 90
+    document.set("view", "background", "#ffffff")
+    assert image(window)[-1, 0].min() > 250
+    document.set("view", "background", None)
+    assert image(window)[-1, 0].max() < 90
+    dark.trigger()
+    assert image(window)[[0, -1], 0].min() > 200
+
+
+def test_a_click_at_an_axis_looks_along_it(open_scene: Any) -> None:
+    window = open_scene()
+    widget, camera = window.view.plotter, window.view.plotter.camera
+    signs = window.view.scene_view.annotations
+    for way, axis in ((0, 0), (1, 1), (0, 2), (0, 2)):
+        window.view.image()
+        before = np.array(camera.GetDirectionOfProjection())
+        x, y, _ = signs.ends[way, axis] / widget.devicePixelRatioF()
+        at = QPoint(round(x), round(widget.height() - y))
+        QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at)
+        wanted = -np.eye(3)[axis] * (1, -1)[way]
+        # One that is already looked along shows the far side.
+        wanted = -wanted if np.allclose(before, wanted) else wanted
+        np.testing.assert_allclose(camera.GetDirectionOfProjection(), wanted, atol=1e-9)
+    # It is the window's own: what a scene's pictures show has not changed.
+    shown = image(window)
+    window.tools.shown["triad"].trigger()
+    assert np.abs(image(window) - shown).max() > 60
+    assert not window.document.scene.view.triad
+    window.tools.shown["triad"].trigger()
+
+
+def test_on_a_turntable_what_is_up_stays_up(open_scene: Any) -> None:
+    window = open_scene()
+    widget, camera = window.view.plotter, window.view.plotter.camera
+    # From the side, and from above, where nothing is up: each drag would roll a trackball.
+    for name in ("right", "top"):
+        for on in (False, True):
+            window.tools.cameras[name].trigger()
+            window.tools.turntable.setChecked(on)
+            at = QPoint(300, 300)
+            QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=at)
+            for step in [QPoint(25, 25), QPoint(25, -20)] * 8:
+                at += step
+                QTest.mouseMove(widget, at)
+            QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=at)
+            QTest.qWait(20)
+            seen = camera.GetModelViewTransformMatrix()  # its first row is what is right
+            assert (abs(seen.GetElement(0, 1)) < 1e-9) == on
+            assert not on or seen.GetElement(1, 1) > 0.0
+            assert abs(seen.GetElement(0, 0)) < 0.99
+    window.tools.turntable.setChecked(False)
+
+
+def test_the_whole_stays_in_sight_until_the_camera_is_moved(open_scene: Any) -> None:
+    window = open_scene()
+
+    def clear(share: float) -> bool:
+        """Whether a column of the picture shows the background alone, which is smooth."""
+        picture = image(window)
+        column = picture[:, min(picture.shape[1] - 1, round(share * picture.shape[1]))]
+        return bool(np.abs(np.diff(column, axis=0)).max() < 8)
+
+    window.resize(1000, 760)
+    wait_until(lambda: settled(window))
+    assert clear(0.0)
+    assert clear(1.0)
+    window.tools.coloring.setCurrentIndex(window.tools.coloring.findData("displacement"))
+    wait_until(lambda: settled(window))
+    size = window.view.size_of_view
+    assert clear(0.0)
+    assert clear(1.0 - scale_share(size) - 2 / size[0])
+    camera = window.view.plotter.renderer.GetActiveCamera()
+    camera.Azimuth(10.0)
+    before = camera.GetPosition()
+    window.resize(1300, 760)
+    wait_until(lambda: settled(window))
+    assert camera.GetPosition() == before
