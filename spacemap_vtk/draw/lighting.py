@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -14,8 +14,8 @@ from spacemap_vtk.scenes.styles import Style
 #: Most lamps of a style.
 _LAMPS = 3
 
-#: What a shader needs that lights something; who uses it calls `light_up` for its uniforms.
-FUNCTIONS = """
+#: What lights something, of constants that `light_of` puts before it.
+_FUNCTIONS = """
 // Light that leaves a surface: in its own colour, and white.
 vec4 lit(vec3 n, vec3 eye)
 {
@@ -61,43 +61,47 @@ _FRAGMENT = """
 """
 
 
-def light_up(uniforms: Any, style: Style, point: float = 1.0) -> None:
-    """Hand a style's light to a shader with `FUNCTIONS`; a point is so many pixels."""
-    # The lamps turn with the camera: nothing of this changes while it does.
+@lru_cache(32)
+def light_of(style: Style, point: float = 1.0) -> str:
+    """Return what a shader needs to light something in a style; a point is so many pixels."""
+    # Constants: uniforms take software OpenGL half as long again for a picture. The lamps turn with
+    # the camera, so that nothing of this changes while it does.
     places, colors = np.zeros((2, _LAMPS, 3))
     for number, lamp in enumerate(style.lamps):
         places[number] = np.array(lamp.place) / np.linalg.norm(lamp.place)
         colors[number] = lamp.strength / (1.0 + style.wrap) * np.array(lamp.color)
-    for k in range(_LAMPS):
-        uniforms.SetUniform3f(f"towards{k}", places[k].tolist())
-        uniforms.SetUniform3f(f"lamp{k}", colors[k].tolist())
     halfway = places[0] + (0.0, 0.0, 1.0)
-    uniforms.SetUniform3f("halfway", (halfway / np.linalg.norm(halfway)).tolist())
     dark, pale = style.tint
-    for name, color in (("sky", style.sky), ("earth", style.earth), ("dark", dark), ("pale", pale)):
-        uniforms.SetUniform3f(name, color)
-    uniforms.SetUniform3f("ink", [part / 255 for part in style.outline_ink])
-    for name, value in (
-        ("wrap", style.wrap),
-        ("gloss", style.gloss),
-        ("glossPower", style.gloss_power),
-        ("sheen", style.sheen),
-        ("facing", style.facing),
-        ("colored", style.colored),
+    triples = {f"towards{k}": places[k] for k in range(_LAMPS)}
+    triples |= {f"lamp{k}": colors[k] for k in range(_LAMPS)}
+    triples |= {"halfway": halfway / np.linalg.norm(halfway), "sky": style.sky}
+    triples |= {"earth": style.earth, "dark": dark, "pale": pale}
+    triples["ink"] = np.array(style.outline_ink) / 255
+    numbers = {
+        "wrap": style.wrap,
+        "gloss": style.gloss,
+        "glossPower": style.gloss_power,
+        "sheen": style.sheen,
+        "facing": style.facing,
+        "colored": style.colored,
         # Half of a line: the other half is beyond the edge, see `OutlineActor`.
-        ("lined", style.outline_afar if style.outline else 0.0),
-        ("lineWidth", 0.5 * style.outline * point),
+        "lined": style.outline_afar if style.outline else 0.0,
+        "lineWidth": 0.5 * style.outline * point,
         # The cosine as far from the edge as a line is wide at most.
-        ("rim", math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2)),
-    ):
-        uniforms.SetUniformf(name, value)
+        "rim": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),
+    }
+    lines = []
+    for key, triple in triples.items():
+        x, y, z = map(float, triple)
+        lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
+    lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
+    return "\n".join(["", *lines, _FUNCTIONS])
 
 
-def light_by_shader(actor: vtkActor) -> None:
-    """Let an actor be lit by what `light_up` hands to its fragment shader."""
-    shader = actor.GetShaderProperty()
-    declared = "//VTK::Light::Dec"
-    shader.AddFragmentShaderReplacement(declared, True, declared + FUNCTIONS, False)
+def light_by_shader(actor: vtkActor, light: str) -> None:
+    """Let an actor be lit by what `light_of` returns, in its fragment shader."""
+    shader, declared = actor.GetShaderProperty(), "//VTK::Light::Dec"
+    shader.AddFragmentShaderReplacement(declared, True, declared + light, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
 
 

@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyDa
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
-from spacemap_vtk.draw.lighting import FUNCTIONS, light_up
+from spacemap_vtk.draw.lighting import light_of
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
     STUDIO,
@@ -155,18 +155,6 @@ class SheetActor(SurfaceActor):
         for name in ("warp", "weft"):
             where = vtkDataObject.FIELD_ASSOCIATION_POINTS
             mapper.MapDataArrayToVertexAttribute(f"{name}MC", name, where, -1)
-        shader = self.GetShaderProperty()
-        for tag, text in (
-            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + FUNCTIONS + _VERTEX_FUNCTIONS),
-            ("//VTK::TCoord::Impl", _VERTEX),
-        ):
-            shader.AddVertexShaderReplacement(tag, True, text, False)
-        for tag, text in (
-            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS + FUNCTIONS),
-            ("//VTK::Light::Impl", _FRAGMENT),
-            ("//VTK::TCoord::Impl", ""),
-        ):
-            shader.AddFragmentShaderReplacement(tag, True, text, False)
         self._shown: tuple[Any, ...] | None = None
         self._crossings: NDArray[Any] | None = None
         self.behind((255, 255, 255), (255, 255, 255))
@@ -219,12 +207,23 @@ class SheetActor(SurfaceActor):
         """Have the contact shadows of yarns, so deep."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
 
-    def _light(self, surface: vtkPolyData, style: Style) -> None:
-        pass  # by shaders of its own
-
-    def _wear(self, style: Style, point: float) -> None:
-        super()._wear(style, point)
-        light_up(self.GetShaderProperty().GetVertexCustomUniforms(), style, point)
+    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
+        light, shader = light_of(style, point), self.GetShaderProperty()
+        if self._worn == (light,):
+            return
+        self._worn = (light,)
+        shader.ClearAllShaderReplacements()
+        for tag, text in (
+            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + light + _VERTEX_FUNCTIONS),
+            ("//VTK::TCoord::Impl", _VERTEX),
+        ):
+            shader.AddVertexShaderReplacement(tag, True, text, False)
+        for tag, text in (
+            ("//VTK::TCoord::Dec", _FRAGMENT_DECLARATIONS + light),
+            ("//VTK::Light::Impl", _FRAGMENT),
+            ("//VTK::TCoord::Impl", ""),
+        ):
+            shader.AddFragmentShaderReplacement(tag, True, text, False)
 
 
 def sheet_of(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:

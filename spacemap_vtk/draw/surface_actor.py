@@ -22,7 +22,7 @@ from vtkmodules.vtkRenderingCore import (
 from spacemap_vtk.datasets.arrays import to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
 from spacemap_vtk.draw.fibre_shader import show_fibres
-from spacemap_vtk.draw.lighting import light_by_shader, light_up
+from spacemap_vtk.draw.lighting import light_by_shader, light_of
 from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
@@ -54,8 +54,8 @@ class SurfaceActor(vtkActor):
         # Shaders compare lengths with those of the room, and outlines share what OpenGL has.
         self._mapper.SetVBOShiftScaleMethod(0)
         self.SetMapper(self._mapper)
-        self._worn: tuple[Style, float] | None = None
-        self._by_shader = False, False
+        #: What its shader is made for.
+        self._worn: tuple[object, ...] = ()
         self._table = vtkLookupTable()
         self.bar = scale_bar()
         self.bar.SetLookupTable(self._table)
@@ -92,11 +92,7 @@ class SurfaceActor(vtkActor):
         self._paint(picture if shown is None and color == "own" else None)
         self.bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
-        worn = style if shown is None else style.of_numbers, point
-        self._light(surface, worn[0])
-        if worn != self._worn:
-            self._worn = worn
-            self._wear(*worn)
+        self._wear(surface, style if shown is None else style.of_numbers, point)
         return shown
 
     def scale(self, color: str, span: Span) -> float:
@@ -108,7 +104,7 @@ class SurfaceActor(vtkActor):
         self.bar.SetTitle(scale_title(color, name))
         return size
 
-    def _light(self, surface: vtkPolyData, style: Style) -> None:
+    def _wear(self, surface: vtkPolyData, style: Style, point: float) -> None:
         """Let the style's light fall on a surface; lines and dots have no side that it falls on."""
         faced = surface.GetPointData().GetNormals() is not None
         faced |= (
@@ -116,15 +112,13 @@ class SurfaceActor(vtkActor):
         )
         # Fibres are those that catch light: lines are of smooth yarns, and numbers are no cloth.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
-        if (faced, fibres) != self._by_shader:
-            self._by_shader = faced, fibres
+        worn = faced, fibres, light_of(style, point)
+        if worn != self._worn:
+            self._worn = worn
             self.GetShaderProperty().ClearAllShaderReplacements()
             if faced:
-                light_by_shader(self)
+                light_by_shader(self, worn[2])
             show_fibres(self, self._mapper, fibres)
-
-    def _wear(self, style: Style, point: float) -> None:
-        light_up(self.GetShaderProperty().GetFragmentCustomUniforms(), style, point)
 
     def _paint(self, picture: vtkImageData | None) -> None:
         former = self.GetTexture()
