@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw import form
 from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.form import Sheet, sides_seen
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.draw.surface_actor import scale_share
+from spacemap_vtk.draw.surface_actor import natural_span, scale_share
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES
 from spacemap_vtk.scenes.scene import Scene
@@ -38,6 +40,12 @@ def drawn(
     image = picture.draw(time)
     picture.close()
     return image, picture
+
+
+def rest(scene: Scene) -> NDArray[np.float64]:
+    """How far the points of a scene's surface have moved."""
+    array = scene.polygons.GetPointData().GetArray("displacement")
+    return np.zeros(3) if array is None else vtk_to_numpy(array).astype(float)
 
 
 def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
@@ -92,9 +100,42 @@ def test_a_sheet_shows_what_rides_along(
     assert picture._span[1] > 0.0
     assert picture.scene.warnings[-1].startswith("drawn as a sheet: a yarn is 1.")
     assert picture.scene.warnings[-1].endswith(" pixels")
-    # What yarns are to one another, a sheet does not have.
-    scene = Scene({"weave": {}, **MOVING, "view": {"color": "clearance"}})
-    assert Sheet.of(scene) is None
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
+    scene = Scene(
+        {
+            "weave": {"ends": 15, "picks": 13, "pattern": "twill 2/1"},
+            "view": {"color": "clearance"},
+            **(MOVING if moves else {}),
+        }
+    )
+    sheet = Sheet(scene, 0)
+    sheet.update(0.05)
+    scene.update(0.05)
+    numbers = measure(scene.polygons, "clearance")
+    assert numbers is not None
+    # The scale is that of all yarns.
+    assert sheet.ends is not None
+    assert natural_span(sheet.ends) == pytest.approx(natural_span(numbers), rel=0.01)
+    # Seen from above, the half of the yarn on top: its facets by what they cover.
+    assert sheet.crossings is not None
+    top = np.where(sheet.cloth.drawdown, *sheet.crossings)
+    quads = vtk_to_numpy(scene.polygons.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+    corners = (points_of(scene.polygons).astype(float) - rest(scene))[quads]
+    one, two = (corners[:, k + 2] - corners[:, k] for k in (0, 1))
+    area = np.maximum(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0], 0.0)
+    yarn = vtk_to_numpy(scene.polygons.GetCellData().GetArray("yarn"))
+    x, y, _ = corners.mean(axis=1).T
+    ends, picks = (each.position for each in sheet.cloth.yarns)
+    end, pick = (np.abs(at[:, None] - each).argmin(axis=1) for at, each in ((x, ends), (y, picks)))
+    own = np.where(sheet.cloth.drawdown[pick, end], end, 15 + pick) == yarn
+    cell, weight = (pick * 15 + end)[own], area[own]
+    mean = np.bincount(cell, weight * numbers[quads].mean(axis=1)[own]) / np.bincount(cell, weight)
+    there = mean.reshape(13, 15)
+    assert np.abs(top - there).max() < 0.05 * np.ptp(numbers)
+    assert abs(float((top - there).mean())) < 0.005 * np.ptp(numbers)
 
 
 def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from spacemap_vtk.fabric.axes import Share, axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.draft import twill
 from spacemap_vtk.fabric.figures import fabric_figures
-from spacemap_vtk.fabric.partition import cropped, telling_crops
+from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn_clearance import clearance_of_large, least_clearance
@@ -72,27 +72,30 @@ def test_a_part_of_a_cloth_lies_where_it_does_in_the_whole(flat):
         np.testing.assert_allclose(*stations, atol=1e-15)
 
 
-def test_each_local_weave_is_in_a_crop():
+def test_each_local_weave_is_in_a_part():
     cloth = Cloth(drawdown=shafts(300, 200, 3), warp=THREADS, weft=THREADS)
-    crops = telling_crops(cloth, 20_000)
+    parts, weaves, complete = telling_parts(cloth, 20_000, edges=False)
+    assert complete
 
-    def local(drawdown):
+    def local(ends=slice(None), picks=slice(None)):
+        drawdown = cloth.drawdown[picks, ends]
         return {
             drawdown[i : i + 3, j : j + 3].tobytes()
             for i in range(len(drawdown) - 2)
             for j in range(drawdown.shape[1] - 2)
         }
 
-    assert set().union(*(local(crop.drawdown) for _, _, crop in crops)) == local(cloth.drawdown)
-    for end, pick, crop in crops:
-        there = cloth.drawdown[pick:, end:][: crop.size[1], : crop.size[0]]
-        np.testing.assert_array_equal(crop.drawdown, there)
-    assert telling_crops(cloth, 300) is None
+    assert set().union(*(local(*part) for part in parts)) == local()
+    assert weaves.max() + 1 == len(local())
+    assert set(np.concatenate([weaves[p, e].ravel() for e, p in parts])) == set(weaves.ravel())
+    assert not telling_parts(cloth, 300)[2]
     plain = Cloth(drawdown=np.indices((200, 300)).sum(axis=0) % 2, warp=THREADS, weft=THREADS)
-    assert [crop.size for _, _, crop in telling_crops(plain, 300)] == [(12, 12)]
-    assert telling_crops(replace(cloth, axis="spline"), 20_000) is None
-    varied = replace(THREADS, diameter=np.linspace(0.2e-3, 0.25e-3, 300))
-    assert telling_crops(replace(cloth, warp=varied), 20_000) is None
+    assert telling_parts(plain, 300, edges=False)[0] == [(slice(0, 12), slice(0, 12))]
+    # A yarn that is thicker is another one, and so are those beside it.
+    thick = np.where(np.arange(300) == 150, 0.25e-3, 0.2e-3)
+    varied = replace(plain, warp=replace(THREADS, diameter=thick))
+    assert telling_parts(varied, 3000, edges=False)[1].max() + 1 == 2 * (1 + 3)
+    assert clearance_of_large(replace(cloth, axis="spline"), 20_000) is None
 
 
 @pytest.mark.parametrize("section", ["circular", "elliptic"])

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw import form, pieces
 from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.picture import Picture
+from spacemap_vtk.draw.yarn_tiles import OwnStages
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.scenes.scene import Scene
@@ -45,6 +49,7 @@ def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         ("both", {"view": {"loads": True}}),
         ("fabric", {"view": {"color": "displacement"}}),
         ("fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}),
+        ("fabric", {"view": {"color": "clearance"}}),
         ("fabric", {"yarns": {}}),
         ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
     ],
@@ -88,10 +93,47 @@ def test_crossings_of_pieces_do_what_those_of_the_whole_do(monkeypatch: pytest.M
     assert picture.sheet.crossings is not None
     assert np.array_equal(np.unique(picture.sheet.crossings), np.unique(crimp))
     assert picture.pieces is not None
-    own, found = arrays_of(picture.pieces._stages[1])
+    own, found = arrays_of(picture.pieces._stages.all[1])
     assert 100 < len(found) < 500
     for yarn in np.unique(own):
         assert np.isin(found[own == yarn], crimp[yarns == yarn]).all()
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> None:
+    weave = {"ends": 15, "picks": 13, "pattern": "twill 2/1", "weft_diameter": [2.5e-4, 2e-4]}
+    scene = Scene(
+        {
+            "weave": weave,
+            "surface": {"subdivisions": 2},
+            **({"cage": VALUES["cage"], "response": VALUES["response"]} if moves else {}),
+        }
+    )
+    scene.update(0.02)
+    stages = OwnStages(scene)
+    stages.surface.choose(2)
+    if moves:
+        stages.ride(scene.deformed_cage)
+    whole = rows_of(scene.polygons, measure(scene.polygons, "clearance"))
+    found = []
+    for ends in (slice(0, 5), slice(5, 11), slice(11, 15)):
+        for picks in (slice(0, 7), slice(7, 13)):
+            tile = stages.tile(ends, picks, 0.02, None)
+            assert tile is not None
+            found.append(rows_of(tile.cut, tile.found))
+    parts = np.concatenate(found)
+    assert parts.shape == whole.shape  # each facet once
+    parts, whole = (rows[np.lexsort(np.rint(rows[:, :4] / 1e-7).T)] for rows in (parts, whole))
+    np.testing.assert_allclose(parts, whole, atol=2e-9)
+
+
+def rows_of(surface: vtkPolyData, numbers: NDArray[np.float32] | None) -> NDArray[np.float64]:
+    """Of each facet its yarn, middle, and the numbers of its points."""
+    assert numbers is not None
+    quads = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+    yarn = 1e-3 * vtk_to_numpy(surface.GetCellData().GetArray("yarn"))
+    middle = points_of(surface)[quads].astype(float).mean(axis=1)
+    return np.column_stack([middle, yarn, numbers[quads]])
 
 
 def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,10 +142,10 @@ def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> No
     in_pieces(monkeypatch)
     parts, picture = picture_of(corner)
     assert picture.pieces is not None
-    made = picture.pieces._stages[0].executions
+    made = picture.pieces._stages.weave.executions
     assert 0 < made < 0.7 * picture.pieces.count
     # Nor are yarns longer than what is seen of them, and some crossings beside.
-    low, high = np.array(picture.pieces._stages[0].output.GetBounds()).reshape(3, 2).T
+    low, high = np.array(picture.pieces._stages.weave.output.GetBounds()).reshape(3, 2).T
     assert 0.0025 < high.max() < 0.0035
     assert -0.0025 < low.min() < 0.0005
     assert np.mean(np.abs(parts - whole).max(axis=2) > 4) < 0.01
@@ -119,5 +161,5 @@ def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
     parts, picture = picture_of(surface={"subdivisions": 6})
     assert picture.pieces is not None
     made = picture.pieces._stages
-    assert made[-1].output.GetNumberOfCells() == 36 * made[0].output.GetNumberOfCells()
+    assert made.surface.output.GetNumberOfCells() == 36 * made.weave.output.GetNumberOfCells()
     assert np.abs(parts.mean(axis=(0, 1)) - whole.mean(axis=(0, 1))).max() < 2

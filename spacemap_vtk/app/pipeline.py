@@ -114,9 +114,8 @@ class Pipeline:
                 _add_swing(scene, cage, swing)
             source = source if sheet else self._swung(scene, cage)
         if sheet is not None:
-            drawn = sheet.moved
-            if scene.moves:
-                drawn = sheet.ride(scene.deformed_cage if cage is None else cage, coarse)
+            moved = scene.deformed_cage if scene.moves and cage is None else cage
+            drawn = sheet.ride(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
             for each in (scene.surface, self._coarse):

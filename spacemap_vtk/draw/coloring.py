@@ -33,7 +33,7 @@ _SCALES = {
 def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     """Return the number at each point of a surface that its colour shows."""
     if color == "clearance":
-        return _clearance(surface)
+        return clearances(surface)
     name, of_cells = COLORINGS[color].array, surface.GetCellData()
     array = surface.GetPointData().GetArray(name)
     if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
@@ -111,13 +111,27 @@ def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
     return values
 
 
-def _clearance(surface: vtkPolyData) -> NDArray[np.float32] | None:
+def clearances(
+    surface: vtkPolyData, asked: NDArray[np.bool_] | None = None
+) -> NDArray[np.float32] | None:
+    """Return how far points are from the next yarn, infinite where no cell is asked."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():
         return None
-    corners = _corners(surface)
-    points = points_of(surface).astype(np.float64)
-    yarn = _at_corners(surface, yarns).astype(np.int64)
-    diagonals = np.linalg.norm(points[corners[:, 0]] - points[corners[:, 2]], axis=1)
-    found = gaps(points, vtk_to_numpy(normals), yarn, reach=float(diagonals.mean()) / 2)
-    return found.astype(np.float32) if np.isfinite(found).all() else None
+    corners, families = _corners(surface), surface.GetCellData().GetArray("family")
+    points, wanted = points_of(surface).astype(np.float64), None
+    number = 2 * vtk_to_numpy(yarns).astype(np.int64)
+    if families is not None:
+        number += vtk_to_numpy(families)  # the lowest digit: all others are then of neighbours
+    yarn, reach = np.zeros(len(points), np.int64), np.zeros(len(points))
+    yarn[corners] = number[:, None]
+    # Points of two patches lie at one place: they are each the first corner of one facet.
+    reach[corners[:, 0]] = 0.5 * np.linalg.norm(
+        points[corners[:, 0]] - points[corners[:, 2]], axis=1
+    )
+    if asked is not None:
+        wanted = np.zeros(len(points), bool)
+        wanted[corners[asked]] = True
+    found = gaps(points, vtk_to_numpy(normals), yarn, reach, wanted, reach > 0.0)
+    there = found if wanted is None else found[wanted]
+    return found.astype(np.float32) if np.isfinite(there).all() else None

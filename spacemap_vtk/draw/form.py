@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,16 +10,16 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkRenderingCore import vtkCamera
 
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.camera import pixels_of
 from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
+from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
@@ -65,14 +64,18 @@ class Sheet:
         self._flat = self.moved = sheet_of(self.cloth, self.cells)
         #: What the colours show at each crossing, (2 or 1, picks, ends); None: nothing of them.
         self.crossings: NDArray[Any] | None = None
-        #: The array that they are of.
+        #: Numbers that have the ends of the scale; None: those of the crossings.
+        self.ends: NDArray[Any] | None = None
+        #: The array that they are of; what finds clearances, and of which yarns.
         self._array: str | None = None
+        self._sampled: SampledClearances | None = None
+        self._settings: list[dict[str, Any]] = []
         self._warp = _SheetWarp()
 
     @classmethod
     def of(cls, scene: Scene, fits: bool = True, few: int | None = None) -> Sheet | None:
         """Return a scene's sheet; None where yarns are few, and fit into memory, or all must."""
-        if not scene.woven or scene.source is not scene.weave or not _rides(scene):
+        if not scene.woven or scene.source is not scene.weave:
             return None
         try:
             patches = estimate_counts(scene.weave.cloth).patches
@@ -96,8 +99,7 @@ class Sheet:
     def serves(self, scene: Scene) -> bool:
         """Return whether it is still that of a scene, which may have changed."""
         same = scene is self._scene and scene.surface.subdivisions is None
-        same = same and scene.weave.cloth is self.cloth and scene.source is scene.weave
-        return same and _rides(scene)
+        return same and scene.weave.cloth is self.cloth and scene.source is scene.weave
 
     @property
     def one(self) -> Piece:
@@ -117,11 +119,16 @@ class Sheet:
         """Return the sheet at a time [s]."""
         scene = self._scene
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
-        return self.ride(scene.deformed_cage) if scene.moves else self.moved
+        return self.ride(scene.deformed_cage if scene.moves else None)
 
-    def ride(self, cage: vtkUnstructuredGrid, coarse: bool = False) -> vtkPolyData:
-        """Return the sheet where a cage takes it."""
+    def ride(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
+        """Return the sheet where a cage takes it; without one it lies still."""
+        if cage is not None:
+            self._move(cage)
         self._cross(cage, coarse)
+        return self.moved
+
+    def _move(self, cage: vtkUnstructuredGrid) -> None:
         settings = dict(self._scene.warp.settings)
         # A mode's cage has no velocity that could ride along.
         there = (cage.GetPointData(), cage.GetCellData())
@@ -133,48 +140,48 @@ class Sheet:
         self._warp.configure(**settings)
         self.moved = copied(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
-        return self.moved
 
-    def _cross(self, cage: vtkUnstructuredGrid, coarse: bool) -> None:
+    def _cross(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:
         """Find what crossings do, where that is shown; while many move, it may be of before."""
-        scene, crimp = self._scene, self._crimp
-        if crimp is None:
-            self.crossings = self._array = None
-            return
+        scene, crimp = self._scene, self.crimp
         name = COLORINGS[scene.view.color].array
         if coarse and self.solves_long and name == self._array:
             return
-        self._array = name
-        with scene.naming_file():
-            self.crossings = crimp.at_crossings(name, scene.source.output, cage)
-        for text in crimp.warnings:
-            scene.warn(text)
+        self._array, self.crossings, self.ends = name, None, None
+        if crimp is not None and cage is not None:
+            with scene.naming_file():
+                shown = "crimp" if self._gaps else name
+                self.crossings = crimp.at_crossings(shown, scene.source.output, cage)
+            for text in crimp.warnings:
+                scene.warn(text)
+        if self._gaps and (found := self._measured(cage)) is not None:
+            self.crossings, self.ends = found
 
-    def lend_crossings(self, stages: Sequence[Stage], part: Share) -> None:
-        """Let stages of some of its yarns take what crossings do from the whole, if it is shown."""
-        for stage in stages:
-            if isinstance(stage, CrimpInterchange):
-                stage.borrow(self._crimp, part)
+    def _measured(self, cage: vtkUnstructuredGrid | None) -> Clearances | None:
+        """Return how far yarns are from one another."""
+        rows = self.cells[1] + 1, self.cells[0] + 1, 3
+        points = points_of(self.moved).astype(np.float64).reshape(rows)
+        settings = [s.settings for s in self._scene.stages if s.makes == "object"]
+        if self._sampled is None or settings != self._settings:
+            self._sampled, self._settings = SampledClearances(self._scene), settings
+        rest = points_of(self._flat).astype(np.float64).reshape(rows)
+        return self._sampled.at(cage, strains_of(points, rest), self.crimp)
 
     @property
     def solves_long(self) -> bool:
         """Whether what crossings do is shown, and takes longer than a picture that moves may."""
-        return self._crimp is not None and self.cloth.drawdown.size > _MANY_CROSSINGS
+        return self._gaps or (self.crimp is not None and self.cloth.drawdown.size > _MANY_CROSSINGS)
 
     @property
-    def _crimp(self) -> CrimpInterchange | None:
-        """What knows the crossings that colours show."""
+    def crimp(self) -> CrimpInterchange | None:
+        """What knows the crossings that colours show, or by which yarns are as far apart."""
         crimp, name = self._scene.stage("crimp"), COLORINGS[self._scene.view.color].array
-        shown = isinstance(crimp, CrimpInterchange) and name in CrimpInterchange.provides
-        return crimp if shown else None
+        shown = self._gaps or name in CrimpInterchange.provides
+        return crimp if shown and isinstance(crimp, CrimpInterchange) else None
 
-
-def _rides(scene: Scene) -> bool:
-    """Return whether colours show what a sheet has: no numbers of yarns beside one another."""
-    of_cage = {name for stage in scene.stages if stage.makes == "cage" for name in stage.arrays}
-    of_cage |= scene.warp.arrays.keys() | CrimpInterchange.provides.keys()
-    color = scene.view.color
-    return color in ("own", "family", "yarn") or COLORINGS[color].array in of_cage
+    @property
+    def _gaps(self) -> bool:
+        return self._scene.view.color == "clearance"
 
 
 def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:

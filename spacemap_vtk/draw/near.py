@@ -11,14 +11,12 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
-from spacemap_vtk.draw.frame import copied
-from spacemap_vtk.draw.pieces import cells_in_sight, own_stages, run_of, yarns_in
+from spacemap_vtk.draw.pieces import cells_in_sight, run_of, yarns_in
+from spacemap_vtk.draw.yarn_tiles import OwnStages
 from spacemap_vtk.fabric.partition import cropped
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 
 #: Most patches and quadrilaterals of what is in sight: made in two seconds, drawn in one.
@@ -41,8 +39,9 @@ class NearYarns:
     def __init__(self, scene: Scene, sheet: Sheet) -> None:
         self._scene, self._sheet = scene, sheet
         self._settings = _settings(scene)
-        self.stages: list[Stage] = own_stages(scene)
-        self._weave.configure(precision="single")  # nothing but eyes sees it
+        self._own = OwnStages(scene)
+        self.stages = self._own.all
+        self._own.weave.configure(precision="single")  # nothing but eyes sees it
         self._light = PatchTessellator(subdivisions=1)
         self._light.SetInputConnection(self.stages[-2].GetOutputPort())
         #: The columns and rows of the sheet's cells in whose place yarns are made.
@@ -74,17 +73,16 @@ class NearYarns:
             if part is None:
                 return CROWD
             self.part = part
-            self._scene.weave.lend(self._weave, yarns_in(self._sheet, *part))
+            self._scene.weave.lend(self._own.weave, yarns_in(sheet, *part))
         if self.part is not None:
-            sheet.lend_crossings(self.stages, yarns_in(sheet, *self.part))
+            self._own.borrow(yarns_in(sheet, *self.part), sheet.crimp)
         sides, strands = form_seen(sheet.cloth, scale)
         sides = max(1, min(sides, isqrt(_MOST_QUADS // self._patches)))
-        self._surface.choose(sides, strands)
+        self._own.surface.choose(sides, strands)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
-            for stage in self.stages[1:]:
-                if len(stage.takes) > 1:
-                    stage.SetInputDataObject(1, copied(cage))
+            self._own.ride(cage)
+            for stage in self.stages:
                 if isinstance(stage, BarycentricWarp):
                     # a mode's cage has no velocity that could ride along
                     stage.carried = "" if swings else self._scene.warp.carried
@@ -93,19 +91,7 @@ class NearYarns:
     @property
     def yarns(self) -> vtkPolyData:
         """Their surface, as of the last update of the stages."""
-        return self._surface.output
-
-    @property
-    def _weave(self) -> WeaveSource:
-        first = self.stages[0]
-        assert isinstance(first, WeaveSource)
-        return first
-
-    @property
-    def _surface(self) -> PatchTessellator:
-        last = self.stages[-1]
-        assert isinstance(last, PatchTessellator)
-        return last
+        return self._own.surface.output
 
     def light(self, time: float) -> vtkPolyData | None:
         """Return a surface of fewer facets; None where they would still be too many."""

@@ -13,10 +13,10 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of, upward
-from spacemap_vtk.draw.coloring import add_measure, measure
+from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
-from spacemap_vtk.draw.frame import Frame, arrows_of, copied, frame_of, relief_of
+from spacemap_vtk.draw.frame import Frame, arrows_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -209,9 +209,7 @@ class Picture:
         assert self.sheet is not None
         width, height = window.size
         for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
-            some = copied(piece)
-            add_measure(some, frame.color)
-            more = replace(frame, surface=some, cloth=None, closed=True)
+            more = replace(frame, surface=piece, cloth=None, closed=True)
             shown.show_more(more, self.scene.view, look)
             window.render(front=False, over=True)
 
@@ -289,8 +287,8 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
         if arrows is not None:
             clouds.append(arrows.reach)
         numbers = measure(drawn, scene.view.color)
-        if sheet is not None and COLORINGS[scene.view.color].scaled and sheet.crossings is not None:
-            numbers = sheet.crossings
+        if sheet is not None and numbers is None and COLORINGS[scene.view.color].numbers:
+            numbers = sheet.crossings if sheet.ends is None else sheet.ends
         if numbers is not None:
             ends += [float(numbers.min()), float(numbers.max())]
         if scene.moves:

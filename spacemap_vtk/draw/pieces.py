@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
-from math import ceil
+from collections.abc import Iterator, Sequence
+from math import ceil, isqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +13,14 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.draw.camera import projected
+from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.frame import copied
+from spacemap_vtk.draw.yarn_tiles import OwnStages
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.partition import cropped, share_of
 from spacemap_vtk.fabric.threads import Some
 from spacemap_vtk.fabric.weave import estimate_counts
-from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
-from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 
 #: Patches and quadrilaterals of a piece, at most: some hundred megabytes. Each costs as much as a
@@ -30,42 +28,38 @@ from spacemap_vtk.scenes.scene import Scene
 _PATCHES, _QUADS = 300_000, 800_000
 #: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
 _BESIDE = 4
+#: Yarns that are made beside a tile, which are counted in its size.
+_TILED = 8
 
 
 class DrawnPieces:
     """The yarns of a scene, piece by piece, in stages of their own."""
-
-    # The scene's stages keep what they have made of the cage, which all pieces need.
 
     def __init__(self, scene: Scene, sides: int, strands: bool) -> None:
         self._scene, self._cloth = scene, scene.weave.cloth
         patches = estimate_counts(self._cloth).patches
         wanted = max(patches / _PATCHES, patches * sides**2 / _QUADS)
         self.count = min(ceil(wanted), sum(self._cloth.size))
-        self._stages = own_stages(scene)
-        last = self._stages[-1]
-        assert isinstance(last, PatchTessellator)
-        last.choose(sides, strands)
+        self._stages = OwnStages(scene)
+        self._stages.surface.choose(sides, strands)
 
     def in_sight(
         self, time: float, sheet: Sheet, camera: vtkCamera, aspect: float
     ) -> Iterator[vtkPolyData]:
-        """Yield the surfaces of those pieces of which something is in a picture."""
+        """Yield the surfaces of those pieces of which something is in a picture, with colours."""
         if self._scene.moves:
-            cage = copied(self._scene.deformed_cage)
-            for stage in self._stages[1:]:
-                if len(stage.takes) > 1:
-                    stage.SetInputDataObject(1, cage)
+            self._stages.ride(self._scene.deformed_cage)
         sight = cells_in_sight(sheet, camera, aspect)
         runs = [run_of(seen, _BESIDE) for seen in sight]
         if any(run.start == run.stop for run in runs):
             return
         # Yarns are no longer than what is seen of them.
         part = yarns_in(sheet, runs[0], runs[1])
-        cloth, first = cropped(self._cloth, part), self._stages[0]
-        assert isinstance(first, WeaveSource)
-        self._scene.weave.lend(first, part)
-        sheet.lend_crossings(self._stages, part)
+        if self._scene.view.color == "clearance":
+            yield from self._tiles(time, sheet, part, sight)
+            return
+        cloth = cropped(self._cloth, part)
+        self._stages.take(part, sheet.crimp)
         patches = estimate_counts(cloth).patches
         count = ceil(self.count * patches / estimate_counts(self._cloth).patches)
         columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
@@ -73,20 +67,27 @@ class DrawnPieces:
             share = share_of(cloth, number, count)
             if _any(columns, share.ends, cloth.size[0]) or _any(rows, share.picks, cloth.size[1]):
                 with self._scene.naming_file():
-                    self._stages[-1].update(time, Piece(number, count))
-                yield self._stages[-1].output
+                    surface = copied(self._stages.surface.update(time, Piece(number, count)).output)
+                add_measure(surface, self._scene.view.color)
+                yield surface
 
-
-def own_stages(scene: Scene) -> list[Stage]:
-    """Return stages as those of a scene that make yarns, connected to one another alone."""
-    stages: list[Stage] = [
-        type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
-    ]
-    assert isinstance(stages[0], WeaveSource)
-    scene.weave.lend(stages[0])
-    for before, stage in pairwise(stages):
-        stage.SetInputConnection(0, before.GetOutputPort())
-    return stages
+    def _tiles(
+        self, time: float, sheet: Sheet, part: Share, sight: Sequence[NDArray[np.bool_]]
+    ) -> Iterator[vtkPolyData]:
+        """Yield pieces in which yarns have their neighbours."""
+        side = max(isqrt(self._cloth.drawdown.size // self.count) - 2 * _TILED, _TILED)
+        ends, picks = (
+            [slice(at, min(at + side, some.stop)) for at in range(some.start, some.stop, side)]
+            for some in part
+            if isinstance(some, slice)
+        )
+        for columns in ends:
+            for rows in picks:
+                seen = zip(sight, (columns, rows), self._cloth.size, strict=True)
+                if all(_any(cells, some, count) for cells, some, count in seen):
+                    tile = self._stages.tile(columns, rows, time, sheet.crimp)
+                    if tile is not None:
+                        yield tile.cut
 
 
 def cells_in_sight(

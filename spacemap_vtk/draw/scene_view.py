@@ -132,7 +132,7 @@ class SceneView:
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only time passes, they never come nearer."""
         numbers = frame.surface.GetPointData().GetArray(SHOWN)
-        values = frame.crossings if COLORINGS[frame.color].scaled else None
+        values = frame.crossings if COLORINGS[frame.color].numbers else None
         if numbers is not None:
             values = vtk_to_numpy(numbers)
         if values is None:

@@ -175,7 +175,7 @@ class SheetActor(SurfaceActor):
         crossings: NDArray[Any] | None = None,
     ) -> None:
         """Draw a cloth's sheet, where it has been moved to."""
-        scaled = COLORINGS[color].scaled
+        scaled = COLORINGS[color].numbers
         numbers = crossings if scaled else None
         worn = style if numbers is None else style.of_numbers
         self.show(sheet, color if scaled else "own", (255, 255, 255), span, style=worn)

@@ -167,34 +167,62 @@ def whole_bounds(cloth: Cloth) -> NDArray[np.float64]:
     return np.stack([low, high], axis=1).ravel()
 
 
-def telling_crops(cloth: Cloth, most: int) -> list[tuple[int, int, Cloth]] | None:
-    """Return the first end and pick of each crop, and the crop; each 3 x 3 crossings are in one."""
-    # None where yarns of a family differ, bend as a spline does or belong to two cloths, so that
-    # place and neighbours count, where there are no 3 x 3 crossings, and where it would be more
-    # crossings than `most`.
-    varied = any(np.ndim(v) for t in cloth.threads for v in (t.diameter, t.spacing))
-    if varied or cloth.axis == "spline" or cloth.layers or min(cloth.size) < _LOCAL:
-        return None
-    codes = _codes(cloth.drawdown)
-    first = np.full(2 ** (_LOCAL * _LOCAL), -1, np.int64)
-    first[codes.ravel()[::-1]] = np.arange(codes.size)[::-1]
-    threads = [replace(t, colors=t.colors[:1]) for t in cloth.threads]
-    found: list[tuple[int, int, Cloth]] = []
-    while len(left := first[first >= 0]):
+def telling_parts(
+    cloth: Cloth, most: int, edges: bool = True
+) -> tuple[list[tuple[slice, slice]], NDArray[np.int64], bool]:
+    """Return some parts of a cloth in which each of its local weaves occurs.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        The whole of it.
+    most : int
+        Crossings in all parts, at most.
+    edges : bool
+        Whether crossings at the cloth's edges are others than those within.
+
+    Returns
+    -------
+    parts : list of (slice, slice)
+        Ends and picks of each.
+    weaves : (picks, ends) int64
+        Number of the weave of the 3 x 3 crossings round each, with the yarns' own measures.
+    complete : bool
+        Whether that many crossings hold all of them.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.fabric.threads import Threads
+    >>> threads = Threads(diameter=0.1, spacing=0.2)
+    >>> over = np.indices((40, 40)).sum(axis=0) % 2
+    >>> cloth = Cloth(drawdown=over, warp=threads, weft=threads)
+    >>> parts, weaves, complete = telling_parts(cloth, 2000)
+    >>> len(parts), int(weaves.max()) + 1, complete
+    (4, 14, True)
+    """
+    codes = _codes(cloth)
+    if not edges and min(cloth.size) >= _LOCAL:
+        codes = np.pad(codes[1:-1, 1:-1], 1, mode="edge")
+    first, weaves = np.unique(codes, return_index=True, return_inverse=True)[1:]
+    weaves = weaves.reshape(cloth.drawdown.shape)
+    left = first.copy()
+    found: list[tuple[slice, slice]] = []
+    while len(left):
         side = max(_LEAST, ceil(_PER_WEAVE * len(left) ** 0.5))
-        pick, end = (
-            max(min(at - side // 2, size - side), 0)
+        picks, ends = (
+            slice(start, min(start + side, size))
             for at, size in zip(
-                divmod(int(left.min()), codes.shape[1]), cloth.drawdown.shape, strict=True
+                divmod(int(left.min()), cloth.size[0]), cloth.drawdown.shape, strict=True
             )
+            for start in [max(min(at - side // 2, size - side), 0)]
         )
-        drawdown = cloth.drawdown[pick : pick + side, end : end + side]
-        first[_codes(drawdown)] = -1
-        crop = replace(cloth, drawdown=drawdown, warp=threads[0], weft=threads[1])
-        found.append((end, pick, crop))
-        if sum(crop.drawdown.size for _, _, crop in found) > most:
-            return None
-    return found
+        most -= (picks.stop - picks.start) * (ends.stop - ends.start)
+        if most < 0 and found:
+            break
+        found.append((ends, picks))
+        first[weaves[picks, ends]] = -1
+        left = first[first >= 0]
+    return found, weaves, most >= 0
 
 
 def _parts(cloth: Cloth, number: int) -> NDArray[np.float64]:
@@ -227,12 +255,32 @@ def _telling(cloth: Cloth, number: int) -> NDArray[np.int64]:
     return np.array(sorted(telling))
 
 
-def _codes(drawdown: NDArray[np.bool_]) -> NDArray[np.uint16]:
-    """Return a number for the weave of 3 x 3 crossings that begins at each."""
-    rows, columns = (size - _LOCAL + 1 for size in drawdown.shape)
-    codes = np.zeros((rows, columns), np.uint16)
+def _codes(cloth: Cloth) -> NDArray[np.int64]:
+    """Return a number for the yarns and the weave of the 3 x 3 crossings round each crossing."""
+    state = cloth.drawdown + 1
+    if cloth.layers is not None:
+        state = state + 2 * cloth.layers.own + 4 * cloth.layers.above
+    state = np.pad(state, 1)  # 0: past the edge
+    rows, columns = cloth.drawdown.shape
+    codes = np.zeros((rows, columns), np.int64)
     for i in range(_LOCAL):
         for j in range(_LOCAL):
-            codes <<= 1
-            codes |= drawdown[i : i + rows, j : j + columns]
+            codes *= 9
+            codes += state[i : i + rows, j : j + columns]
+    for number in (0, 1):
+        kinds = _kinds(cloth, number)
+        codes *= int(kinds.max()) + 1
+        codes += kinds[:, None] if number else kinds
     return codes
+
+
+def _kinds(cloth: Cloth, number: int) -> NDArray[np.int64]:
+    """Return a number for the measures of each yarn of a family and of those beside it."""
+    own = cloth.yarns[number]
+    apart = np.diff(own.position, prepend=np.nan, append=np.nan)
+    thick = np.pad(np.broadcast_to(own.diameter, len(own.position)), 1, mode="edge")
+    told = [thick[:-2], thick[1:-1], thick[2:], apart[:-1], apart[1:]]
+    size = float(np.mean(own.diameter))
+    rounded = np.rint(np.nan_to_num(np.stack(told, axis=1)) / (1e-6 * size)).astype(np.int64)
+    kinds = np.unique(rounded, axis=0, return_inverse=True)[1]
+    return np.asarray(kinds, np.int64).ravel()

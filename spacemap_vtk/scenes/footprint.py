@@ -30,8 +30,10 @@ _LOOPS, _SOLVER = 125_000_000, 25_000_000
 #: that is cut.
 _GHOST, _NUMBER, _CLEARANCE, _CUT = 45, 8, 170, 35
 #: A sheet in place of yarns: a crossing's texels, and graphics with what solves and moves it; what
-#: is solved of a crossing, where that is shown.
+#: is solved of a crossing, where that is shown; what tiles take in which clearances are measured,
+#: and a crossing then.
 _TEXELS, _SHEET, _MOVED, _CROSSED = 40, 167_000_000, 70_000_000, 800
+_TILES, _MEASURED = 350_000_000, 240
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
 _MARGIN = 1.1
 
@@ -99,8 +101,11 @@ def sheet_bytes(scene: Scene, pixels: int) -> int:
     """Return what it takes to draw a scene's cloth as a sheet."""
     ends, picks = scene.weave.cloth.size
     solved = COLORINGS[scene.view.color].array in crimp_interchange.CrimpInterchange.provides
-    each = _TEXELS + _CROSSED * solved
-    return _SHEET + _MOVED * scene.moves + each * ends * picks + _PIXEL * pixels
+    gaps = scene.view.color == "clearance"
+    solved |= gaps and scene.stage("crimp") is not None
+    each = _TEXELS + _CROSSED * solved + _MEASURED * gaps
+    fixed = _SHEET + _MOVED * scene.moves + _TILES * gaps
+    return fixed + each * ends * picks + _PIXEL * pixels
 
 
 def require_sheet(scene: Scene, pixels: int) -> None:
@@ -133,8 +138,6 @@ def _require_picture(scene: Scene, pixels: int, frames: int, pieces: int) -> Non
         share = next((k / 100 for k in range(99, 0, -1) if needed(now, k / 100) <= free), 0.01)
         few = max(1, int(share * ends)), max(1, int(share * picks))
         fewer = "use fewer ends and picks, about {} x {}".format(*few)
-        if scene.view.color == "clearance":
-            fewer += ", or another view.color: clearance is found of all yarns together"
         for n in range(now - 1, 0, -1):
             if needed(n) <= free:
                 return f"Lower surface.subdivisions to {n}, or {fewer}."
