@@ -92,6 +92,10 @@ class ViewBar(QToolBar):
         self.addAction(self.hang)
         self.addSeparator()
         self.coloring = QComboBox()
+        # Whatever a scene has to show.
+        self.coloring.setMinimumContentsLength(16)
+        by_length = QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        self.coloring.setSizeAdjustPolicy(by_length)
         #: The same for the menu: a narrow window has no room for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
@@ -163,6 +167,7 @@ class ViewBar(QToolBar):
                     self.coloring.insertSeparator(self.coloring.count())
                 for name in names:
                     self.coloring.addItem(COLORINGS[name].words, name)
+            self.coloring.view().setMinimumWidth(self.coloring.view().sizeHintForColumn(0) + 12)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)

@@ -167,19 +167,36 @@ class Annotations:
             self._plate(edge, high - 2.0 * letter, right, high)
             self._write(1, words, np.array([2 * edge, high - 1.35 * letter]))
         whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
-        for number, (point, words) in enumerate(self.labels[:MOST_LABELS]):
-            x, y, _, w = projected(camera, point[None], width / height)[0]
-            if w > 0.0:
-                at, ends = (np.array([x, y]) / w + 1.0) / 2 * (width, height), np.zeros(4)
-                self._write(5 + number, words, np.zeros(2))
-                self._texts[5 + number].GetBoundingBox(self._renderer, ends)
-                begin, end = ends.reshape(2, 2).T / self._pixels
-                size = end - begin + edge
-                low = np.clip(at + 0.8 * letter, 0.0, np.maximum(whole - size, 0.0))
-                self._plate(*low, *(low + size))
-                self._write(5 + number, words, low + 0.5 * edge - begin)
+        points = np.array([point for point, _ in self.labels]).reshape(-1, 3)
+        x, y, _, depth = projected(camera, points, width / height).T
+        places = (
+            (np.stack([x, y]) / np.where(depth > 0.0, depth, 1.0) + 1.0).T / 2 * (width, height)
+        )
+        for number in np.flatnonzero(depth[:MOST_LABELS] > 0.0).tolist():
+            words, ends, text = self.labels[number][1], np.zeros(4), self._texts[5 + number]
+            self._write(5 + number, words, np.zeros(2))
+            text.GetBoundingBox(self._renderer, ends)
+            begin, end = ends.reshape(2, 2).T / self._pixels
+            size = end - begin + edge
+            low = self._free(places[number], places, size, whole, 0.8 * letter)
+            self._plate(*low, *(low + size))
+            self._write(5 + number, words, low + 0.5 * edge - begin)
         self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
         self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
+
+    def _free(
+        self, at: Polygon, others: Polygon, size: Polygon, whole: Polygon, away: float
+    ) -> Polygon:
+        """Return where beside a point a plate lies on no other, if there is such a place."""
+        points = np.stack([others - 0.7 * away, others + 0.7 * away], axis=1)
+        boxes = np.concatenate([np.array(self.boxes).reshape(-1, 2, 2) / self._pixels, points])
+        ways = np.array([[1.0, 1.0], [-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
+        # Farther above and below where there is a crowd.
+        far = away + np.arange(MOST_LABELS)[:, None, None] * [0.0, size[1]]
+        lows = (at + ways * far - size * (ways < 0.0)).reshape(-1, 2)
+        lows = np.clip(lows, 0.0, np.maximum(whole - size, 0.0))
+        over = (lows[:, None] < boxes[:, 1]) & (lows[:, None] + size > boxes[:, 0])
+        return lows[over.all(axis=2).any(axis=1).argmin()]
 
     def _plate(self, left: float, low: float, right: float, high: float) -> None:
         self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
