@@ -128,7 +128,7 @@ def test_animate_asks_for_its_encoder_before_it_reads_the_scene(
 
 def test_storyboard_draws_two_rows(tmp_path: Path) -> None:
     file = tmp_path / "figure6.png"
-    arguments = ["-o", str(file), "--times", "0,20ms,0.04", "--size", "300x200", "-q"]
+    arguments = ["-o", str(file), "--time", "0", "--time", "20ms,0.04", "--size", "300x200", "-q"]
     assert run("storyboard", "plain_weave", *arguments) == 0
     image = np.asarray(Image.open(file))
     assert image.shape[0] > 200

@@ -93,6 +93,10 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             ["--times", "a,b", "20ms"],
         ),
         (["storyboard", "plain_weave", "-o", "a.png", "--times", ""], ["--times"]),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--time", "0", "--time", "1"],
+            ["--time is given more than once", '"spacemap figure"'],
+        ),
         (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
         (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
         (

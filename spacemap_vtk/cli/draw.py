@@ -19,7 +19,6 @@ from spacemap_vtk.cli.options import (
     Size,
     Styled,
     Time,
-    Times,
     TimeStamp,
     To,
     Triad,
@@ -27,6 +26,7 @@ from spacemap_vtk.cli.options import (
     flag,
     listed_times,
     opened,
+    several_times,
     written_to,
 )
 from spacemap_vtk.draw.order import MOST_SAMPLES, SAMPLES, Order
@@ -161,9 +161,9 @@ def storyboard(
     *,
     output: PictureFile,
     times: Annotated[
-        str | None,
-        Parameter(help="Times in s, separated by commas; by default over the first mode's period."),
-    ] = None,
+        tuple[str, ...],
+        several_times("by default over the first mode's period", "--times", "--time"),
+    ] = (),
     motions: Annotated[
         str | None,
         Parameter(
@@ -192,7 +192,7 @@ def storyboard(
         raise InputError(
             f"{scene}: a storyboard needs a scene that moves", cure="Add a section [response]."
         )
-    order.times = () if times is None else listed_times(times)
+    order.times = listed_times(times)
     order.motions = () if motions is None else _motions(motions)
     order.size = chosen.view.size if size else None
     carried_out(order, chosen, "Drawing columns", quiet)
@@ -212,7 +212,10 @@ def export(
     ] = None,
     time: Time = None,
     color: ColorBy = None,
-    times: Times = None,
+    times: Annotated[
+        tuple[str, ...],
+        several_times("by default those of a film, see the section [animation]"),
+    ] = (),
     start: From = None,
     stop: To = None,
     fps: Fps = None,
@@ -279,10 +282,10 @@ def export(
         error.key = error.key and f"--{error.key}"  # in the words of the command line
         raise
     chosen = opened(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
-    given = {"--times": times, "--from": start, "--to": stop, "--fps": fps}
+    given = {"--times": times or None, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:
         _check_times(order, found)
-    if times is not None:
+    if times:
         order.times = listed_times(times)
     elif time is not None:
         order.times = [chosen.view.time]

@@ -17,6 +17,7 @@ from spacemap_vtk.cli.options import (
     flag,
     listed_times,
     opened,
+    several_times,
     written_to,
 )
 from spacemap_vtk.draw.order import Order
@@ -42,13 +43,12 @@ def figure(
         ),
     ] = None,
     times: Annotated[
-        str | None,
-        Parameter(
-            name=["--times", "--time"],
-            help="Times of the pictures in s, with commas between them, as in 0,20ms; by default "
-            "the beginning, a quarter and a half of the first mode's swing.",
+        tuple[str, ...],
+        several_times(
+            "by default the beginning, a quarter and a half of the first mode's swing",
+            *("--times", "--time"),
         ),
-    ] = None,
+    ] = (),
     set_: SetLists = (),
     paired: Paired = False,
     color: ColorBy = None,
@@ -118,7 +118,7 @@ def figure(
     order = Order(
         "figure",
         output,
-        () if times is None else listed_times(times),
+        listed_times(times),
         panels=[] if panels is None else [word.strip() for word in panels.split(",")],
         page={
             key: value

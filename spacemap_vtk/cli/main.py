@@ -12,7 +12,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
-from cyclopts import App, CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    MissingArgumentError,
+    RepeatArgumentError,
+    UnusedCliTokensError,
+)
 
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapWarning
@@ -53,6 +59,7 @@ COMMANDS = {
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
     "bench": ("bench:bench", "Print how long a new time takes, beside a copy of what is written."),
     "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
+    "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
     "serve": ("window:serve", "Show a scene in a browser on this machine, live."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),
 }
@@ -142,6 +149,13 @@ def _plain(error: CycloptsError) -> str:
         text = f'"{" ".join(error.unused_tokens or ())}" is more than "{command}" takes.'
     elif isinstance(error, MissingArgumentError) and argument and not error.keyword:
         text = f'"{command}" needs {argument.name}.'
+    elif isinstance(error, RepeatArgumentError):
+        text = f'{error.token.keyword} is given more than once, and "{command}" takes one.'
+        if error.token.keyword == "--time":
+            text += (
+                ' Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap '
+                'storyboard", and written by "spacemap export".'
+            )
     return f'{text} See "{command} --help".'
 
 

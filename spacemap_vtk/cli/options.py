@@ -70,13 +70,18 @@ Size = Annotated[
     str | None,
     Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
 ]
-Times = Annotated[
-    str | None,
-    Parameter(
-        help="Times in s, separated by commas, as in 0,20ms,0.04; by default those of a film, "
-        "see the section [animation]."
-    ),
-]
+
+
+def several_times(default: str, *names: str) -> Parameter:
+    """Return what names times, in one list or given again."""
+    return Parameter(
+        name=names or None,
+        negative="",
+        help=f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.",
+        show_default=False,
+    )
+
+
 Fps = Annotated[
     str | None,
     Parameter(name="--fps", help="Frames for each second of a film; by default the scene's."),
@@ -154,8 +159,9 @@ def opened(
     return scene
 
 
-def listed_times(text: str, option: str = "--times") -> list[float]:
-    """Return what followed an option for several times."""
+def listed_times(given: Sequence[str], option: str = "--times") -> list[float]:
+    """Return what followed an option for several times, each time it was given."""
+    text = ",".join(given)
     refused = InputError(
         "not a list of times",
         key=option,
@@ -163,7 +169,7 @@ def listed_times(text: str, option: str = "--times") -> list[float]:
         allowed="up to 100 times of at least 0 s, as in 0,20ms,0.04",
     )
     try:
-        times = [parse_quantity(word, "s") for word in text.split(",")]
+        times = [parse_quantity(word, "s") for word in text.split(",")] if given else []
     except InputError as error:
         raise refused from error
     if not all(0.0 <= t < math.inf for t in times) or len(times) > 100:

@@ -20,6 +20,7 @@ from spacemap_vtk.cli.options import (
     listed_times,
     numbers_table,
     opened,
+    several_times,
     written_to,
 )
 from spacemap_vtk.cli.progress import progress
@@ -51,13 +52,8 @@ def sweep(
     set_: SetLists = (),
     paired: Paired = False,
     time: Annotated[
-        str | None,
-        Parameter(
-            name=["--time", "--times"],
-            help="Times of the pictures in s, with commas between them, as in 0,20ms; by default "
-            "the scene's.",
-        ),
-    ] = None,
+        tuple[str, ...], several_times("by default the scene's", "--time", "--times")
+    ] = (),
     size: Size = None,
     color: ColorBy = None,
     workers: Annotated[
@@ -114,7 +110,7 @@ def sweep(
             value=workers,
             allowed="at least 1, and no --cluster",
         )
-    times = () if time is None else listed_times(time, "--time")
+    times = listed_times(time, "--time")
     chosen = opened(scene, size=size, color=color)
     fixed: list[tuple[str, str, Any]] = []
     if times:
