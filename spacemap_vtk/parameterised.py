@@ -48,7 +48,8 @@ class Parameter(Generic[T]):
         SI unit, a key of `spacemap_vtk.units.UNITS`.
     automatic : str, optional
         What ``None`` stands for, e.g. ``"the middle of the feasible interval"``; with it, users can
-        write `AUTOMATIC`.
+        write `AUTOMATIC`. Where the default is another value, that is for cloth: in a scene of
+        any other object it is automatic, see `usual`.
     group : str, optional
         Heading under which a window shows it.
     when : mapping, optional
@@ -118,7 +119,7 @@ class Parameter(Generic[T]):
         InputError
             If it is of the wrong type or out of range; the message says what is allowed.
         """
-        if (value is None and self.optional) or self.is_automatic(value):
+        if (value is None and (self.optional or self.automatic)) or self.is_automatic(value):
             return None  # type: ignore[return-value]
         try:
             return self.convert(value)
@@ -174,6 +175,21 @@ class Parameter(Generic[T]):
     def optional(self) -> bool:
         """Whether ``None`` is a value."""
         return self._default is None
+
+    def usual(self, of_object: bool) -> T:
+        """Return what it is where nobody says: the default, but for cloth alone.
+
+        Parameters
+        ----------
+        of_object : bool
+            Whether the scene is one of an object that is no cloth.
+
+        Returns
+        -------
+        T
+            None where that is automatic.
+        """
+        return None if of_object and self.automatic else self.default  # type: ignore[return-value]
 
     def is_automatic(self, value: Any) -> bool:
         """Return whether a user's value is the word for an automatic one.
@@ -269,7 +285,13 @@ class Parameter(Generic[T]):
             One paragraph.
         """
         when = f" Counts where {self.counts}." if self.counts else ""
-        return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.show(self.default)}."
+        return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.usually}."
+
+    @property
+    def usually(self) -> str:
+        """The default, in words."""
+        of_object = f"; of an object {AUTOMATIC}" if self.automatic and not self.optional else ""
+        return self.show(self.default) + of_object
 
 
 class Parameterised:
@@ -348,6 +370,23 @@ class Parameterised:
                 cure=suggestion(name, cls.parameters),
             )
         return cls.parameters[name]
+
+    @classmethod
+    def usual(cls, of_object: bool) -> dict[str, Any]:
+        """Return the values that are not the defaults where nobody says.
+
+        Parameters
+        ----------
+        of_object : bool
+            As for `Parameter.usual`.
+
+        Returns
+        -------
+        dict of str to object
+            By name; empty for cloth.
+        """
+        every = {name: p.usual(of_object) for name, p in cls.parameters.items()}
+        return {name: value for name, value in every.items() if value != getattr(cls, name).default}
 
     def idle(self, name: str) -> str:
         """Return why a parameter counts for nothing at present.

@@ -172,8 +172,8 @@ class Choice(Parameter[str]):
 
     Parameters
     ----------
-    default : str
-        Value before any is set.
+    default : str or None
+        Value before any is set; None makes the parameter optional.
     help : str
         One sentence for every surface that shows the parameter.
     choices : sequence of str
@@ -185,7 +185,7 @@ class Choice(Parameter[str]):
     kind = "choice"
     annotation = "str"
 
-    def __init__(self, default: str, help: str, choices: Sequence[str], **rest: Any) -> None:
+    def __init__(self, default: str | None, help: str, choices: Sequence[str], **rest: Any) -> None:
         super().__init__(default, help, **rest)
         self.choices = tuple(choices)
 

@@ -12,9 +12,11 @@ from PIL import Image
 from spacemap_vtk import BarycentricWarp, ObjectSource, PatchTessellator, TetraCage
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
+from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -349,3 +351,41 @@ def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:
 def test_an_object_takes_the_weaves_place() -> None:
     with pytest.raises(InputError, match=r"\[object\].*\[weave\]"):
         Scene({"object": {"file": "a.ply"}, "weave": {}})
+
+
+@pytest.mark.parametrize("scale", [0.01, 30.0])
+def test_what_nobody_says_suits_an_object_of_any_size(tmp_path: Path, scale: float) -> None:
+    """The ant hung by one vertex, in a gravity to its side: it stands on its feet."""
+    feet = [pv.Cone(center=(x, y, 0.5), direction=(0, 0, -1)) for x in (0, 3) for y in (0, 2)]
+    body = pv.Box((-0.5, 3.5, 0.5, 1.5, 1.0, 2.0))
+    body.append_polydata(*feet).save(tmp_path / "z.stl")
+    moved = []
+    for up, rotate in (("z", [0, 0, 0]), ("y", [-90, 0, 0])):
+        scene = Scene(
+            {
+                "object": {"file": str(tmp_path / "z.stl"), "scale": scale, "rotate": rotate},
+                "response": {},
+            }
+        )
+        scene.update(time=0.0)
+        assert scene.object.in_use == {"up": up}
+        assert sorted(scene.cage.in_use["divisions"]) == [4, 6, 8]
+        assert scene.modal.in_use["fixed"] == (f"-{up}",)
+        down = scene.response.in_use["gravity"]["xyz".index(up)]
+        assert down == -9.80665
+        assert camera_of(scene) == ("lying" if up == "z" else "three-quarter")
+        frequency = scene.modal.output.GetFieldData().GetArray("frequencies").GetValue(0)
+        far = []
+        for share in (0.1, 0.2, 0.3, 0.4, 0.5):
+            scene.update(time=share / frequency)
+            displacement = scene.deformed_cage.GetPointData().GetArray("displacement")
+            far.append(displacement.GetMaxNorm() / (4.0 * scale))
+        moved.append(max(far))
+    # It is seen to move, and not to fly; the same whichever way it was modelled.
+    assert 0.01 < moved[0] < 0.2
+    np.testing.assert_allclose(moved[0], moved[1], rtol=0.1)
+    # What is said goes before, the cloth's own default too, and comes back from a record.
+    scene = Scene({"object": {"file": str(tmp_path / "z.stl")}, "cage": {"divisions": [5, 5, 1]}})
+    assert scene.cage.divisions == (5, 5, 1)
+    assert values_of(scene)["cage"] == {"divisions": [5, 5, 1]}
+    assert Scene({"weave": {}, "cage": {}}).modal.fixed == ("+y",)

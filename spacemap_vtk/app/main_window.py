@@ -350,7 +350,9 @@ class MainWindow(QMainWindow):
         written: dict[str, Any] = {"hang": None if on else False}
         if on and not (any(modal.gravity) or modal.dead_loads):
             usual = response.parameters["gravity"].default
-            written["gravity"] = list(response.gravity if any(response.gravity) else usual)
+            used = self.view.frame.in_use if self.view.frame else {}
+            now = response.gravity or used.get("response", {}).get("gravity", usual)
+            written["gravity"] = list(now if any(now) else usual)
         self._try(partial(self.document.set_many, name="hang"), "modal", written)
 
     def _clip(self, normal: Sequence[float] | None, origin: Sequence[float] | None) -> None:
@@ -420,7 +422,7 @@ class MainWindow(QMainWindow):
             # While time runs, too: only a drag has other modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.show_turns(self.document.scene.stage("rotation") is not None)
-            self.properties.show_found("modal", measures_in(frame.cage))
+            self.properties.show_found("modal", measures_in(frame.cage), frame.in_use)
         if not frame.coarse:
             self._tell(frame)
 

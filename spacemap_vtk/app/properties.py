@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -58,13 +59,15 @@ class Properties(QScrollArea):
         self.search = QLineEdit()
         #: What the last run has found of the section's values, by name; see `show_found`.
         self._found: dict[str, dict[str, Any]] = {}
+        #: What automatic values of all sections came to in it.
+        self._in_use: dict[str, Mapping[str, Any]] = {}
         self._limited = 0.0
         self._later = later(self, self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
-        document.replaced.connect(self._found.clear)
+        document.replaced.connect(self._forget)
         document.replaced.connect(self.refresh)
 
     def choose(self, section: str) -> None:
@@ -174,13 +177,18 @@ class Properties(QScrollArea):
         elif not self._later.isActive():
             self._later.start(round(rest * 1e3) + 1)
 
-    def show_found(self, section: str, figures: dict[str, Any]) -> None:
-        """Show what a run has found of a section's parameters, by name."""
-        if figures == self._found.get(section, {}):
+    def show_found(
+        self, section: str, figures: dict[str, Any], in_use: dict[str, Mapping[str, Any]]
+    ) -> None:
+        """Show what a run has found of a section's parameters, and of all automatic ones."""
+        if figures == self._found.get(section, {}) and in_use == self._in_use:
             return
-        self._found[section] = figures
-        if section == self.section:
+        self._found[section], self._in_use = figures, in_use
+        if self.section:
             self._show_what_counts()
+
+    def _forget(self) -> None:
+        self._found, self._in_use = {}, {}
 
     def _idle(self, part: Parameterised, name: str) -> str:
         """Return why a parameter counts for nothing, as it is set or as it was found."""
@@ -191,9 +199,9 @@ class Properties(QScrollArea):
         begun = time.thread_time()
         part = self._document.scene.parts[self.section]
         feasible, found = feasible_of(part), self._found.get(self.section, {})
-        known = found or resolved_of(part)
+        known = {**resolved_of(part), **self._in_use.get(self.section, {}), **found}
         if part is self._document.scene.view:
-            known = {"size": picture_size(self._document.scene)}
+            known |= {"size": picture_size(self._document.scene)}
         if isinstance(part, WeaveSource) and part.draft is None:
             with suppress(SpacemapError):  # the stage says why
                 threads = part.cloth.threads

@@ -126,7 +126,7 @@ class View3D(QWidget):
         self.refresh(render=False)
         self._mark()
         if first:
-            self.reset_camera(view.camera)
+            self.reset_camera(view.camera or frame.camera)
         self.render()
 
     def leave(self) -> None:
@@ -170,7 +170,8 @@ class View3D(QWidget):
     @property
     def _up(self) -> int:
         """Which axis is up in the scene."""
-        return 1 if self._view is None else upward(self._view.camera)
+        frame, view = self.frame, self._view
+        return 1 if frame is None or view is None else upward(view.camera or frame.camera)
 
     def steer(self, held: bool) -> None:
         """Draw what takes little time while the camera is held, and for a moment afterwards."""

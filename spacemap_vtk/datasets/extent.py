@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkDataSetAttributes
 
@@ -14,6 +15,12 @@ from spacemap_vtk.datasets.processes import Piece, Processes
 from spacemap_vtk.errors import GeometryError
 
 _NAME = "bounds_of_piece_and_whole"
+#: Of the field array of an object, and of its cage: the unit vector that points up.
+UP = "up"
+#: Share of its height in which an object stands, and by how much its foot must be the broader.
+_FOOT, _BROADER = 0.05, 0.03
+#: An axis is the longer one where it is so many times as long.
+_LONGER = 1.2
 
 
 def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
@@ -57,3 +64,27 @@ def mark_owner(data: vtkDataSet, piece: Piece) -> None:
         (data.GetPointData(), data.GetNumberOfPoints()),
     ):
         add_array(array, name, np.full(count, value, dtype=np.uint8))
+
+
+def up_axis(data: vtkDataSet) -> int | None:
+    """Return which axis is up in an object, or in its cage; None of a cloth."""
+    array = data.GetFieldData().GetArray(UP)
+    return None if array is None else max(range(3), key=array.GetValue)
+
+
+def upright(points: NDArray[Any]) -> int:
+    """Return which axis is up, y or z: along it a foot is broader than the top, or it is long."""
+    low, extent = points.min(axis=0), np.ptp(points, axis=0).astype(np.float64)
+    # What is flat has no ends.
+    shares = np.where(extent > 0.0, (points - low) / np.maximum(extent, 1e-300), 0.5)
+
+    def broader(axis: int) -> float:
+        """Return how much of its shadow the foot takes, less that of the top."""
+        others = np.delete(shares, axis, axis=1)
+        ends = shares[:, axis] <= _FOOT, shares[:, axis] >= 1.0 - _FOOT
+        foot, top = (np.ptp(others[end], axis=0).prod() if end.any() else 0.0 for end in ends)
+        return float(foot - top)
+
+    lead = broader(2) - broader(1)
+    longer = extent[2] > _LONGER * extent[1]
+    return 2 if lead > _BROADER or (abs(lead) <= _BROADER and longer) else 1

@@ -15,6 +15,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 from spacemap_vtk.draw.camera import Viewpoint, aim
 from spacemap_vtk.draw.contact_sheet import name_of
 from spacemap_vtk.draw.draft_sheet import LARGEST, draft_tile
+from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.measuring import Measures, axes_seen, draw_key, measures_of
 from spacemap_vtk.draw.page import Paper, Tile, page
 from spacemap_vtk.draw.picture import Extent, Picture, over_motion, together
@@ -26,7 +27,6 @@ from spacemap_vtk.scenes.face import lengths_of
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.shown import shown_of
 from spacemap_vtk.units import format_quantity
 
@@ -212,7 +212,7 @@ class _Shots:
         for scene in self.scenes:
             _blend(scene, asked)
         self._extent: Extent = together([over_motion(scene, times) for scene in self.scenes])
-        self._shape = _shape(self._extent[0], first.view)
+        self._shape = _shape(self._extent[0], camera_of(first))
         chosen = first.view.show if first.moves else "fabric"
         kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
         columns = asked.columns or _columns(len(self.scenes), len(times))
@@ -268,11 +268,11 @@ def _columns(runs: int, times: int) -> int:
     return count if count <= 4 else 4 if count % 4 == 0 else 3
 
 
-def _shape(points: NDArray[np.float64], view: View) -> float:
+def _shape(points: NDArray[np.float64], view: str) -> float:
     """Return how high a picture of points is, over its width."""
     shape, camera = 1.0, vtkCamera()
     for _ in range(2):
-        aim(camera, points, 1.0 / shape, view.camera, 1.0)
+        aim(camera, points, 1.0 / shape, view, 1.0)
         seen = (points - camera.GetPosition()) @ axes_seen(camera)
         near = 1.0 if camera.GetParallelProjection() else -seen[:, 2:]
         across, above = np.ptp(seen[:, :2] / near, axis=0)

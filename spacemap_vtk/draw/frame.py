@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.coloring import add_measure
@@ -41,6 +43,10 @@ class Frame:
     closed: bool = False
     #: How deep its folds are in m: of a fabric, a yarn's diameter.
     relief: float = 0.0
+    #: Where it is seen from, a key of `spacemap_vtk.draw.camera.CAMERAS`.
+    camera: str = "three-quarter"
+    #: What automatic values came to, by section and name.
+    in_use: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     #: What acts on the cage; None where that is not known.
     arrows: Arrows | None = None
     #: Whether the surface is coarser than the scene asks for.
@@ -90,10 +96,22 @@ def frame_of(
         scene.painting,
         closed=scene.woven and scene.weave.caps and cloth is None,
         relief=relief_of(scene),
+        camera=camera_of(scene),
+        in_use={
+            "view": {"camera": camera_of(scene)},
+            **{stage.section: stage.in_use for stage in scene.stages},
+        },
         arrows=arrows_of(scene, time) if loads else None,
         cloth=cloth,
         crossings=crossings,
     )
+
+
+def camera_of(scene: Scene) -> str:
+    """Return where a scene is seen from: z can be up in an object."""
+    if scene.view.camera is not None:
+        return scene.view.camera
+    return "lying" if up_axis(scene.source.output) == 2 else type(scene.view).camera.default
 
 
 def relief_of(scene: Scene) -> float:

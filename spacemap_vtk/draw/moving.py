@@ -23,7 +23,7 @@ from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.frame import copied, relief_of
+from spacemap_vtk.draw.frame import camera_of, copied, relief_of
 from spacemap_vtk.draw.over_time import SeenOverTime
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
@@ -425,7 +425,7 @@ def _sight(scene: Scene) -> Sight:
     shadows = view.shadows and not COLORINGS[view.color].numbers
     back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
     own = back if (look.below, look.above) != (usual.below, usual.above) else None
-    return Sight(CAMERAS, view.camera, view.zoom, own, relief_of(scene), shadows)
+    return Sight(CAMERAS, camera_of(scene), view.zoom, own, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -16,7 +16,7 @@ from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of, upward
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
-from spacemap_vtk.draw.frame import Frame, arrows_of, frame_of, relief_of
+from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
@@ -246,7 +246,7 @@ class Picture:
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
         point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
         shown.fit(view, size, block, point)
-        shown.floor = float(extent[:, upward(view.camera)].min())
+        shown.floor = float(extent[:, upward(camera_of(scene))].min())
         window.leave_background()
         if view.loads:
             window.add_in_front(shown.loads.through)
@@ -254,7 +254,7 @@ class Picture:
         room = 0.0 if self._span is None or self._bare else scale_share(size)
         camera = window.camera
         aspect = (1 - room) * size[0] / size[1]
-        aim(camera, extent, aspect, view.camera, view.zoom)
+        aim(camera, extent, aspect, camera_of(scene), view.zoom)
         if self._place is not None:
             self._place.take(camera)
         behind = gradient(size, view.look.below, view.look.above)
@@ -297,7 +297,7 @@ def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None
         clouds.append(_some(rest_of(drawn)))
     room = np.concatenate(clouds, dtype=np.float64)
     if scene.view.ground:
-        up, shadow = upward(scene.view.camera), room.copy()
+        up, shadow = upward(camera_of(scene)), room.copy()
         shadow[:, up] = room[:, up].min()
         room = np.concatenate([room, shadow])
     return room, natural_span(np.array(ends)) if ends else None

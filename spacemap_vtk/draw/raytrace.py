@@ -20,6 +20,7 @@ from spacemap_vtk.datasets.moving_surface import linear
 from spacemap_vtk.draw.camera import VIEW_ANGLE, aim, projected
 from spacemap_vtk.draw.compose import gradient
 from spacemap_vtk.draw.form import pixels_per_metre
+from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, over_motion
 from spacemap_vtk.draw.seen_yarns import SeenYarns
 from spacemap_vtk.errors import InputError, MissingLibraryError
@@ -85,7 +86,7 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
     tell(0, _PASSES + 1)
     scene.update(time)
     camera, aspect = vtkCamera(), size[0] / size[1]
-    aim(camera, over_motion(scene, [time])[0], aspect, scene.view.camera, scene.view.zoom)
+    aim(camera, over_motion(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
     curves, colors = _curves(scene, camera, size)
     require(
         _MITSUBA + _POINT * len(curves.points) + _PIXEL * size[0] * size[1],

@@ -270,7 +270,7 @@ class SceneView:
         strength = view.look.shadow if view.ground and look.fabric else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
-            points, up = points_of(frame.surface), upward(view.camera)
+            points, up = points_of(frame.surface), upward(frame.camera)
             if frame.generation != self._generation:
                 self._generation, self.floor = frame.generation, np.inf
             self.floor = min(self.floor, float(points[:, up].min()))

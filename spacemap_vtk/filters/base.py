@@ -60,6 +60,9 @@ class Stage(Algorithm):
     #: The arrays that it adds, by name; those of present parameters are `arrays`.
     provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
 
+    #: What parameters that are automatic came to in the last run, by name.
+    in_use: Mapping[str, Any] = MappingProxyType({})
+
     #: Set by a stage below that takes the stretch of turning out of a motion, for the next run.
     turned: bool = False
     #: When this stage and those above it changed last, as they were found to be connected.

@@ -21,11 +21,15 @@ from spacemap_vtk.mechanics.materials import along_fabric, isotropic, orthotropi
 from spacemap_vtk.mechanics.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.plates import Plate, homogeneous, measured
 from spacemap_vtk.mechanics.shell import THIN
+from spacemap_vtk.mechanics.supports import is_thin
 from spacemap_vtk.parameters import Choice, Real, Vector
 from spacemap_vtk.units import GRAVITY
 
 #: Of a cage whose density nobody says [kg/m³]: woven cotton, with the air in it.
 DENSITY = 300.0
+
+#: How many times its weight per area an object of unknown stiffness resists with.
+_STIFFER = 2.0
 
 #: The material that is what the yarns of the weave in the cage make it.
 WOVEN = "yarns"
@@ -79,7 +83,12 @@ class CageMaterial(Stage):
         ["isotropic", "orthotropic", WOVEN, *FABRICS],
     )
     youngs_modulus = Real(
-        1e6, "Young's modulus of an isotropic cage.", unit="Pa", above=0.0, when=_ISOTROPIC
+        1e6,
+        "Young's modulus of an isotropic cage.",
+        unit="Pa",
+        above=0.0,
+        automatic="of an object one with which it gives way a little under its own weight",
+        when=_ISOTROPIC,
     )
     poissons_ratio = Real(
         0.3,
@@ -392,7 +401,27 @@ class CageMaterial(Stage):
                         allowed=self.parameter(key).allowed,
                     )
             return along_fabric(orthotropic(*(own[key] for key in _MODULI))), density
-        return isotropic(self.youngs_modulus, self.poissons_ratio), density
+        modulus = self.in_use.get("youngs_modulus", type(self).youngs_modulus.default)
+        if self.youngs_modulus is not None:
+            modulus = self.youngs_modulus
+        return isotropic(modulus, self.poissons_ratio), density
+
+    def give_way(self, vertices: FloatArray, elements: NDArray[np.int64], up: int | None) -> None:
+        """Find the modulus that suits an object of unknown size, where it is automatic."""
+        if self.youngs_modulus is not None or up is None:
+            self.in_use = {}
+            return
+        # An end that is as long as L and as thick as t sinks by 1.5 ρ g L⁴ / (E t²), and legs are
+        # thinner than the box is; what hangs stretches.
+        extent = np.ptp(vertices, axis=0)
+        long, thick = float(extent.max()), float(extent.min())
+        hangs = is_thin(extent) and int(extent.argmin()) != up
+        slender = 1.0 if hangs else (long / thick) ** 2.5
+        edges = vertices[elements[:, 1:4]] - vertices[elements[:, :1]]
+        filled = float(np.abs(np.linalg.det(edges)).sum() / 6.0 / extent.prod())
+        density = self._values.get("density", DENSITY)
+        found = _STIFFER * density * GRAVITY * long * slender / filled
+        self.in_use = {"youngs_modulus": float(f"{found:.2g}")}
 
 
 def _said(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

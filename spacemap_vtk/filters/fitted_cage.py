@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import array_of
+from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
@@ -15,6 +16,7 @@ from spacemap_vtk.mechanics.supports import (
     held_components,
     held_directions,
     loose_sides,
+    resting,
     rigid_bodies,
 )
 from spacemap_vtk.parameters import Text
@@ -30,6 +32,7 @@ class FittedCage(CageMaterial):
         "Places of the cage that cannot move: sides of its bounding box, boxes, spheres, point "
         'masks, each in all directions or, after a colon, in those named, "-x:yz", or along one in '
         'parentheses, "-x:(0, 1, 1)", which is a slider in the plane across it.',
+        automatic="what an object stands on, or of one that is thin what it hangs by",
     )
     rigid = RigidPlaces(
         "",
@@ -64,10 +67,15 @@ class FittedCage(CageMaterial):
         def mask(name: str) -> NDArray[np.generic]:
             return array_of(grid.GetPointData(), name, f"the place mask({name})")
 
+        fixed = self.fixed
+        if fixed is None:
+            axis = up_axis(grid)
+            fixed = type(self).fixed.default if axis is None else (resting(vertices, axis),)
+            self.in_use = {**self.in_use, "fixed": fixed}
         with naming("fixed"):
-            held = held_components(vertices, self.fixed, mask)
-            normals = held_directions(vertices, self.fixed, mask)
-            loose = [] if self.springs else loose_sides(vertices, self.fixed, mask)
+            held = held_components(vertices, fixed, mask)
+            normals = held_directions(vertices, fixed, mask)
+            loose = [] if self.springs else loose_sides(vertices, fixed, mask)
         for side in loose:
             self.warn(
                 f'the side "{side}" is one vertex of the cage, or few in a line, about which it '

@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, vectors_of
+from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.base import Provided, Stage
@@ -23,6 +24,7 @@ from spacemap_vtk.mechanics.damping import Damping, rayleigh
 from spacemap_vtk.mechanics.kinematics import symmetric_tensors, von_mises
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
+from spacemap_vtk.units import GRAVITY
 
 FloatArray = NDArray[np.float64]
 
@@ -144,6 +146,7 @@ class LoadedCage(Stage):
         "that where this is the default; where it hangs and this is another, it moves by the "
         "difference.",
         component=Real(0.0, "", unit="m/s2"),
+        automatic="9.80665 m/s2 down, where the object says which way is up",
     )
     loads = Loads((), "What else acts on the cage, each with its time function.")
     initial = Choice(
@@ -233,9 +236,15 @@ class LoadedCage(Stage):
         """Return the gravity from t = 0 on [m/s²], (3,): as given, or the solver's own."""
         # The default is no one's wish, and ParaView's users write three numbers.
         field = grid.GetFieldData()
-        if field.HasArray(GRAVITY_IN_FORCE) and "gravity" not in self._values:
+        if field.HasArray(GRAVITY_IN_FORCE) and self._values.get("gravity") is None:
             return array_of(field, GRAVITY_IN_FORCE, "the modes")
-        return np.array(self.gravity)
+        gravity, up = self.gravity, up_axis(grid)
+        if gravity is None:
+            gravity = self.parameter("gravity").default
+            if up is not None:
+                gravity = tuple((-GRAVITY * np.eye(3)[up] + 0.0).tolist())
+            self.in_use = {"gravity": gravity}
+        return np.array(gravity)
 
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
         """Return what acts beside that under which the cage hangs."""

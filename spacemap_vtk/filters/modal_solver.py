@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import cloth_of
+from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
@@ -165,6 +166,7 @@ class ModalSolver(FittedCage):
         self.report(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
+        self.give_way(vertices, elements, up_axis(grid))
         held, fittings = self.fittings(grid, vertices, elements)
         sheet = self._sheet(vertices, elements)
         extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers

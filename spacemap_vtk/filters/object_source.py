@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import numpy as np
 from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import (
     vtkDataObject,
@@ -14,12 +15,13 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.datasets.extent import tell_bounds
+from spacemap_vtk.datasets.arrays import add_array, points_of
+from spacemap_vtk.datasets.extent import UP, tell_bounds, upright
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.io.reading import ReadObject, read_blocks, read_object
-from spacemap_vtk.parameters import FilePath, Real, Vector
+from spacemap_vtk.parameters import Choice, FilePath, Real, Vector
 
 #: The files read, with time of change and size.
 _State = tuple[tuple[Path, int, int], ...]
@@ -48,6 +50,7 @@ class ObjectSource(Stage):
     section = "object"
     role = "source"
     output_type = "vtkPointSet"
+    provides: ClassVar = {UP: Provided("field")}
 
     file = FilePath(None, "The mesh to read.", automatic="no file")
     texture = FilePath(
@@ -67,6 +70,14 @@ class ObjectSource(Stage):
         (0.0, 0.0, 0.0),
         "Where the file's origin comes to lie.",
         component=Real(0.0, "", unit="m"),
+    )
+
+    up = Choice(
+        None,
+        "Which of its axes points up: where it is held, gravity and the camera follow that, where "
+        "these are automatic.",
+        ["y", "z"],
+        automatic="the one along which it stands broader below than above, else the longer one",
     )
 
     _kept: tuple[_State, ReadObject] | None = None
@@ -132,6 +143,7 @@ class ObjectSource(Stage):
             self._place(self.load(), whole)
             part = _cut(whole, piece)
             tell_bounds(part, whole.GetBounds())
+            part.GetFieldData().AddArray(whole.GetFieldData().GetArray(UP))
             for note in self._kept[1].notes if self._kept else []:
                 self.warn(note)
             self._kept = None
@@ -139,6 +151,12 @@ class ObjectSource(Stage):
         output.ShallowCopy(self._kept_piece[1])
 
     def _place(self, data: vtkPointSet, output: vtkPointSet) -> None:
+        self._move(data, output)
+        axis = upright(points_of(output)) if self.up is None else "xyz".index(self.up)
+        self.in_use = {"up": "xyz"[axis]}
+        add_array(output.GetFieldData(), UP, np.eye(3)[axis])
+
+    def _move(self, data: vtkPointSet, output: vtkPointSet) -> None:
         if (self.scale, self.rotate, self.place) == (1.0, (0.0,) * 3, (0.0,) * 3):
             output.ShallowCopy(data)
             return

@@ -21,7 +21,7 @@ from spacemap_vtk.cage.split import mended, parts
 from spacemap_vtk.cage.tetwild import filled
 from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth
-from spacemap_vtk.datasets.extent import bounds_of_whole
+from spacemap_vtk.datasets.extent import UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
 from spacemap_vtk.errors import GeometryError, InputError, naming
@@ -38,6 +38,8 @@ from spacemap_vtk.units import format_quantity
 
 #: Distance of the envelope of an object that falls apart, as a share of its diagonal.
 _ENVELOPE = 0.02
+#: Hexahedra along the longest side of an object's box.
+_ALONG = 8
 #: Of a cloth that goes by its yarns: crossings of those that are made together, a yarn of how many
 #: is made first, and what rounding may take, as a share.
 _CROSSINGS, _APART, _SLACK = 1_500, 16, 1e-6
@@ -86,6 +88,7 @@ class TetraCage(Stage):
         "modal.elements. How stiff a thin cage of tetrahedra is depends on how wide they are, more "
         "than on how many lie through its thickness.",
         component=Integer(1, "", minimum=1, maximum=100_000),
+        automatic=f"as good as cubes, {_ALONG} along the longest side; of what is thin one layer",
         when={"method": ("lattice", "carved")},
     )
     order = Integer(
@@ -132,6 +135,7 @@ class TetraCage(Stage):
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
+        self.in_use = {}
         if self.method == "file":
             self._from_file(output)
         else:
@@ -140,6 +144,8 @@ class TetraCage(Stage):
         pass_cloth(inputs[0], output)
         if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
             output.GetFieldData().AddArray(mass)
+        if (up := inputs[0].GetFieldData().GetArray(UP)) is not None:
+            output.GetFieldData().AddArray(up)
 
     def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
@@ -168,9 +174,12 @@ class TetraCage(Stage):
     def _box(
         self, data: vtkDataSet, cloth: Cloth | None
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        divisions = np.array(self.divisions)
         whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(padded_bounds(whole, self.padding)).reshape(3, 2)
+        chosen = self.divisions or _cubes(bounds)
+        if self.divisions is None:
+            self.in_use = {"divisions": chosen}
+        divisions = np.array(chosen)
         carved = self.method == "carved"
         if carved:  # room for the margin, in whole hexahedra
             step = (bounds[:, 1] - bounds[:, 0]) / divisions
@@ -180,7 +189,7 @@ class TetraCage(Stage):
             estimate_bytes(divisions.tolist()) * (1 if self.order == 1 else 5),
             "this cage",
             key="divisions",
-            value=list(self.divisions),
+            value=list(chosen),
             cure="Use fewer divisions: a cage is meant to be coarse.",
         )
         vertices, tetrahedra = lattice(bounds.ravel().tolist(), divisions.tolist())
@@ -287,6 +296,12 @@ class TetraCage(Stage):
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)
+
+
+def _cubes(bounds: NDArray[np.float64]) -> tuple[int, ...]:
+    """Return the numbers of hexahedra of a box that are as good as cubes."""
+    sides = bounds[:, 1] - bounds[:, 0]
+    return tuple(np.maximum(1, np.rint(_ALONG * sides / sides.max())).astype(int).tolist())
 
 
 def _touched_by_yarns(

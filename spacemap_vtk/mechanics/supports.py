@@ -19,6 +19,8 @@ FloatArray = NDArray[np.float64]
 #: What a place of `rigid_bodies` is, in words.
 BODY = "rigid place"
 
+#: Shares of an extent: what is flat but for rounding, and what is thin as a sheet.
+_FLAT, _THIN = 1e-3, 0.05
 #: Of the square of a motion: less than this share of it is held by rounding alone.
 _HELD = 1e-10
 
@@ -99,6 +101,63 @@ def loose_sides(
     if np.linalg.matrix_rank(six_motions(vertices[np.any(held, axis=0)])) == 6:
         return []
     return [str(place) for place in places if place.shape in SIDES]
+
+
+def resting(vertices: FloatArray, up: int) -> str:
+    """Return the place that an object is held by where nobody says.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Of its cage, in m.
+    up : int
+        The axis that points up.
+
+    Returns
+    -------
+    str
+        The lowest slab that cannot turn, a side where that is one; of what is thin the upper end,
+        or where it lies level its end.
+
+    Examples
+    --------
+    >>> resting(np.array([[x, y, z] for x in (0, 2) for y in (0, 1) for z in (0, 1.0)]), 2)
+    '-z'
+    """
+    extent = np.ptp(vertices, axis=0)
+    axis, sign = up, -1
+    if is_thin(extent):
+        level = int(extent.argmin()) == up
+        axis, sign = (int(extent.argmax()), -1) if level else (up, 1)
+    height = sign * (vertices[:, axis] - vertices[:, axis].mean())
+    for share in (0.05, 0.1, 0.2, 0.4, 1.0):
+        slab = height >= height.max() - share * extent[axis]
+        if np.linalg.matrix_rank(six_motions(vertices[slab])) == 6:
+            break
+    held = vertices[slab, axis]
+    if np.ptp(held) <= _FLAT * extent[axis]:
+        return f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"
+    ends = ["-inf", "inf"] * 3
+    end = held.min() if sign > 0 else held.max()
+    ends[2 * axis + (sign < 0)] = f"{end + -sign * _FLAT * extent[axis]:.6g}"
+    return f"box({', '.join(ends)})"
+
+
+def is_thin(extent: FloatArray) -> bool:
+    """Return whether a box is thin as a sheet.
+
+    Parameters
+    ----------
+    extent : ndarray of float64, shape (3,)
+        Of the box, in any unit.
+
+    Returns
+    -------
+    bool
+        By its two smaller sides, so that no bar is.
+    """
+    thin, narrow, _ = np.sort(extent)
+    return bool(thin < _THIN * narrow)
 
 
 def held_directions(

@@ -60,7 +60,7 @@ def property_of(parameter: Parameter[Any]) -> Property:
     made.xml.set("label", title(parameter))
     made.xml.set("command", command(parameter))
     SubElement(made.xml, "Documentation").text = parameter.describe()
-    if parameter.automatic:
+    if parameter.automatic and parameter.optional:
         # Of a file, whose field takes no such text, ParaView ignores it.
         hint(made.xml, "PlaceholderText").text = parameter.show(None)
     return made

@@ -43,7 +43,7 @@ def values_of(scene: Scene) -> dict[str, Any]:
         # What is connected, or looked at, though the file may not say so.
         if name not in scene.given and isinstance(part, Stage) and part not in scene.stages:
             continue
-        said = _said(part, folder)
+        said = _said(part, folder, scene.object.section in scene.given)
         if said or name in scene.given:
             values[name] = said
     return values
@@ -107,12 +107,12 @@ def _files(value: Any, motion: bool) -> Iterator[Path]:
         yield from (each for each in found if each.is_file())
 
 
-def _said(part: Parameterised, folder: Path) -> dict[str, Any]:
+def _said(part: Parameterised, folder: Path, of_object: bool = False) -> dict[str, Any]:
     """Return what is not as it is by itself, as a scene file has it."""
     return {
         key: _written(value, part.parameter(key), folder)
         for key, value in part.settings.items()
-        if value != part.parameter(key).default
+        if value != part.parameter(key).usual(of_object)
     }
 
 

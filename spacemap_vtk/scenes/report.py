@@ -193,7 +193,7 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
     across = np.eye(3)[surface.normal]
     cast, area = shadow(hung, triangles, down), shadow(flat, triangles, across)
     figures |= {"shadow_area": cast, "cloth_area": area}
-    held = parse(" ".join(solver.fixed))
+    held = parse(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
     if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)

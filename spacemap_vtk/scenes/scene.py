@@ -69,7 +69,10 @@ class Scene:
     def __init__(self, values: Mapping[str, Any], file: Path | None = None) -> None:
         self.file = file
         #: What each section of the file configures, in the order of the pipeline.
-        self.parts: dict[str, Parameterised] = {name: cls() for name, cls in sections().items()}
+        self.parts: dict[str, Parameterised] = {
+            name: cls(**cls.usual(of_object=ObjectSource.section in values))
+            for name, cls in sections().items()
+        }
         # Those that come with the program, connected or not.
         self.weave, self.object = self.part(WeaveSource), self.part(ObjectSource)
         self.cage, self.modal = self.part(TetraCage), self.part(ModalSolver)

@@ -73,6 +73,7 @@ class View(Parameterised):
             *("three-quarter", "isometric", "front", "back", "side", "right", "left", "top"),
             *("bottom", "lying", "face"),
         ],
+        automatic="three-quarter, or lying where z is up in an object",
     )
     size = Vector(
         None,

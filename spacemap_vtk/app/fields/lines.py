@@ -55,7 +55,11 @@ class ChoiceEditor(Editor):
         self.box.activated.connect(self._chosen)
 
     def show_value(self, value: Any) -> None:
-        self.box.setCurrentText(str(value))
+        self.box.setCurrentIndex(self.box.findData(value))
+
+    def show_in_use(self, value: Any) -> None:
+        """Show it in place of a choice."""
+        self.box.setPlaceholderText("" if value is None else str(value))
 
     def _chosen(self) -> None:
         self.edited.emit(self.box.currentData(), 0)

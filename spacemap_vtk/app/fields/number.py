@@ -112,6 +112,8 @@ class NumberEditor(LineEditor):
     def show_in_use(self, value: Any) -> None:
         """Show it in grey, on the slider, too."""
         super().show_in_use(value)
+        if self._bare and value is not None:
+            self.line.setPlaceholderText(self._text(value))
         self._in_use = value if isinstance(value, (int, float)) else None
         if self._value is None:
             self._place_slider()
@@ -190,6 +192,7 @@ class VectorEditor(Editor):
         super().__init__(parameter)
         self.components: list[NumberEditor] = []
         self._value: tuple[Any, ...] | None = None
+        self._in_use: tuple[Any, ...] | None = None
         layout = QGridLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setHorizontalSpacing(6)
@@ -217,6 +220,12 @@ class VectorEditor(Editor):
         for number, editor in enumerate(self.components):
             editor.show_value(None if value is None else value[number])
 
+    def show_in_use(self, value: Any) -> None:
+        """Show the components in grey."""
+        self._in_use = value
+        for number, editor in enumerate(self.components):
+            editor.show_in_use(None if value is None else value[number])
+
     def _restored(self) -> None:
         if all(editor.line.text() == editor.shown for editor in self.components):
             self.restored.emit()
@@ -226,7 +235,7 @@ class VectorEditor(Editor):
             self.edited.emit(AUTOMATIC, burst)  # all components or none
             return
         moved = self.components.index(self.sender())
-        # Of a vector that was automatic, the other components begin at zero.
-        values = list(self._value or [0.0] * len(self.components))
+        # Of a vector that was automatic, the other components begin as they are in use.
+        values = list(self._value or self._in_use or [0.0] * len(self.components))
         values[moved] = 0.0 if written is None else written
         self.edited.emit(values, burst)

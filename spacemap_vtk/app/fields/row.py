@@ -23,7 +23,7 @@ from spacemap_vtk.app.fields.number import NumberEditor, VectorEditor
 from spacemap_vtk.app.fields.pattern import PatternEditor
 from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.app.widgets import column, mark, note, row, tool_button
-from spacemap_vtk.parameters import Integer, Parameter
+from spacemap_vtk.parameters import AUTOMATIC, Integer, Parameter
 from spacemap_vtk.units import pretty
 
 _EDITORS: dict[str, Callable[[Any], Editor]] = {
@@ -60,7 +60,7 @@ class ParameterRow(QWidget):
         self.editor = editor
         self.note = note(name="note")
         self.note.hide()
-        back = f"Back to the default: {pretty(parameter.show(parameter.default))}"
+        back = f"Back to the default: {pretty(parameter.usually)}"
         self.reset = tool_button("↺", back)
         kept = self.reset.sizePolicy()
         kept.setRetainSizeWhenHidden(True)
@@ -162,15 +162,20 @@ class ParameterRow(QWidget):
 
     def _edited(self, written: object, burst: int) -> None:
         if self.parameter.is_automatic(written):
-            written = None  # what is automatic is so by default
+            written = self._automatically
         self.edited.emit(self.parameter.name, written, burst)
+
+    @property
+    def _automatically(self) -> str | None:
+        """What is written of an automatic value: nothing where it is so by default."""
+        return None if self.parameter.optional else AUTOMATIC
 
     def _reset(self) -> None:
         self.edited.emit(self.parameter.name, None, 0)
 
     def _automatic_clicked(self, checked: bool) -> None:
         if checked:
-            self.edited.emit(self.parameter.name, None, 0)
+            self.edited.emit(self.parameter.name, self._automatically, 0)
         elif self.resolved is not None:
             # Begin from what "automatic" has chosen, so that nothing jumps.
             text = self.parameter.show(self.resolved)

@@ -31,7 +31,6 @@ class SupportsEditor(LineEditor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         self.sides: dict[str, QPushButton] = {}
-        self.line.setPlaceholderText("nothing is held")
         grid = QGridLayout()
         grid.setSpacing(4)
         for number, (side, word) in enumerate(_WORDS.items()):
@@ -53,6 +52,10 @@ class SupportsEditor(LineEditor):
             button.setChecked(side in held)
             partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
             button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
+
+    def show_in_use(self, value: Any) -> None:
+        """Show in grey what is held of itself, or that nothing is."""
+        self.line.setPlaceholderText(" ".join(value or ()) or "nothing is held")
 
     def _clicked(self) -> None:
         side = next(s for s, button in self.sides.items() if button is self.sender())

@@ -51,7 +51,7 @@ class Screen:
         self._view = view
         self._refresh()
         if first or moved:
-            self.aim(view.camera)
+            self.aim(view.camera or frame.camera)
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Draw as many pixels as the browser has; they are so many for each of its units."""
