@@ -27,6 +27,8 @@ VALUES: dict[str, Any] = {
     "response": {"gravity": [0.5, -9.8, 2.0]},
 }
 
+TENSION = {"color": "yarn_tension"}
+
 
 def picture_of(
     place: Viewpoint | None = None, show: str = "fabric", **sections: Any
@@ -52,6 +54,7 @@ def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         ("fabric", {"view": {"color": "clearance"}}),
         ("fabric", {"yarns": {}}),
         ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
+        ("fabric", {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION}),
     ],
 )
 def test_pieces_make_the_picture_of_the_whole(
@@ -157,7 +160,7 @@ def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
     whole, picture = picture_of(surface={"subdivisions": 6})
     assert picture.pieces is None
     monkeypatch.setattr(pieces, "_PATCHES", 500)
-    monkeypatch.setattr("spacemap_vtk.draw.picture.fits_picture", lambda *_: False)
+    monkeypatch.setattr("spacemap_vtk.draw.form.fits_picture", lambda *_: False)
     parts, picture = picture_of(surface={"subdivisions": 6})
     assert picture.pieces is not None
     made = picture.pieces._stages

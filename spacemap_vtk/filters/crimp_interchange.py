@@ -103,12 +103,15 @@ class CrimpInterchange(YarnParameters):
         data.AddArray(kept.foot)
         offsets = kept.recrimp.vectors(state.height, stretch, along, normal, kept.precision)
         add_array(data, OFFSET, offsets)
+        tension = whole.tension
+        if tension.size > 2:
+            tension = tension[:, part.picks, part.ends]
         weights = kept.recrimp.weights(state.height, stretch)
         if weights is not None:
             data.SetRationalWeights(to_array(weights, "RationalWeights"))
         # in this order, which no set has: pieces of a cloth are put together, files made again
         for name in [n for n, array in self.arrays.items() if array.association == "cell"]:
-            values = _shown(name, state, whole.tension)
+            values = _shown(name, state, tension)
             if len(values) == 1:
                 values = np.concatenate([values, values])
             add_array(output.GetCellData(), name, values.ravel()[kept.recrimp.crossing])
