@@ -69,6 +69,19 @@ def test_who_waits_for_the_compiler_is_not_ended_there() -> None:
     assert free == [True]
 
 
+def test_who_starts_a_thread_is_not_ended_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, start = [], threading._start_new_thread
+
+    def noted(*given: Any) -> int:
+        found.append(module._spared(threading.get_ident()))
+        return start(*given)
+
+    monkeypatch.setattr(threading, "_start_new_thread", noted)
+    threading.Thread(target=int).start()
+    assert found == [True]
+    assert not module._spared(threading.get_ident())
+
+
 def test_a_thread_is_ended_where_it_stands() -> None:
     interrupt, ends = Interrupt(), []
 

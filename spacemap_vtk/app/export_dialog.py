@@ -44,6 +44,8 @@ class Drawn:
     #: By name.
     sizes: dict[str, tuple[int, int]]
     transparent: bool
+    #: What there is to say of it beforehand.
+    note: str
     #: Refuses what cannot be written: file, size, and how many frames.
     check: Callable[[Path, tuple[int, int], int], None]
 
@@ -219,4 +221,4 @@ class ExportDialog(QDialog):
         words = f"{count} {what}s, {1000 * apart:.4g} ms apart" if count > 1 else f"1 {what}"
         if animation.speed != 1.0:
             words += f"; a second of film is {format_quantity(animation.speed, 's')}"
-        return words
+        return f"{words}. {self._drawn.note}" if self._drawn and self._drawn.note else words

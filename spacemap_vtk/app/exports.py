@@ -214,7 +214,8 @@ class Exports(QObject):
 
         sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._proposal(ending), scene.view.transparent
-        drawn = Drawn(kind, proposal, filters, sizes, transparent, check)
+        note = "" if scene.moves else "Nothing moves in this scene: all frames are the same."
+        drawn = Drawn(kind, proposal, filters, sizes, transparent, note, check)
         animation = scene.animation if kind == "film" else None
         dialog = ExportDialog(self._window, f"Export {kind}", animation, drawn)
         if not dialog.exec():

@@ -3,8 +3,9 @@
 A stage looks up whenever it reports progress. One that does not is ended where it stands, between
 two steps of Python; only a single call into a library, such as the factorisation of one matrix, is
 waited for, an import, as a module that was half imported could not be imported again, and Numba's
-compiler, as one that was ended while it waits for its lock would hold it for ever. What such a
-stage has kept is whole all the same: stages keep results by one assignment at their end.
+compiler, as one that was ended while it waits for its lock would hold it for ever, and a new thread
+until it runs. What such a stage has kept is whole all the same: stages keep results by one
+assignment at their end.
 """
 
 from __future__ import annotations
@@ -88,11 +89,15 @@ class Interrupt:
 
 
 def _spared(thread: int) -> bool:
-    """Return whether a thread imports, or compiles, and must not be ended there."""
+    """Return whether a thread imports, compiles or starts another: it must not be ended there."""
     frame = sys._current_frames().get(thread)
     while frame is not None:
         file = frame.f_code.co_filename
         if file.startswith("<frozen importlib") or _COMPILER in file:
+            return True
+        # Until it runs, a new thread has the number of who starts it, and would get the blow; then
+        # whoever waits for it would wait for ever.
+        if file == threading.__file__ and frame.f_code.co_name == "start":
             return True
         frame = frame.f_back
     return False
