@@ -83,7 +83,7 @@ def test_tetrahedra_have_no_such_measures(command: str, capsys: pytest.CaptureFi
 
 
 def test_a_still_fabric_has_no_cage(capsys: pytest.CaptureFixture[str]) -> None:
-    figures = json.loads(told("info", "handweaving", capsys, "--json"))
+    figures = json.loads(told("info", "twill_2_2", capsys, "--json"))
     assert "elements" not in figures
 
 

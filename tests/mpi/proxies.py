@@ -1,6 +1,6 @@
 """For `pvbatch` under MPI: a scene and a weave, as proxies; counts and files.
 
-mpirun -np 4 pvbatch tests/mpi/proxies.py FOLDER ...
+mpirun -np 3 pvbatch tests/mpi/proxies.py FOLDER ...
 
 Each folder has a scene.toml, and gets its files.
 """
@@ -20,7 +20,7 @@ for folder in sys.argv[1:]:
 
     # A cage from the scene moves a weave from a proxy.
     cage = simple.SceneReader(FileName=scene_file, Show="cage")
-    weave = simple.WeaveSource(Ends=1, Picks=2)
+    weave = simple.WeaveSource(Ends=1, Picks=1)
     warp = simple.BarycentricWarp(Input=weave, Cage=cage)
     surface = simple.PatchTessellator(Input=warp)
     surface.UpdatePipeline(0.05)

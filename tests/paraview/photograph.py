@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from PIL import ImageGrab
+from PIL import ImageChops, ImageGrab
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -49,8 +49,12 @@ def main() -> None:
                         log.seek(0)
                         sys.exit(f"ParaView's script did not end well:\n{log.read()}")
                     time.sleep(0.5)
-                time.sleep(4.0)  # the panel is laid out when the window is idle
-                ImageGrab.grab(xdisplay=os.environ["DISPLAY"]).save(sys.argv[1], optimize=True)
+                # The panel is laid out when the window is idle: nothing changes any more.
+                picture, before = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]), None
+                while before is None or ImageChops.difference(picture, before).getbbox():
+                    time.sleep(1.0)
+                    picture, before = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]), picture
+                picture.save(sys.argv[1], optimize=True)
             finally:
                 window.kill()
                 window.wait()
