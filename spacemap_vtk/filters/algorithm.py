@@ -51,6 +51,8 @@ PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
+#: Of a request: the informations on each input port.
+Inputs = tuple[vtkInformationVector, ...]
 #: Where Python lets go of a stage that VTK still holds, VTK keeps the stage's attributes until it
 #: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
 #: there are VTK objects among them, the table is corrupted, and the program crashes later.
@@ -219,7 +221,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def ProcessRequest(
         self,
         request: vtkInformation,
-        in_info: tuple[vtkInformationVector, ...],
+        in_info: Inputs,
         out_info: vtkInformationVector,
     ) -> int:
         """Answer a request of the executive; an exception is kept for `update`."""
@@ -249,9 +251,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             return 0
         return 1
 
-    def _request_data_object(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         if self.output_type != SAME_AS_INPUT:
             return  # the executive makes an object of the stated type
         source = _OBJECT.Get(in_info[0].GetInformationObject(0))
@@ -260,9 +260,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         if made is None or made.GetClassName() != source.GetClassName():
             info.Set(vtkDataObject.DATA_OBJECT(), source.NewInstance())
 
-    def _request_information(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_information(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         inputs = [vector.GetInformationObject(0) for vector in in_info]
         span = self.time_range(inputs)
         info = out_info.GetInformationObject(0)
@@ -278,9 +276,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         else:
             info.Remove(_TIME_STEPS)
 
-    def _request_data(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_data(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         self._error = None
         self._warnings.clear()
         self._executions += 1
@@ -337,9 +333,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
         self.run(inputs, output, time)
 
-    def _request_update_extent(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         """Ask for the same piece above, as the executive has, with ghosts; for all where needed."""
         piece = _piece_of(out_info.GetInformationObject(0))
         if piece.of == 1:

@@ -19,6 +19,7 @@ from spacemap_vtk.datasets.arrays import add_array, points_of
 from spacemap_vtk.datasets.extent import UP, tell_bounds, upright
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.io.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import Choice, FilePath, Real, Vector
@@ -177,9 +178,7 @@ class ObjectSource(Stage):
         mover.Update()
         output.ShallowCopy(mover.GetOutput())
 
-    def _request_data_object(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         kind = "vtkPolyData"
         try:
             if self.file is None or self._kind is None or self._kind[0] != self._state():

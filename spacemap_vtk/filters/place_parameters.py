@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from spacemap_vtk.errors import InputError
@@ -24,9 +24,14 @@ class Places(Parameter[tuple[str, ...]]):
     kind = "places"
     annotation = "str or sequence of str"
 
+    #: What each place is, the units of its quantity, and whether it has all components.
+    what: str = "support"
+    units: Sequence[str] = ()
+    whole = False
+
     def read(self, text: str) -> list[Region]:
         """Return the places in a text."""
-        raise NotImplementedError
+        return parse(text, self.units, what=self.what, whole=self.whole)
 
     def convert(self, value: Any) -> tuple[str, ...]:
         """Return the places, each once and in canonical form, sides first."""
@@ -48,39 +53,26 @@ class Supports(Places):
     kind = "supports"
     form = f"{ALLOWED}, {_HELD.format('held')}{_SEVERAL}"
 
-    def read(self, text: str) -> list[Region]:
-        """Return the supports in a text."""
-        return parse(text)
-
 
 class RigidPlaces(Places):
     """Places that move as one rigid piece each."""
 
+    what, whole = BODY, True
     form = ALLOWED + _SEVERAL
-
-    def read(self, text: str) -> list[Region]:
-        """Return the places in a text."""
-        return parse(text, what=BODY, whole=True)
 
 
 class Springs(Places):
     """Places with a stiffness."""
 
+    what, units = "spring", SPRINGS
     form = (
         f"{ALLOWED}, {_HELD.format('that it acts along')}, and a stiffness in N/m or, of a side, "
         f'N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
     )
 
-    def read(self, text: str) -> list[Region]:
-        """Return the springs in a text."""
-        return parse(text, SPRINGS, what="spring")
-
 
 class Masses(Places):
     """Places with a mass."""
 
+    what, units, whole = "mass", MASSES, True
     form = f'{ALLOWED}, each with a mass, as in "sphere(0, 0, 0, 1 mm) 5 g"{_SEVERAL}'
-
-    def read(self, text: str) -> list[Region]:
-        """Return the masses in a text."""
-        return parse(text, MASSES, what="mass", whole=True)

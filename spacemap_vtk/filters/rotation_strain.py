@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.errors import naming
+from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.response import Motion
@@ -122,9 +123,7 @@ class RotationStrain(Stage):
         """
         return self._kernel(cage).largest(linear)
 
-    def _request_update_extent(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         super()._request_update_extent(in_info, out_info)
         for stage in self.upstream():
             if isinstance(stage, Stage):

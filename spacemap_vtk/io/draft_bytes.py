@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
+from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.io.wif_text import MAX_LENGTH
 
 #: Most crossings of ends and picks in a draft: 4096 by 4096, a wide jacquard.
@@ -23,6 +27,22 @@ def content(path: Path) -> bytes:
     if len(data) > MAX_LENGTH:
         raise SizeError("the file is too long", allowed=f"up to {MAX_LENGTH} bytes")
     return data
+
+
+def color_table(draft: Draft) -> tuple[list[list[int]], list[tuple[int, ...]]]:
+    """Return each end's and each pick's place in a table of colours, from 0 on, and the table."""
+    # A family without colours gets the one that it is woven in here.
+    place: dict[tuple[int, ...], int] = {}
+    places = [
+        [place.setdefault(tuple(color), len(place)) for color in own.tolist()]
+        for own in (
+            np.resize(np.array(usual, np.uint8), (count, 3)) if each.colors is None else each.colors
+            for each, count, usual in zip(
+                (draft.warp, draft.weft), draft.size, (WARP_COLOR, WEFT_COLOR), strict=True
+            )
+        )
+    ]
+    return places, list(place)
 
 
 def unreadable(error: Exception) -> InputError:

@@ -16,7 +16,6 @@ A text of sections that begin with @@, each with keys (%%) and lines:
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,9 +25,8 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom, Rows
-from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import Lengths
-from spacemap_vtk.io.draft_bytes import check_size, content, loose_notes
+from spacemap_vtk.io.draft_bytes import check_size, color_table, content, loose_notes
 from spacemap_vtk.io.wif_text import MAX_NUMBER, Notes, decode, whole
 
 #: Metres in a unit of spacing: what Fiberworks makes of it in a WIF.
@@ -242,14 +240,7 @@ def format_dtx(draft: Draft) -> bytes:
         loom = Loom.from_drawdown(draft.drawdown)
     sinking = [] if loom.rising else ["%%%%sinking"]
     ends, picks = draft.size
-    number: dict[tuple[int, ...], int] = {}
-    colors = [
-        [number.setdefault(tuple(color), len(number)) for color in family.tolist()]
-        for family in (
-            _own(draft.warp, ends, WARP_COLOR),
-            _own(draft.weft, picks, WEFT_COLOR),
-        )
-    ]
+    colors, table = color_table(draft)
     sections: dict[str, list[str]] = {
         "Info": [
             f"%%shafts {loom.shafts}",
@@ -273,7 +264,7 @@ def format_dtx(draft: Draft) -> bytes:
             "".join("01"[shaft in lifted] for shaft in range(1, loom.shafts + 1))
             for lifted in loom.liftplan
         ]
-    sections["Color Palet"] = [",".join(map(str, color)) for color in number]
+    sections["Color Palet"] = [",".join(map(str, color)) for color in table]
     for name, own, count, indices in (
         ("Warp", draft.warp, ends, colors[0]),
         ("Weft", draft.weft, picks, colors[1]),
@@ -289,12 +280,6 @@ def format_dtx(draft: Draft) -> bytes:
     blocks = {"StartDTX": ["%%version 1"], "Contents": [*names, "EndDTX"], **sections, "EndDTX": []}
     text = "\r\n".join("\r\n".join([f"@@{name}", *lines, ""]) for name, lines in blocks.items())
     return text.encode("utf-8", errors="replace")
-
-
-def _own(threads: DraftThreads, count: int, color: Sequence[int]) -> NDArray[np.uint8]:
-    if threads.colors is not None:
-        return threads.colors
-    return np.resize(np.array(color, np.uint8), (count, 3))
 
 
 def _wrapped(words: list[str]) -> list[str]:

@@ -66,14 +66,14 @@ class Reader:
     function: Callable[[Path], Any]
     #: Called with the path first; refuses a file that VTK's reader would crash on, or take for
     #: whole though it is truncated.
-    check: Callable[[Path], None] | None
+    check: Callable[[Path], None] | None = None
     #: Whether short lists name it.
-    common: bool
+    common: bool = True
     #: Whether such files hold other things as well: none is opened as a scene of its own, but they
     #: are read where they are named.
-    general: bool
+    general: bool = False
     #: Whether it reads files of all endings that nobody else reads.
-    rest: bool
+    rest: bool = False
 
     def read(self, path: Path) -> Any:
         """Read a file."""
@@ -93,19 +93,19 @@ class Writer:
     #: Of a file in a folder that is new and may take others beside it, and what it is to hold.
     write: Callable[..., None]
     #: Whether `write` takes not the data but pairs of time in s and data, one after another.
-    times: bool
+    times: bool = False
     #: Whether it takes the pieces that make up the data, one after another.
-    pieces: bool
+    pieces: bool = False
     #: Refuses a file, before any work is done for it, where a library is missing.
-    require: Callable[[Path], None] | None
+    require: Callable[[Path], None] | None = None
     #: Tells what of the data the format cannot hold, in sentences.
-    loses: Callable[[Any], list[str]] | None
+    loses: Callable[[Any], list[str]] | None = None
     #: Whether it holds colours that stand for numbers and change with time.
-    numbers: bool
+    numbers: bool = False
     #: Bytes that what moves may take in single precision.
-    most: int
+    most: int = 2**32
     #: Whether pictures may have a fourth number for each pixel, how much of it is covered.
-    alpha: bool
+    alpha: bool = False
 
     def check(self, path: Path) -> None:
         """Refuse a file that cannot be written here."""
@@ -117,47 +117,25 @@ _readers: list[Reader] = []
 _writers: list[Writer] = []
 
 
-def reads(
-    *endings: str,
-    label: str,
-    holds: str,
-    check: Callable[[Path], None] | None = None,
-    common: bool = True,
-    general: bool = False,
-    rest: bool = False,
-) -> Callable[[_F], _F]:
-    """Register a function of a path as the reader of files of some endings."""
-
+def reads(*endings: str, label: str, holds: str, **more: Any) -> Callable[[_F], _F]:
+    """Register a function of a path as the reader of files of some endings; more as in `Reader`."""
     _require_known([holds], READ)
 
     def register(function: _F) -> _F:
         _builtin()
-        _readers.append(Reader(endings, label, holds, function, check, common, general, rest))
+        _readers.append(Reader(endings, label, holds, function, **more))
         return function
 
     return register
 
 
-def writes(
-    *endings: str,
-    label: str,
-    holds: tuple[str, ...],
-    times: bool = False,
-    pieces: bool = False,
-    require: Callable[[Path], None] | None = None,
-    loses: Callable[[Any], list[str]] | None = None,
-    numbers: bool = False,
-    most: int = 2**32,
-    alpha: bool = False,
-) -> Callable[[_F], _F]:
-    """Register a function of a path and data as the writer of files of some endings."""
-
+def writes(*endings: str, label: str, holds: tuple[str, ...], **more: Any) -> Callable[[_F], _F]:
+    """Register a function of a path and data as their writer; more as in `Writer`."""
     _require_known(holds, {**DATA, **DRAWN})
 
     def register(function: _F) -> _F:
         _builtin()
-        kinds = times, pieces, require, loses, numbers, most, alpha
-        _writers.append(Writer(endings, label, holds, function, *kinds))
+        _writers.append(Writer(endings, label, holds, function, **more))
         return function
 
     return register

@@ -20,11 +20,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom, Rows
-from spacemap_vtk.io.draft_bytes import MAX_CROSSINGS, loose_threads
+from spacemap_vtk.io.draft_bytes import MAX_CROSSINGS, content, loose_threads
 from spacemap_vtk.io.wif_text import (
     MAX_LENGTH,
     MAX_NUMBER,
@@ -48,20 +49,10 @@ _CURE = "Check that it is a whole WIF file, or export it again from the weaving 
 def read_wif(path: str | os.PathLike[str]) -> Draft:
     """Read a Weaving Information File."""
     try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_LENGTH + 1)
-        return parse_wif(data)
-    except (OSError, ValueError) as error:
-        if not isinstance(error, InputError):
-            # A ValueError is a path with a null character.
-            reason = getattr(error, "strerror", None) or str(error)
-            error = InputError(
-                f"the draft can't be read ({reason})",
-                allowed="a WIF file",
-                cure="Check the name of the file",
-            )
+        return parse_wif(content(Path(path)))
+    except InputError as error:
         error.file = os.fsdecode(path)
-        raise error from None
+        raise
 
 
 def parse_wif(data: str | bytes) -> Draft:

@@ -8,12 +8,11 @@ from collections.abc import Iterable, Sequence
 from decimal import Decimal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.fabric.threads import Lengths
+from spacemap_vtk.io.draft_bytes import color_table
 
 
 def format_wif(draft: Draft) -> bytes:
@@ -25,15 +24,8 @@ def format_wif(draft: Draft) -> bytes:
     loom = draft.loom
     if loom is None or not _weaves(loom, draft):
         loom = Loom.from_drawdown(draft.drawdown)
-    numbers, table = _color_table(
-        *(
-            np.resize(np.array(color, np.uint8), (count, 3)) if own.colors is None else own.colors
-            for own, count, color in (
-                (draft.warp, draft.size[0], WARP_COLOR),
-                (draft.weft, draft.size[1], WEFT_COLOR),
-            )
-        )
-    )
+    places, table = color_table(draft)
+    numbers = [[place + 1 for place in family] for family in places]
     sections: dict[str, list[str]] = {
         "TEXT": [
             *([f"Title={title}"] if (title := _one_line(draft.title)) else []),
@@ -97,18 +89,6 @@ def _family(count: int, colors: Sequence[int], threads: DraftThreads) -> list[st
         if lengths is not None:
             lines.append(f"{name}={_centimetres(float(np.mean(lengths)))}")
     return lines
-
-
-def _color_table(
-    *families: NDArray[np.uint8],
-) -> tuple[list[list[int]], list[tuple[int, ...]]]:
-    """Return the number in the table of each thread's colour, and the table."""
-    number: dict[tuple[int, ...], int] = {}
-    numbers = [
-        [number.setdefault(tuple(color), len(number) + 1) for color in family.tolist()]
-        for family in families
-    ]
-    return numbers, list(number)
 
 
 def _centimetres(length: float) -> str:

@@ -38,23 +38,6 @@ class Fittings(NamedTuple):
     mass_factors: FloatArray | None = None
     """(T,), by which its density is."""
 
-    def scaled(self, modulus: float, density: float) -> Fittings:
-        """Return them for unit modulus and density.
-
-        Parameters
-        ----------
-        modulus, density : float
-            Of the material.
-
-        Returns
-        -------
-        Fittings
-            With springs and masses divided by these.
-        """
-        springs = None if self.springs is None else self.springs / modulus
-        masses = None if self.masses is None else self.masses / density
-        return self._replace(springs=springs, masses=masses)
-
     @property
     def given(self) -> dict[str, NDArray[Any]]:
         """Those that there are, by name."""

@@ -9,6 +9,7 @@ on that thickness; bending does, see `MeasuredFabric.plate`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -123,70 +124,40 @@ class MeasuredFabric(NamedTuple):
         )
 
 
-#: Fabrics by name. The source has a tenth (navy-sparkle-sweat, a sweater), whose C22 at no strain,
-#: 3 N/m, is an eightieth of that at the next strain.
-FABRICS = {
-    "denim": MeasuredFabric(
-        "11oz-black-denim",
-        "jeans, 99 % cotton, 1 % elastane",
-        0.324,
-        (205.352005, 10.234077, 1013.88629, 53.387184),
-        (64.196457e-6, 73.384567e-6, 96.951576e-6),
-    ),
-    "trousers": MeasuredFabric(
-        "royal-target",
-        "trousers, 65 % cotton, 35 % polyester",
-        0.220,
-        (2016.55456, 9.170511, 2034.97644, 104.759674),
-        (125.409805e-6, 107.997696e-6, 125.409805e-6),
-    ),
-    "tablecloth": MeasuredFabric(
-        "white-dots-on-blk",
-        "tablecloth, polyester",
-        0.128,
-        (2002.08618, 0.345588, 2027.48559, 19.189022),
-        (51.713814e-6, 40.659470e-6, 31.282822e-6),
-    ),
-    "blanket": MeasuredFabric(
-        "pink-ribbon-brown",
-        "blanket, polyester",
-        0.228,
-        (151.503906, 106.028160, 244.830673, 30.250183),
-        (117.070122e-6, 87.509773e-6, 59.774277e-6),
-    ),
-    "jacket": MeasuredFabric(
-        "tango-red-jet-set",
-        "jacket, polyester",
-        0.113,
-        (43.067627, 54.373299, 171.424835, 14.314700),
-        (14.293814e-6, 21.951700e-6, 20.345654e-6),
-    ),
-    "t-shirt": MeasuredFabric(
-        "gray-interlock",
-        "T-shirt, interlock knit, 60 % cotton, 40 % polyester",
-        0.187,
-        (16.593832, -14.695990, 34.477123, 36.860302),
-        (23.191698e-6, 24.749964e-6, 14.267624e-6),
-    ),
-    "rib-knit": MeasuredFabric(
-        "ivory-rib-knit",
-        "underwear, rib knit, 95 % cotton, 5 % elastane",
-        0.276,
-        (42.871021, -0.234556, 65.166023, 83.175644),
-        (46.237591e-6, 30.015930e-6, 32.243889e-6),
-    ),
-    "ponte-knit": MeasuredFabric(
-        "camel-ponte-roma",
-        "jacket, double knit, 60 % polyester, 40 % rayon",
-        0.284,
-        (31.146198, -12.802702, 44.028667, 31.896357),
-        (36.348366e-6, 33.013252e-6, 37.157593e-6),
-    ),
-    "swimsuit": MeasuredFabric(
-        "white-swim-solid",
-        "swimsuit, 87 % nylon, 13 % elastane",
-        0.204,
-        (47.971176, 6.834521, 104.615456, 60.773663),
-        (60.237942e-6, 58.803211e-6, 51.018833e-6),
-    ),
+#: What each is in the source, and what it is sold for. That has a tenth (navy-sparkle-sweat, a
+#: sweater), whose C22 at no strain, 3 N/m, is an eightieth of that at the next strain.
+_SOLD = {
+    "denim": ("11oz-black-denim", "jeans, 99 % cotton, 1 % elastane"),
+    "trousers": ("royal-target", "trousers, 65 % cotton, 35 % polyester"),
+    "tablecloth": ("white-dots-on-blk", "tablecloth, polyester"),
+    "blanket": ("pink-ribbon-brown", "blanket, polyester"),
+    "jacket": ("tango-red-jet-set", "jacket, polyester"),
+    "t-shirt": ("gray-interlock", "T-shirt, interlock knit, 60 % cotton, 40 % polyester"),
+    "rib-knit": ("ivory-rib-knit", "underwear, rib knit, 95 % cotton, 5 % elastane"),
+    "ponte-knit": ("camel-ponte-roma", "jacket, double knit, 60 % polyester, 40 % rayon"),
+    "swimsuit": ("white-swim-solid", "swimsuit, 87 % nylon, 13 % elastane"),
 }
+#: Mass [kg/m²]; C11, C12, C22, C33 [N/m]; bending along direction 1, the bias and 2 [µN m].
+_MEASURED = """
+denim      0.324 205.352005  10.234077 1013.88629  53.387184  64.196457  73.384567  96.951576
+trousers   0.220 2016.55456   9.170511 2034.97644 104.759674 125.409805 107.997696 125.409805
+tablecloth 0.128 2002.08618   0.345588 2027.48559  19.189022  51.713814  40.659470  31.282822
+blanket    0.228 151.503906 106.028160 244.830673  30.250183 117.070122  87.509773  59.774277
+jacket     0.113  43.067627  54.373299 171.424835  14.314700  14.293814  21.951700  20.345654
+t-shirt    0.187  16.593832 -14.695990  34.477123  36.860302  23.191698  24.749964  14.267624
+rib-knit   0.276  42.871021  -0.234556  65.166023  83.175644  46.237591  30.015930  32.243889
+ponte-knit 0.284  31.146198 -12.802702  44.028667  31.896357  36.348366  33.013252  37.157593
+swimsuit   0.204  47.971176   6.834521 104.615456  60.773663  60.237942  58.803211  51.018833
+"""
+
+
+def _fabrics() -> Iterator[tuple[str, MeasuredFabric]]:
+    for name, *words in map(str.split, _MEASURED.strip().splitlines()):
+        mass, c11, c12, c22, c33 = map(float, words[:5])
+        along, askew, across = (float(f"{word}e-6") for word in words[5:])
+        bending = along, askew, across
+        yield name, MeasuredFabric(*_SOLD[name], mass, (c11, c12, c22, c33), bending)
+
+
+#: Fabrics by name.
+FABRICS = dict(_fabrics())

@@ -106,7 +106,10 @@ class Model:
             np.asarray(held, dtype=bool),
             self.lumped,
             self.displacement,
-            fittings.scaled(self.modulus, self.density),
+            fittings._replace(
+                springs=None if fittings.springs is None else fittings.springs / self.modulus,
+                masses=None if fittings.masses is None else fittings.masses / self.density,
+            ),
         )
 
     @property
