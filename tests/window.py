@@ -71,7 +71,8 @@ def as_new(window: Any) -> Any:
     tools = window.tools
     for action, on in (
         (tools.shown["fabric"], True),
-        (tools.shown["cage"], True),
+        *((tools.shown[name], True) for name in ("cage", "triad", "scale_bar")),
+        (tools.turntable, False),
         (tools.keys.wireframe, False),
         (tools.orthographic, False),
     ):

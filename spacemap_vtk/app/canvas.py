@@ -5,13 +5,13 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable
 from importlib import import_module, util
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PySide6.QtCore import Signal
 from PySide6.QtGui import QImage, QKeyEvent
 from PySide6.QtWidgets import QWidget
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
@@ -67,12 +67,14 @@ _COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
 class Canvas(_Widget):
     """Shows one renderer, lit, that the mouse turns as in every VTK program."""
 
+    #: It is about to draw.
+    painting = Signal()
+
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self._painting = False
-        #: Seconds that the last picture took, and what is done before each.
+        #: Seconds that the last picture took.
         self.took = 0.0
-        self.before: Callable[[], None] = lambda: None
         self.renderer = lit_renderer()
         self.render_window: vtkRenderWindow = self.GetRenderWindow()
         self.render_window.SetMultiSamples(0)
@@ -111,7 +113,7 @@ class Canvas(_Widget):
         state.Push()
         state.vtkglDepthFunc(_LEQUAL)
         self._painting = True
-        self.before()
+        self.painting.emit()
         begin = perf_counter()
         try:
             # Not the window's own Render: VTK lets go of Python's lock in that. Then its collector,

@@ -129,7 +129,12 @@ class Files(QObject):
         height, width, _ = view.image().shape
         times = [view.frame.time]
         order = Order("picture", path, times, (width, height), view.panels(scene), view.place)
-        return record_of(scene, order.told, times)
+        before = scene.view.settings
+        try:
+            scene.view.configure(**view.settings)
+            return record_of(scene, order.told, times)
+        finally:
+            scene.view.configure(**before)
 
     def may_leave(self) -> bool:
         """Ask what becomes of unsaved changes."""

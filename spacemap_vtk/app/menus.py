@@ -122,7 +122,10 @@ class Menus(QObject):
             ("Style", [*tools.styles.values()]),
             ("Background", [*tools.backgrounds.values()]),
         ):
-            menu.addMenu(name).addActions(choices)
+            inside = menu.addMenu(name)
+            inside.addActions(choices)
+            if name == "Camera":
+                inside.addMenu("Zoom").addActions(tools.keys.cameras)
         menu.addSeparator()
         inside = menu.addMenu("Window")
         for shown in panels:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +108,7 @@ class View3D(QWidget):
         self._stood: Viewpoint | None = None
         #: Whether the last picture was of something that moves, and such take little time.
         self._moved, self._quick = False, True
-        self.plotter.before = self._preparing()
+        self.plotter.painting.connect(self._prepare)
         self._observe_camera()
         #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
         self._aimed_for = 0.0, False, False
@@ -215,17 +214,9 @@ class View3D(QWidget):
         folds = frame.cloth is None or frame.yarns is not None
         self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
-    def _preparing(self) -> Callable[[], None]:
-        """Return what is done before each picture."""
-        me = weakref.ref(self)
-
-        def prepare() -> None:
-            here = me()
-            if here is not None:
-                here._smooth()
-                here._place_signs()
-
-        return prepare
+    def _prepare(self) -> None:
+        self._smooth()
+        self._place_signs()
 
     def _smooth(self) -> None:
         # Smooth edges take a third of a frame's time in software, as long for each pixel whatever
@@ -372,6 +363,13 @@ class View3D(QWidget):
     def place(self) -> Viewpoint:
         """Where the camera stands."""
         return Viewpoint.of(self.plotter.camera)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What a scene's view would have to say to look as this does."""
+        view, look = self._view or View(), self.look
+        triad, bar = look.triad or view.triad, look.scale_bar or view.scale_bar
+        return {**view.settings, "triad": triad, "scale_bar": bar}
 
     def panels(self, scene: Scene) -> list[str]:
         """Return what a picture of a scene shows that shows what is seen here."""

@@ -190,6 +190,7 @@ class ViewBar(QToolBar):
             *self.shown.values(),
             self.hang,
             *self.camera_choices,
+            *self.keys.cameras,
             *self.keys.looks,
             self.clip,
             *self.clip_sides,
@@ -200,8 +201,7 @@ class ViewBar(QToolBar):
     @property
     def camera_choices(self) -> list[QAction]:
         """What concerns the camera."""
-        ways = [*self.cameras.values(), *self.keys.cameras]
-        return [*ways, self.orthographic, self.turntable]
+        return [*self.cameras.values(), self.orthographic, self.turntable]
 
     def _toggled(self, on: bool) -> None:
         name = self.sender().data()
