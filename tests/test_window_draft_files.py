@@ -222,16 +222,31 @@ def test_a_draft_is_a_document(
 
     def answer(_parent: Any, *about: str) -> tuple[str, str]:
         asked.append(about)
-        return "", ""
+        return next(answers, ("", ""))
+
+    twill.unlink()
+    # Another kind of file is chosen, its name left as it is proposed.
+    answers = iter([(str(file), "Scenes (*.toml)")])
 
     monkeypatch.setattr(QFileDialog, "getSaveFileName", answer)
+    window.menus.actions["Save as…"].trigger()
+    assert window.document.file == twill
+    assert Scene.read(twill).cage.divisions == (3, 3, 1)
+    asked.clear()
+    # A draft in place of a draft is another document.
+    window.document.open(file)
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(other), ""))
+    other = file.with_name("other.wif")
+    other.write_bytes(original)
+    window.draft.opened.click()
+    assert window.document.file == other
     # A format that is only read.
     file.rename(other := file.with_suffix(".wifw"))
     window.document.open(other)
     window.menus.actions["Save"].trigger()
     window.document.open("twill_2_2")
     window.menus.actions["Save as…"].trigger()
-    assert [about[1] for about in asked] == [str(file), str(Path.cwd() / "twill_2_2.toml")]
+    assert [about[1] for about in asked] == [str(file), str(file.parent / "twill_2_2.toml")]
     assert "no .wifw can be written" in asked[0][0]
 
 

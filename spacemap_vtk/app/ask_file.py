@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from PySide6.QtCore import QSettings
@@ -22,9 +23,16 @@ def keep_folder(file: Path) -> Path:
 
 def ask_file(parent: QWidget, title: str, proposal: str, filters: str, ending: str) -> Path | None:
     """Ask where to write: as is proposed, or so in the folder that was used last."""
-    name, _ = QFileDialog.getSaveFileName(parent, title, str(last_folder() / proposal), filters)
-    path = ended(parent, Path(name), ending) if name else None
-    return path and keep_folder(path)
+    begin = last_folder() / proposal
+    name, chosen = QFileDialog.getSaveFileName(parent, title, str(begin), filters)
+    if not name:
+        return None
+    path, kinds = Path(name), re.findall(r"\*(\.\w+)", chosen)
+    if path == begin and kinds and begin.suffix not in kinds:
+        # As it was proposed, but another kind of file is chosen.
+        path, ending = path.with_suffix(""), kinds[0]
+    whole = ended(parent, path, ending)
+    return whole and keep_folder(whole)
 
 
 def ask_opened(parent: QWidget, title: str, filters: str) -> str:

@@ -261,6 +261,7 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.modes.response.follow)
         self.draft.held.connect(self.director.hold)
         self.draft.saved.clicked.connect(self.files.save_draft)
+        self.draft.left.connect(self.files.leave_for)
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)

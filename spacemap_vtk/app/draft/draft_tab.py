@@ -30,7 +30,7 @@ from spacemap_vtk.app.widgets import column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
-from spacemap_vtk.io.registry import draft_filters
+from spacemap_vtk.io.registry import draft_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 
 #: During a stroke the scene is changed so seldom that it takes this share of the time.
@@ -46,6 +46,8 @@ class DraftTab(QWidget):
     failed = Signal(object)
     #: A number was changed or a stroke ended: errors of before are of no interest.
     accepted = Signal()
+    #: Another draft is to be opened in place of one that was opened, too.
+    left = Signal(str)
     #: Whether a stroke goes on.
     held = Signal(bool)
 
@@ -107,7 +109,9 @@ class DraftTab(QWidget):
     def open(self) -> None:
         """Ask for a draft, and weave it in this scene."""
         name = ask_opened(self, "Open draft", draft_filters())
-        if name:
+        if name and self._document.opened_draft and kind_of(Path(name)) == "draft":
+            self.left.emit(name)
+        elif name:
             path = str(Path(name).resolve())
             self._change({**dict.fromkeys(DRAFTED), "draft": path}, "draft")
 
