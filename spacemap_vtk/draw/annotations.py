@@ -98,6 +98,12 @@ class Annotations:
         for prop in self.props:
             prop.VisibilityOn()
 
+    @property
+    def written(self) -> bool:
+        """Whether anything is written over the view."""
+        stamped = self._view.time_stamp and self._time is not None
+        return stamped or self._scaled or self._triad or self._bar or bool(self.labels)
+
     def axis_at(self, x: float, y: float) -> NDArray[np.float64] | None:
         """Return which way an axis ends at a drawn pixel, as a vector; None where none does."""
         if self.ends is None:

@@ -213,12 +213,14 @@ def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: 
 def metres_from(camera: vtkCamera, depths: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return how far from a camera is what OpenGL has these depths of; nan where nothing is."""
     near, far = camera.GetClippingRange()
+    distance = depths * np.float32(far - near)
     if camera.GetParallelProjection():
-        distance = near + depths * (far - near)
+        distance += np.float32(near)
     else:
-        distance = near * far / (far - depths * (far - near))
+        np.subtract(np.float32(far), distance, out=distance)
+        np.divide(np.float32(near * far), distance, out=distance)
     distance[depths >= 1.0] = np.nan
-    return distance.astype(np.float32)
+    return distance
 
 
 def pixels_of(camera: vtkCamera, height: float) -> float:

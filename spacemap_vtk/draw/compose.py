@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageChops
 
 Background = Image.Image
+#: A part of a picture, in rows and columns from the top, and by what its light is multiplied.
+Shade = tuple[tuple[slice, slice], NDArray[np.float32]]
 #: Shares of a step between two colours, in an order that no eye finds again (Bayer 1973).
 _DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
 
@@ -26,19 +28,20 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
 
 
 def composed(
-    pixels: NDArray[np.uint8], shade: NDArray[np.float32] | None, behind: Background
+    pixels: NDArray[np.uint8], behind: Background, shade: Shade | None = None
 ) -> NDArray[np.uint8]:
     """Return a picture of a background's size; with the share covered, over one of that size."""
     # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
     size = pixels.shape[1], pixels.shape[0]
+    if shade is not None:
+        box, light = pixels[shade[0]], Image.fromarray((shade[1] * 255 + 0.5).astype(np.uint8))
+        whole = Image.new("L", light.size, 255)
+        lit = Image.frombuffer("RGBX", light.size, np.ascontiguousarray(box), "raw", "RGBX", 0, 1)
+        shades = Image.merge("RGBX", (light, light, light, whole))
+        box[:] = np.asarray(ImageChops.multiply(lit, shades))
     # Upside down, as OpenGL has it, until it is smaller.
     turned = np.ascontiguousarray(pixels[::-1])
     drawn = Image.frombuffer("RGBX", size, turned, "raw", "RGBX", 0, 1)
-    if shade is not None:
-        light = Image.fromarray((shade[::-1] * 255 + 0.5).astype(np.uint8))
-        drawn = ImageChops.multiply(
-            drawn, Image.merge("RGBX", (light, light, light, Image.new("L", size, 255)))
-        )
     small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
     if behind.mode == "RGBA":  # what is behind it is not known yet
         return _uncovered(np.asarray(small))

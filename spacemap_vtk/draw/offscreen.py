@@ -12,7 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.draw.camera import front_of, lit_renderer, metres_from
+from spacemap_vtk.draw.camera import front_of, lit_renderer
 from spacemap_vtk.draw.graphics import prepare_offscreen
 
 
@@ -26,7 +26,7 @@ class Offscreen:
         self.render_window = _window(size, samples, pixels)
         self.render_window.AddRenderer(self.renderer)
         # New memory for each frame would have to be cleared first.
-        self._pixels, self._depth = vtkUnsignedCharArray(), vtkFloatArray()
+        self._pixels, self._depths = vtkUnsignedCharArray(), (vtkFloatArray(), vtkFloatArray())
         #: Draws over all else; None while nothing is to be.
         self.front: vtkRenderer | None = None
 
@@ -59,22 +59,28 @@ class Offscreen:
             self.front.SetDraw(front)
         self.renderer.SetPreserveColorBuffer(over)
         self.renderer.SetPreserveDepthBuffer(over)
+        # One sample a pixel is read where it is drawn, and copied nowhere.
+        self.render_window.SetSwapBuffers(self._sampled)
         self.render_window.Render()
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return red, green, blue, and how much is covered; until it is asked for again."""
         width, height = self.size
-        # From the buffer in front: the one behind holds all samples, and whoever reads it gets a
+        # Of several from the buffer in front: the one behind holds all, and whoever reads it gets a
         # plain mean of them.
-        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 1, self._pixels, 0)
+        front = self._sampled
+        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
-    def depth(self) -> NDArray[np.float32]:
-        """Return how far from the camera is what was drawn last."""
+    def depths(self, over: bool = False) -> NDArray[np.float32]:
+        """Return OpenGL's depths, 1 where nothing is; until they are asked for again."""
         width, height = self.size
-        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
-        z = vtk_to_numpy(self._depth).reshape(height, width)[::-1]
-        return metres_from(self.camera, z)
+        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[over])
+        return vtk_to_numpy(self._depths[over]).reshape(height, width)[::-1]
+
+    @property
+    def _sampled(self) -> bool:
+        return self.render_window.GetMultiSamples() > 1
 
     def close(self) -> None:
         """Free the window."""

@@ -12,9 +12,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.camera import Viewpoint, aim, pixels_of, upward
+from spacemap_vtk.draw.camera import Viewpoint, aim, metres_from, pixels_of, upward
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.compose import Background, composed, gradient, nothing
+from spacemap_vtk.draw.compose import Background, Shade, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
@@ -22,7 +22,7 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
-from spacemap_vtk.draw.shading import contact_shade
+from spacemap_vtk.draw.shading import contact_shade, part_with
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
@@ -172,7 +172,7 @@ class Picture:
         self._choose_range(window, pieces)
         # A sheet has the shadows of its yarns in its colours.
         shaded = shaded and (self.sheet is None or pieces is not None)
-        signs = any(sign.GetVisibility() for sign in (*shown.signs, *shown.over))
+        signs = shown.overlaid
         # What is drawn once solids have their shadows, or their pieces are all there.
         over = pieces is not None or (shaded and signs)
         others = (*shown.signs, shown.ghost, shown.ground, *shown.over)
@@ -184,16 +184,16 @@ class Picture:
         window.render(front=not over)
         if pieces is not None:
             self._draw_pieces(panel, frame, pieces)
-        depths = [window.depth()] if shaded else []
+        depths = [window.depths()] if shaded else []
         if over:
             for solid in shown.solids:
                 solid.VisibilityOff()
             for prop in later:
                 prop.VisibilityOn()
             window.render(over=True)
-            depths += [window.depth()] if shaded and signs else []
+            depths += [window.depths(over)] if shaded and signs else []
         shade = self._shade(panel, *depths) if depths else None
-        return composed(window.pixels(), shade, behind)
+        return composed(window.pixels(), behind, shade)
 
     def _choose_range(self, window: Offscreen, pieces: DrawnPieces | None) -> None:
         window.renderer.ResetCameraClippingRange()
@@ -216,19 +216,26 @@ class Picture:
     def _shade(
         self,
         panel: _Panel,
-        depth: NDArray[np.float32],
+        depths: NDArray[np.float32],
         signs: NDArray[np.float32] | None = None,
-    ) -> NDArray[np.float32]:
-        """Return by what each pixel's light is to be multiplied."""
-        pixels = self._relief * pixels_of(panel.window.camera, len(depth))
+    ) -> Shade | None:
+        """Return by what the light of pixels is to be multiplied, where it is at all."""
+        window, height = panel.window, len(depths)
+        pixels = self._relief * pixels_of(window.camera, height)
+        box = part_with(depths < 1.0, pixels)
+        if box is None:
+            return None
+        depth = metres_from(window.camera, depths[box])
         shade = contact_shade(depth, self._relief, pixels, self.scene.view.look.occlusion)
         if signs is not None:
             # A sign is no thing in the room: it neither casts a shadow nor stands in one.
-            shade[np.nan_to_num(signs, nan=np.inf) < np.nan_to_num(depth, nan=np.inf)] = 1.0
-        for box in panel.shown.annotations.boxes:
-            left, low, right, high = map(round, box)
-            shade[len(shade) - high : len(shade) - low, left:right] = 1.0
-        return shade
+            shade[signs[box] < depths[box]] = 1.0
+        top, first = (side.start for side in box)
+        for edges in panel.shown.annotations.boxes:
+            left, low, right, high = map(round, edges)
+            above, beside = max(height - high - top, 0), max(left - first, 0)
+            shade[above : max(height - low - top, 0), beside : max(right - first, 0)] = 1.0
+        return box, shade
 
     def _panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]

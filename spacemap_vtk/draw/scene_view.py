@@ -116,6 +116,16 @@ class SceneView:
         """What is written over all else."""
         return [*self.annotations.props, self.surface.bar, self.sheet.bar]
 
+    @property
+    def overlaid(self) -> bool:
+        """Whether anything is shown that casts no shadow."""
+        others = [*self.signs, self.surface.bar, self.sheet.bar]
+        if self.annotations.props[0].GetVisibility():
+            others += [self.ghost, self.ground]
+            if self.annotations.written:
+                return True
+        return any(prop.GetVisibility() for prop in others)
+
     def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
         """Take a view's colours; a scale fits a size of so many pixels, lines count in points."""
         self._size, self._point = size, point

@@ -63,6 +63,21 @@ def contact_shade(
     return light
 
 
+def part_with(there: NDArray[np.bool_], diameter_pixels: float) -> tuple[slice, slice] | None:
+    """Return the part of a picture in which anything is, as far about it as shades are coarse."""
+    block = _COARSER
+    while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST * block:
+        block *= 2
+    sides = []
+    for axis in (1, 0):
+        found = np.flatnonzero(there.any(axis=axis))
+        if not len(found):
+            return None
+        begin, end = found[0] // block - 1, found[-1] // block + 2
+        sides.append(slice(max(0, begin * block), min(end * block, there.shape[1 - axis])))
+    return sides[0], sides[1]
+
+
 def softened(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return an image whose edges are as soft as smooth lines are."""
     for _ in range(2):

@@ -230,7 +230,7 @@ class _Drawing:
         mesh.ShallowCopy(self._surface.GetOutputDataObject(0))
         add_measure(mesh, "displacement")
         self._solid.show(mesh, "displacement", span=(0.0, self._swing))
-        return composed(self._window.draw(), None, self._behind)
+        return composed(self._window.draw(), self._behind)
 
     def close(self) -> None:
         """Free the window."""
