@@ -199,7 +199,7 @@ def test_modes_that_are_lost_in_rounding_are_not_called_rigid(
     found = json.loads(capsys.readouterr().out)
     assert found["modes"][0]["regime"] == "lost in rounding"
     assert found["modes"][0]["digits"] == 0
-    assert found["modes"][7]["regime"] == "underdamped"
+    assert "rigid" not in {mode["regime"] for mode in found["modes"]}
     assert any("lost in rounding" in text for text in found["warnings"])
     assert run("modes", str(sheet), *words) == 0
     assert "lost in rounding" in capsys.readouterr().out
