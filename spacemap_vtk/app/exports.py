@@ -39,7 +39,7 @@ from spacemap_vtk.scenes.face import picture_size
 #: Milliseconds that a process which is ended has for ending its own.
 _PATIENCE = 500
 #: Letters of a name at the foot of the window, at most.
-_LONGEST = 24
+_LONGEST = 16
 #: What keeps the folder of the last export.
 _FOLDER = "export/folder"
 
@@ -60,7 +60,8 @@ class Exports(QObject):
         #: How far it is, and what ends it; hidden while nothing is written.
         self.progress = QWidget()
         self.bar, self.stopping, self._words = QProgressBar(), QPushButton("Cancel"), QLabel()
-        self.bar.setFixedWidth(120)
+        self.bar.setFixedWidth(90)
+        self.stopping.setToolTip("Stop writing; nothing of it stays")
         self.stopping.clicked.connect(self.cancel)
         row(self.progress, self._words, self.bar, self.stopping, spacing=6)
         self.progress.hide()
