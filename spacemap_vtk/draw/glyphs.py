@@ -23,7 +23,7 @@ Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 #: Width of a support's dot, of a picked point's and of the cage's lines alone, in points.
 DOT, PICKED, LINE = 9.0, 14.0, 1.5
 #: Likewise of lines over the cloth, and how much these hide of it: of a cage, and of a dense one.
-THIN, _FAINT = 1.2, (0.6, 0.4)
+THIN, _FAINT = 1.2, (0.55, 0.45)
 #: Of more tetrahedra only the surface's edges are drawn.
 _DENSE = 1000
 

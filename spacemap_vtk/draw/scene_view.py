@@ -45,6 +45,9 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 
+#: Fixed vertices whose dots are of full size, and the least size [points] of those of more.
+_MANY_DOTS, _LEAST_DOT = 40, 6.0
+
 
 @dataclass
 class Look:
@@ -133,7 +136,6 @@ class SceneView:
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
-        self.supports.GetProperty().SetPointSize(DOT * point)
         self.sheet.behind(below, above)
         self.annotations.fit(below, size, pixels)
         for drawn in (self.surface, self.sheet):
@@ -190,6 +192,9 @@ class SceneView:
         self.supports.SetVisibility(supports)
         if supports:
             self.supports.show(frame.cage)
+            count = self.supports.GetMapper().GetInput().GetNumberOfPoints()
+            dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # many would hide the cloth
+            self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._point)
         self.loads.SetVisibility(view.loads)
         self._show_ground(frame, view, look)
         self.cut_open(cut)
