@@ -242,12 +242,6 @@ class Load(Parameterised):
         }
         return timefunctions.table(*tables[self.time], start)
 
-    def _parameter_changed(self) -> None:
-        if self._sealed:
-            raise InputError(
-                "a load cannot be changed", cure="Assign a new list of loads to the response"
-            )
-
     def __setattr__(self, name: str, value: Any) -> None:
         if self._sealed:
             raise InputError(

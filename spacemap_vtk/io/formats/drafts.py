@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
@@ -11,58 +13,27 @@ from spacemap_vtk.io.registry import reads, writes
 if TYPE_CHECKING:
     from spacemap_vtk.fabric.draft import Draft
 
-
-@reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)
-def read_wif(path: Path) -> Draft:
-    """Read a Weaving Information File."""
-    from spacemap_vtk.io import wif
-
-    return wif.read_wif(path)
+_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".tiff")
 
 
-@reads(".dtx", label="Draft of Fiberworks", holds="draft")
-def read_dtx(path: Path) -> Draft:
-    """Read a draft of Fiberworks."""
-    from spacemap_vtk.io import dtx
-
-    return dtx.read_dtx(path)
+def _of(module: str, name: str) -> Callable[[Any], Any]:
+    """Return a function of a module of `io`, which is imported when it is called."""
+    return lambda given: getattr(import_module(f"spacemap_vtk.io.{module}"), name)(given)
 
 
-@reads(".wpo", label="Draft of WeavePoint", holds="draft")
-def read_wpo(path: Path) -> Draft:
-    """Read a draft of WeavePoint."""
-    from spacemap_vtk.io import wpo
-
-    return wpo.read_wpo(path)
-
-
-@reads(".twa", label="Draft of TempoWeave", holds="draft")
-def read_twa(path: Path) -> Draft:
-    """Read a draft of TempoWeave."""
-    from spacemap_vtk.io import draft_file
-
-    return draft_file.read_zipped(path)
-
-
-@reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)
-def read_rows(path: Path) -> Draft:
-    """Read a row for each pick: its crossings, or the shafts that rise."""
-    from spacemap_vtk.io import draft_file
-
-    return draft_file.read_rows(path)
-
-
-@reads(
-    *(".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".tiff"),
-    label="Black-and-white picture",
-    holds="draft",
-    general=True,
+reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
+    _of("wif", "read_wif")
 )
-def read_picture(path: Path) -> Draft:
-    """Read a pixel for each crossing."""
-    from spacemap_vtk.io import draft_file
-
-    return draft_file.read_picture(path)
+reads(".dtx", label="Draft of Fiberworks", holds="draft")(_of("dtx", "read_dtx"))
+reads(".wpo", label="Draft of WeavePoint", holds="draft")(_of("wpo", "read_wpo"))
+reads(".twa", label="Draft of TempoWeave", holds="draft")(_of("draft_file", "read_zipped"))
+reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
+    _of("draft_file", "read_rows")
+)
+reads(*_PICTURES, label="Black-and-white picture", holds="draft", general=True)(
+    _of("draft_file", "read_picture")
+)
+tells(".wif")(told_in_comments)
 
 
 @writes(".wif", label="Weaver's draft", holds=("draft",))
@@ -74,16 +45,7 @@ def write_wif(file: Path, draft: Draft) -> None:
     write(file, [format_wif(draft), *(f"{line}\r\n".encode() for line in comments(";"))])
 
 
-tells(".wif")(told_in_comments)
-
-
-def _dtx_loses(draft: Draft) -> list[str]:
-    from spacemap_vtk.io import dtx
-
-    return dtx.losses(draft)
-
-
-@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=_dtx_loses)
+@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=_of("dtx", "losses"))
 def write_dtx(file: Path, draft: Draft) -> None:
     """Write a draft of Fiberworks."""
     from spacemap_vtk.io.dtx import format_dtx
@@ -92,13 +54,7 @@ def write_dtx(file: Path, draft: Draft) -> None:
     write(file, [format_dtx(draft)])
 
 
-def _rows_lose(draft: Draft) -> list[str]:
-    from spacemap_vtk.io import draft_file
-
-    return draft_file.rows_lose(draft)
-
-
-@writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=_rows_lose)
+@writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=_of("draft_file", "rows_lose"))
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a row for each pick."""
     from spacemap_vtk.io.draft_file import format_rows
