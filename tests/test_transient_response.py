@@ -197,6 +197,7 @@ def test_a_scene_has_it_in_place_of_the_response() -> None:
     assert scene.stage("mover") is scene.part(TransientResponse)
     scene.update(time=0.01)
     assert "strain" in scene.colorings
-    turned = Scene({**small, "transient": {}, "rotation": {}})
-    with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
-        turned.update(time=0.01)
+    turned = Scene({**small, "transient": {}, "rotation": {}, "yarns": {}})
+    for time in (0.0, 0.01):  # though two ask it, the second once the first was refused
+        with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
+            turned.update(time=time)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
@@ -81,6 +82,7 @@ class TransientResponse(LoadedCage):
     _kept_motion: tuple[str, Stepped] | None = None
     _known: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
+    _is_turned: bool = False
 
     @property
     def motion(self) -> Stepped | None:
@@ -113,12 +115,18 @@ class TransientResponse(LoadedCage):
                 cure='Leave out held, or initial = "equilibrium".',
             )
 
+    def _request_update_extent(
+        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
+    ) -> None:
+        # Of two consumers the second may ask for what the first was refused.
+        super()._request_update_extent(in_info, out_info)
+        self._is_turned, self.turned = self.turned, False
+
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Step on to `time`, or look it up; before t = 0 the initial state holds, at rest."""
-        if self.turned:
-            self.turned = False
+        if self._is_turned:
             raise InputError(
                 "what is stepped turns without being stretched, and needs no RotationStrain",
                 cure="Leave out the section [rotation].",
