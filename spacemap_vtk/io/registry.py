@@ -9,6 +9,8 @@ module of `spacemap_vtk.io.formats`, elsewhere anywhere:
 
     @writes(".abc", label="Alphabet", holds=("surface",))
     def write_abc(file: Path, surface: vtkPolyData) -> None: ...
+
+Where such a function would only import and call another, `of` stands for it.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -139,6 +142,27 @@ def writes(*endings: str, label: str, holds: tuple[str, ...], **more: Any) -> Ca
         return function
 
     return register
+
+
+def of(module: str, name: str, *more: Any) -> Callable[[Any], Any]:
+    """Return a function of a module of `io`, which is imported when it is called."""
+
+    def called(given: Any) -> Any:
+        return getattr(import_module(f"spacemap_vtk.io.{module}"), name)(given, *more)
+
+    return called
+
+
+def needs(package: str, module: str, cure: str) -> Callable[[Path], None]:
+    """Return what refuses a file that cannot be written for want of a package."""
+
+    def require(file: Path) -> None:
+        if find_spec(module) is None:
+            raise MissingLibraryError(
+                f"{file.name}: {file.suffix} needs the package {package}", cure=cure
+            )
+
+    return require
 
 
 def forget(function: Callable[..., Any]) -> None:

@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
-from spacemap_vtk.io.registry import reads, writes
+from spacemap_vtk.io.registry import of, reads, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.fabric.draft import Draft
 
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".tif", ".tiff")
 
-
-def _of(module: str, name: str) -> Callable[[Any], Any]:
-    """Return a function of a module of `io`, which is imported when it is called."""
-    return lambda given: getattr(import_module(f"spacemap_vtk.io.{module}"), name)(given)
-
-
 reads(".wif", ".wifw", ".plm", label="Weaver's draft", holds="draft", rest=True)(
-    _of("wif", "read_wif")
+    of("wif", "read_wif")
 )
-reads(".dtx", label="Draft of Fiberworks", holds="draft")(_of("dtx", "read_dtx"))
-reads(".wpo", label="Draft of WeavePoint", holds="draft")(_of("wpo", "read_wpo"))
-reads(".twa", label="Draft of TempoWeave", holds="draft")(_of("draft_file", "read_zipped"))
+reads(".dtx", label="Draft of Fiberworks", holds="draft")(of("dtx", "read_dtx"))
+reads(".wpo", label="Draft of WeavePoint", holds="draft")(of("wpo", "read_wpo"))
+reads(".twa", label="Draft of TempoWeave", holds="draft")(of("draft_file", "read_zipped"))
 reads(".csv", ".txt", label="Rows of 0 and 1, or shafts that rise", holds="draft", general=True)(
-    _of("draft_file", "read_rows")
+    of("draft_file", "read_rows")
 )
 reads(*_PICTURES, label="Black-and-white picture", holds="draft", general=True)(
-    _of("draft_file", "read_picture")
+    of("draft_file", "read_picture")
 )
 tells(".wif")(told_in_comments)
 
@@ -45,7 +37,7 @@ def write_wif(file: Path, draft: Draft) -> None:
     write(file, [format_wif(draft), *(f"{line}\r\n".encode() for line in comments(";"))])
 
 
-@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=_of("dtx", "losses"))
+@writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("dtx", "losses"))
 def write_dtx(file: Path, draft: Draft) -> None:
     """Write a draft of Fiberworks."""
     from spacemap_vtk.io.dtx import format_dtx
@@ -54,7 +46,7 @@ def write_dtx(file: Path, draft: Draft) -> None:
     write(file, [format_dtx(draft)])
 
 
-@writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=_of("draft_file", "rows_lose"))
+@writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("draft_file", "rows_lose"))
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a row for each pick."""
     from spacemap_vtk.io.draft_file import format_rows

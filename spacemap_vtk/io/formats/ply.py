@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
-from spacemap_vtk.io.registry import reads, truncated, writes
+from spacemap_vtk.io.registry import of, reads, truncated, writes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,11 +105,9 @@ def _ply_row(
     return size, counts
 
 
-@reads(".ply", label="PLY", holds="mesh", check=_check)
-def read_ply(path: Path) -> Any:
-    from spacemap_vtk.io.reading import read_with_vtk
-
-    return read_with_vtk(path, "vtkIOPLY", "vtkPLYReader")
+reads(".ply", label="PLY", holds="mesh", check=_check)(
+    of("reading", "read_with_vtk", "vtkIOPLY", "vtkPLYReader")
+)
 
 
 @writes(".ply", label="PLY", holds=("surface",))

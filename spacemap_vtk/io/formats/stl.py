@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.io.registry import reads, truncated, writes
+from spacemap_vtk.io.registry import of, reads, truncated, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -34,11 +34,9 @@ def _check(path: Path) -> None:
         raise truncated(path)
 
 
-@reads(".stl", label="STL", holds="mesh", check=_check)
-def read_stl(path: Path) -> Any:
-    from spacemap_vtk.io.reading import read_with_vtk
-
-    return read_with_vtk(path, "vtkIOGeometry", "vtkSTLReader")
+reads(".stl", label="STL", holds="mesh", check=_check)(
+    of("reading", "read_with_vtk", "vtkIOGeometry", "vtkSTLReader")
+)
 
 
 @writes(".stl", label="STL", holds=("surface",))

@@ -10,25 +10,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import writes
+from spacemap_vtk.io.registry import needs, writes
 
 if TYPE_CHECKING:
     from spacemap_vtk.datasets.moving_surface import MovingSurface, YarnCurves
 
 #: Of yarn, as in glTF.
 _ROUGHNESS = 0.75
-
-
-def _require(file: Path) -> None:
-    from importlib.util import find_spec
-
-    if find_spec("pxr") is None:
-        raise MissingLibraryError(
-            f"{file.name}: {file.suffix} needs the package usd-core",
-            cure="Run: pip install 'spacemap_vtk[usd]', or write a .glb.",
-        )
+_require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb.")
 
 
 @writes(

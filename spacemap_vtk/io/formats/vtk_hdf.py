@@ -11,9 +11,9 @@ from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.provenance import NAME, tells, told
-from spacemap_vtk.io.registry import reads, writes
+from spacemap_vtk.io.registry import needs, of, reads, writes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,14 +26,12 @@ if TYPE_CHECKING:
 _CELLS = {"Vertices": "Verts", "Lines": "Lines", "Polygons": "Polys", "Strips": "Strips"}
 #: What may be another at another time; cells may not.
 _MOVING = ("Points", "PointData/", "CellData/")
+_require = needs("h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.")
 
 
-@reads(".vtkhdf", label="VTK HDF5", holds="mesh")
-def read_hdf(path: Path) -> Any:
-    """Read the first step."""
-    from spacemap_vtk.io.reading import read_with_vtk
-
-    return read_with_vtk(path, "vtkIOHDF", "vtkHDFReader")
+reads(".vtkhdf", label="VTK HDF5", holds="mesh")(
+    of("reading", "read_with_vtk", "vtkIOHDF", "vtkHDFReader")
+)
 
 
 @reads(".vtkhdf", label="VTK HDF5", holds="motion")
@@ -44,16 +42,6 @@ def open_hdf(path: Path) -> MeshSeries:
     from spacemap_vtk.io.series import ReaderSeries
 
     return ReaderSeries(path, vtkHDFReader())
-
-
-def _require(file: Path) -> None:
-    from importlib.util import find_spec
-
-    if find_spec("h5py") is None:
-        raise MissingLibraryError(
-            f"{file.name}: {file.suffix} needs the package h5py",
-            cure="Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.",
-        )
 
 
 @writes(".vtkhdf", label="VTK HDF5", holds=("surface", "cage"), times=True, require=_require)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reads, truncated
+from spacemap_vtk.io.registry import of, reads, truncated
 
 #: VTK's own numbers are written as four bytes; "long" has four on Windows, and eight elsewhere.
 _BYTES = {
@@ -30,11 +29,9 @@ def _check(path: Path) -> None:
         raise truncated(path)
 
 
-@reads(".vtk", label="VTK legacy", holds="mesh", check=_check)
-def read_legacy(path: Path) -> Any:
-    from spacemap_vtk.io.reading import read_with_vtk
-
-    return read_with_vtk(path, "vtkIOLegacy", "vtkGenericDataObjectReader")
+reads(".vtk", label="VTK legacy", holds="mesh", check=_check)(
+    of("reading", "read_with_vtk", "vtkIOLegacy", "vtkGenericDataObjectReader")
+)
 
 
 def is_cut_off(path: Path) -> bool:
