@@ -161,6 +161,8 @@ def test_cancelling_a_film_leaves_nothing_and_takes_no_second(
     assert "long.gif is being written. Close" in asked[0]
     window.document.undo.setClean()
     window.errors.clear()
+    QTest.qWait(100)  # the view is larger again
+    wait_until(lambda: settled(window))
     begun = time.monotonic()
     QTest.mouseClick(window.exports.stopping, Qt.MouseButton.LeftButton)
     wait_until(lambda: not window.exports.busy)
