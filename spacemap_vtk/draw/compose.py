@@ -13,7 +13,7 @@ from PIL import Image, ImageChops
 
 Background = Image.Image
 #: A part of a picture, in rows and columns from the top, and by what its light is multiplied.
-Shade = tuple[tuple[slice, slice], NDArray[np.float32]]
+Shaded = tuple[tuple[slice, slice], NDArray[np.float32]]
 #: Shares of a step between two colours, in an order that no eye finds again (Bayer 1973).
 _DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
 
@@ -28,7 +28,7 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
 
 
 def composed(
-    pixels: NDArray[np.uint8], behind: Background, shade: Shade | None = None
+    pixels: NDArray[np.uint8], behind: Background, shade: Shaded | None = None
 ) -> NDArray[np.uint8]:
     """Return a picture of a background's size; with the share covered, over one of that size."""
     # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.

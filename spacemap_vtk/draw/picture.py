@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Viewpoint, aim, metres_from, pixels_of, upward
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.compose import Background, Shade, composed, gradient, nothing
+from spacemap_vtk.draw.compose import Background, Shaded, composed, gradient, nothing
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.glyphs import cut_of, moved_points, rest_of
@@ -218,7 +218,7 @@ class Picture:
         panel: _Panel,
         depths: NDArray[np.float32],
         signs: NDArray[np.float32] | None = None,
-    ) -> Shade | None:
+    ) -> Shaded | None:
         """Return by what the light of pixels is to be multiplied, where it is at all."""
         window, height = panel.window, len(depths)
         pixels = self._relief * pixels_of(window.camera, height)
