@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import displacement_table, value_table
+from spacemap_vtk.embedding.interpolation import Riding, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
-from spacemap_vtk.errors import InputError
-from spacemap_vtk.memory import Recycler
-from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
+from spacemap_vtk.parallel import WORTHWHILE, loops
 
 # Points that are worked on together. NumPy's share of the tables of maps stays in the cache, and
 # calls are few; a compiled loop needs neither, and is only to be shared among threads.
@@ -28,7 +26,7 @@ _BLOCK, _COMPILED_BLOCK = 2**13, 2**17
 _FLAT = 1e-12
 
 
-class AffineInterpolation:
+class AffineInterpolation(Riding):
     """Interpolation in linear tetrahedra to fixed points, for any values at the vertices.
 
     An affine function of the vertices is reproduced within rounding, inside and outside.
@@ -69,8 +67,9 @@ class AffineInterpolation:
         *,
         threads: int | None = None,
     ) -> None:
+        super().__init__(len(points), len(vertices))
         self._points, self._tetrahedron = points, location.tetrahedron
-        self._cells, self._vertex_count = np.asarray(tetrahedra), len(vertices)
+        self._cells = np.asarray(tetrahedra)
         corners = vertices[self._cells]
         self._origins = corners[:, 0]
         edges = corners[:, 1:] - corners[:, :1]  # (T, 3, 3), one edge a row
@@ -82,88 +81,40 @@ class AffineInterpolation:
         self._feet = np.empty((0, 4))
         if len(self._beyond):
             self._feet = locate(points[self._beyond], vertices, tetrahedra, "clamp").weights
-        self._recycler = Recycler()
         many = len(points) > WORTHWHILE
         self._threads = threads or (None if many else 1)  # which would cost more than they save
         self._loops: ModuleType | None = loops("spacemap_vtk.embedding.ride_loops", many)
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = [slice(begin, begin + width) for begin in range(0, len(points), width)]
 
+    def _mover(
+        self,
+        table: NDArray[np.float64],
+        points: NDArray[Any],
+        moved: NDArray[Any],
+        shift: NDArray[Any],
+    ) -> Callable[[slice], None]:
+        if self._loops is None:
+            return super()._mover(table, points, moved, shift)
+        maps, displace = self._maps(table), self._loops.displace
+        return lambda block: displace(
+            maps, self._tetrahedron[block], points[block], moved[block], shift[block]
+        )
+
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
     ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Move points with the mesh.
-
-        Parameters
-        ----------
-        points : (N, 3) float32 or float64
-            The points that were located, in m; or others in their places, each of which takes the
-            map of that point's tetrahedron.
-        displacement : (V, 3) array_like
-            Displacement of the vertices in m.
-
-        Returns
-        -------
-        moved : (N, 3) of the points' type
-            Points plus displacement, in m.
-        displacement : (N, 3) of the points' type
-            In m.
-
-        Raises
-        ------
-        InputError
-            The points are not as many as were located, or the displacement is not (V, 3).
-        """
-        table = displacement_table(displacement, self._vertex_count)
-        if points.shape != (len(self._tetrahedron), 3):
-            raise InputError(
-                f"points of shape {points.shape}",
-                allowed=f"({len(self._tetrahedron)}, 3): those located",
-            )
-        moved = self._recycler.empty(points.shape, points.dtype)
-        shift = self._recycler.empty(points.shape, points.dtype)
-        maps = self._maps(table)
-        write = self._writer(maps, points, shift)
-
-        def do(block: slice) -> None:
-            if self._loops is not None:
-                arrays = (points[block], moved[block], shift[block])
-                self._loops.displace(maps, self._tetrahedron[block], *arrays)
-                return
-            write(block)
-            np.add(points[block], shift[block], out=moved[block])  # while it is in the cache
-
-        for_each(self._blocks, lambda: do, self._threads)
+        moved, shift = super().displace(points, displacement)
         if len(self._beyond):
-            shift[self._beyond] = self._at_feet(table)
+            shift[self._beyond] = self._at_feet(np.asarray(displacement, np.float64))
             moved[self._beyond] = points[self._beyond] + shift[self._beyond]
         return moved, shift
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Interpolate to the points that were located.
-
-        Parameters
-        ----------
-        values : (V,) or (V, k) array_like
-            Values at the vertices, of any unit.
-
-        Returns
-        -------
-        (N,) or (N, k) float64
-            Values at the points, of the same unit.
-
-        Raises
-        ------
-        InputError
-            There are not as many rows as vertices, or more than two axes.
-        """
-        table, columns = value_table(values, self._vertex_count)
-        result = self._recycler.empty((len(self._tetrahedron), columns.shape[1]), np.float64)
-        write = self._writer(self._maps(columns), self._points, result)
-        for_each(self._blocks, lambda: write, self._threads)
+        result = super().apply(values)
         if len(self._beyond):
-            result[self._beyond] = self._at_feet(columns)
-        return result.reshape(-1, *table.shape[1:])
+            result[self._beyond] = self._at_feet(np.asarray(values, np.float64))
+        return result
 
     def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
         """Return the gradient F of the map of each tetrahedron.
@@ -178,7 +129,7 @@ class AffineInterpolation:
         (T, 3, 3) float64
             dx'/dx; the identity in a flat tetrahedron, which has no map.
         """
-        table = displacement_table(displacement, self._vertex_count)
+        table = displacement_table(displacement, self.vertex_count)
         return np.eye(3) + self._slopes(table).transpose(0, 2, 1)
 
     def _slopes(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -203,13 +154,13 @@ class AffineInterpolation:
     def _at_feet(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values of the clamped points."""
         corners = self._cells[self._tetrahedron[self._beyond]]
-        result: NDArray[np.float64] = np.einsum("na,nak->nk", self._feet, columns[corners])
+        result: NDArray[np.float64] = np.einsum("na,na...->n...", self._feet, columns[corners])
         return result
 
     def _writer(
-        self, maps: NDArray[np.float64], points: NDArray[Any], out: NDArray[Any]
+        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
     ) -> Callable[[slice], None]:
-        """Return what writes the values at a block of points."""
+        maps, points = self._maps(table), self._points if points is None else points
         if self._loops is not None:
             carry = self._loops.carry
             return lambda block: carry(maps, self._tetrahedron[block], points[block], out[block])

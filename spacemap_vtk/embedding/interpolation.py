@@ -9,7 +9,7 @@ tetrahedra need none (see `spacemap_vtk.embedding.affine`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -33,65 +33,45 @@ _ROW = (
 _Write = Callable[[NDArray[np.float64], NDArray[Any]], None]
 
 
-class Interpolation:
-    """Barycentric interpolation to fixed points, for any values at the vertices.
-
-    An affine function of the vertices is reproduced within rounding, inside and outside; in
-    quadratic tetrahedra a quadratic one too, inside.
-
-    Parameters
-    ----------
-    location : Location
-        Where the points lie.
-    tetrahedra : (T, 4) or (T, 10) array_like of int
-        The tetrahedra that they were located in, with their midpoints if they are quadratic.
-    vertex_count : int
-        Number of vertices of that mesh.
-    threads : int, optional
-        Threads to work in; all processors if not given.
+class Riding:
+    """Fixed points that ride along with a mesh, whatever is known at its vertices.
 
     Notes
     -----
-    The weights are those of the geometry at the time of `locate`; when points or vertices have
-    changed they are stale, which nothing here can notice.
-
     Results lie in memory that is used again once the last array over it is gone; they may be kept
     as long as one likes.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.embedding.locate import locate
-    >>> corners, cage = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), [[0, 1, 2, 3]]
-    >>> ride = Interpolation(locate([[0.5, 0.25, 0.125]], corners, cage), cage, 4)
-    >>> ride.apply(2 * corners).tolist()
-    [[1.0, 0.5, 0.25]]
     """
 
-    def __init__(
+    _threads: int | None
+    _blocks: Sequence[slice]
+
+    def __init__(self, points: int, vertices: int) -> None:
+        self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
+
+    def _writer(
+        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
+    ) -> Callable[[slice], None]:
+        """Return what writes the values at a block of points."""
+        raise NotImplementedError
+
+    def _mover(
         self,
-        location: Location,
-        tetrahedra: ArrayLike,
-        vertex_count: int,
-        *,
-        threads: int | None = None,
-    ) -> None:
-        corners = np.asarray(tetrahedra).astype(np.int32)
-        self.point_count = len(location.tetrahedron)
-        self.vertex_count = vertex_count
-        self._threads = threads
-        self._recycler = Recycler()
-        self._blocks: list[tuple[slice, _Write]] = []
-        many = self.point_count > WORTHWHILE
-        ride = loops("spacemap_vtk.embedding.ride_loops", many)
-        for begin in range(0, self.point_count, _BLOCK):
-            rows = slice(begin, min(begin + _BLOCK, self.point_count))
-            weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
-            if corners.shape[1] == 10 and weights.shape[1] == 4:
-                weights = quadratic_weights(weights)
-            self._blocks.append((rows, _writer(ride, weights, tetrahedron, corners)))
+        table: NDArray[np.float64],
+        points: NDArray[Any],
+        moved: NDArray[Any],
+        shift: NDArray[Any],
+    ) -> Callable[[slice], None]:
+        """Return what moves a block of points."""
+        write = self._writer(table, shift, points)
+
+        def move(block: slice) -> None:
+            write(block)
+            np.add(points[block], shift[block], out=moved[block])  # while it is in the cache
+
+        return move
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Interpolate.
+        """Interpolate to the points that were located.
 
         Parameters
         ----------
@@ -108,20 +88,22 @@ class Interpolation:
         InputError
             There are not as many rows as vertices, or more than two axes.
         """
-        table, columns = value_table(values, self.vertex_count)
+        table = np.ascontiguousarray(values, dtype=np.float64)
+        if table.ndim not in (1, 2) or len(table) != self.vertex_count:
+            raise InputError(
+                f"values of shape {np.shape(values)} at the vertices of the cage",
+                allowed=f"({self.vertex_count},) or ({self.vertex_count}, k)",
+            )
+        columns = table.reshape(len(table), -1)
         result = self._recycler.empty((self.point_count, columns.shape[1]), np.float64)
-
-        def do(block: tuple[slice, _Write]) -> None:
-            rows, write = block
-            write(columns, result[rows])
-
-        for_each(self._blocks, lambda: do, self._threads)
+        write = self._writer(columns, result)
+        for_each(self._blocks, lambda: write, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
     ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Move the points with the mesh.
+        """Move points with the mesh.
 
         Parameters
         ----------
@@ -149,27 +131,66 @@ class Interpolation:
             )
         moved = self._recycler.empty(points.shape, points.dtype)
         shift = self._recycler.empty(points.shape, points.dtype)
-
-        def do(block: tuple[slice, _Write]) -> None:
-            rows, write = block
-            write(table, shift[rows])
-            np.add(points[rows], shift[rows], out=moved[rows])  # while it is in the cache
-
-        for_each(self._blocks, lambda: do, self._threads)
+        move = self._mover(table, points, moved, shift)
+        for_each(self._blocks, lambda: move, self._threads)
         return moved, shift
 
 
-def value_table(
-    values: ArrayLike, vertex_count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return values at vertices as they came, and as a table (V, k)."""
-    table = np.ascontiguousarray(values, dtype=np.float64)
-    if table.ndim not in (1, 2) or len(table) != vertex_count:
-        raise InputError(
-            f"values of shape {np.shape(values)} at the vertices of the cage",
-            allowed=f"({vertex_count},) or ({vertex_count}, k)",
-        )
-    return table, table.reshape(len(table), -1)
+class Interpolation(Riding):
+    """Barycentric interpolation to fixed points, for any values at the vertices.
+
+    An affine function of the vertices is reproduced within rounding, inside and outside; in
+    quadratic tetrahedra a quadratic one too, inside.
+
+    Parameters
+    ----------
+    location : Location
+        Where the points lie.
+    tetrahedra : (T, 4) or (T, 10) array_like of int
+        The tetrahedra that they were located in, with their midpoints if they are quadratic.
+    vertex_count : int
+        Number of vertices of that mesh.
+    threads : int, optional
+        Threads to work in; all processors if not given.
+
+    Notes
+    -----
+    The weights are those of the geometry at the time of `locate`; when points or vertices have
+    changed they are stale, which nothing here can notice.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.embedding.locate import locate
+    >>> corners, cage = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), [[0, 1, 2, 3]]
+    >>> ride = Interpolation(locate([[0.5, 0.25, 0.125]], corners, cage), cage, 4)
+    >>> ride.apply(2 * corners).tolist()
+    [[1.0, 0.5, 0.25]]
+    """
+
+    def __init__(
+        self,
+        location: Location,
+        tetrahedra: ArrayLike,
+        vertex_count: int,
+        *,
+        threads: int | None = None,
+    ) -> None:
+        count, corners = len(location.tetrahedron), np.asarray(tetrahedra).astype(np.int32)
+        super().__init__(count, vertex_count)
+        self._threads = threads
+        self._blocks = [slice(k, min(k + _BLOCK, count)) for k in range(0, count, _BLOCK)]
+        self._writes: list[_Write] = []
+        ride = loops("spacemap_vtk.embedding.ride_loops", count > WORTHWHILE)
+        for rows in self._blocks:
+            weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
+            if corners.shape[1] == 10 and weights.shape[1] == 4:
+                weights = quadratic_weights(weights)
+            self._writes.append(_writer(ride, weights, tetrahedron, corners))
+
+    def _writer(
+        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
+    ) -> Callable[[slice], None]:
+        return lambda block: self._writes[block.start // _BLOCK](table, out[block])
 
 
 def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float64]:

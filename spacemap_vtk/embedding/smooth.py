@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import Interpolation, displacement_table
+from spacemap_vtk.embedding.interpolation import Interpolation, Riding, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.parallel import for_each
@@ -29,7 +29,7 @@ _BLOCK = 2**12  # points that are prepared together; bounds the scratch memory
 _FITS = 2**9  # vertices that are fitted together; bounds the scratch memory
 
 
-class SmoothInterpolation:
+class SmoothInterpolation(Riding):
     """Smooth interpolation of a displacement to fixed points.
 
     Parameters
@@ -65,6 +65,7 @@ class SmoothInterpolation:
         clamp: bool = False,
     ) -> None:
         count = len(vertices)
+        super().__init__(len(points), count)
         weights, foot = location.weights, location.weights
         beyond = np.flatnonzero(location.is_outside)
         if len(beyond):
@@ -126,43 +127,10 @@ class SmoothInterpolation:
     def displace(
         self, points: NDArray[Any], displacement: ArrayLike
     ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Move the points with the mesh.
-
-        Parameters
-        ----------
-        points : (N, 3) float32 or float64
-            The points that were located, in m.
-        displacement : (V, 3) array_like
-            Displacement of the vertices in m.
-
-        Returns
-        -------
-        moved : (N, 3) of the points' type
-            Points plus displacement, in m.
-        displacement : (N, 3) of the points' type
-            In m.
-
-        Raises
-        ------
-        InputError
-            The displacement is not (V, 3), or the points are not those that were located.
-        """
-        table = displacement_table(displacement, self._slopes.shape[1])
+        table = displacement_table(displacement, self.vertex_count)
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
     def apply(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Interpolate any values, as smoothly as displacements.
-
-        Parameters
-        ----------
-        values : (V, k) array_like
-            Values at the vertices, of any unit.
-
-        Returns
-        -------
-        (N, k) float64
-            Values at the points, of the same unit.
-        """
         table = np.asarray(values, dtype=np.float64)
         return self._rows.apply(np.concatenate((table, self._slopes @ table)))
 

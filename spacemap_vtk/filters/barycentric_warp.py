@@ -32,7 +32,7 @@ from spacemap_vtk.embedding.gradients import (
     turned_normals,
     vertex_averages,
 )
-from spacemap_vtk.embedding.interpolation import Interpolation
+from spacemap_vtk.embedding.interpolation import Interpolation, Riding
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError
@@ -195,7 +195,7 @@ class BarycentricWarp(Stage):
                         self.outside
                     ]
                 )
-            ride: AffineInterpolation | Interpolation | SmoothInterpolation
+            ride: Riding
             places, clamp = points_of(points), self.outside == "clamp"
             if self.smooth:
                 places = places.astype(np.float64, copy=False)
@@ -265,7 +265,7 @@ class _Ride:
     cells: NDArray[np.int64]
     elements: NDArray[np.int64]
     location: Location
-    interpolation: AffineInterpolation | Interpolation | SmoothInterpolation
+    interpolation: Riding
     note: str
 
     def serves(
@@ -281,7 +281,7 @@ class _Ride:
     @cached_property
     def _slopes(self) -> QuadraticGradients | AffineInterpolation | SmoothInterpolation:
         """What knows how the map of each tetrahedron, or at each point, stretches and turns."""
-        if not isinstance(self.interpolation, Interpolation):
+        if isinstance(self.interpolation, (AffineInterpolation, SmoothInterpolation)):
             return self.interpolation
         if self.elements.shape[1] > 4:
             return QuadraticGradients(self.location, self.vertices, self.elements)
