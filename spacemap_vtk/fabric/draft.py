@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.drawdown import as_drawdown, floats, from_matrix, repeat, rows, tile
 from spacemap_vtk.fabric.loom import Loom, Rows
-from spacemap_vtk.fabric.loom_edit import tiled
 from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
 from spacemap_vtk.fabric.threads import Lengths, along
 
@@ -209,7 +208,7 @@ class Draft:
             The draft's own, repeated, if that weaves it; else the smallest that does.
         """
         if self.loom is not None:
-            loom = tiled(self.loom, drawdown.shape[1], len(drawdown))
+            loom = self.loom.tiled(drawdown.shape[1], len(drawdown))
             if np.array_equal(loom.drawdown(), drawdown):
                 return loom
         return Loom.from_drawdown(drawdown)

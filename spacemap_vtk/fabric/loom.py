@@ -1,13 +1,18 @@
-"""The loom: threading, tie-up and treadling, and the drawdown that they weave."""
+"""The loom: threading, tie-up and treadling, the drawdown that they weave, and changes by hand.
+
+A change makes a new loom; ends, picks, shafts and treadles are counted from 1, as weavers do.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+
+from spacemap_vtk.errors import InputError
 
 #: Shafts of each end, shafts of each treadle, treadles of each pick: 1-based numbers, one row each.
 Rows = tuple[tuple[int, ...], ...]
@@ -116,6 +121,76 @@ class Loom:
             treadling=tuple((treadle,) for treadle in treadle_of_pick),
         )
 
+    def threaded(self, end: int, shafts: tuple[int, ...]) -> Loom:
+        # without any the end floats; shafts beyond the last one are more of them
+        return replace(self, threading=_put(self.threading, end, shafts, "end"))
+
+    def treadled(self, pick: int, pressed: tuple[int, ...]) -> Loom:
+        # treadles; with a liftplan, shafts
+        name = "treadling" if self.liftplan is None else "liftplan"
+        rows: Rows = getattr(self, name)
+        return replace(self, **{name: _put(rows, pick, pressed, "pick")})  # type: ignore[arg-type]
+
+    def tied(self, treadle: int, shafts: tuple[int, ...]) -> Loom:
+        if self.liftplan is not None:
+            raise InputError(
+                "a liftplan needs no tie-up", cure="Turn the liftplan into treadles first."
+            )
+        # the treadle can be one that has no tie yet
+        ties = (*self.tieup, *((),) * (self.treadles - len(self.tieup)))
+        return replace(self, tieup=_put(ties, treadle, shafts, "treadle"))
+
+    @staticmethod
+    def toggled(row: tuple[int, ...], number: int) -> tuple[int, ...]:
+        # put into shafts or treadles, or taken out
+        return tuple(sorted(set(row) ^ {number}))
+
+    def sized(self, shafts: int, treadles: int) -> Loom:
+        # no fewer than are used
+        ties = self.tieup[: max(treadles, self.used[1])]
+        return replace(self, shafts=shafts, treadles=treadles, tieup=ties)
+
+    @property
+    def used(self) -> tuple[int, int]:
+        """The highest shaft and treadle that are used: a loom cannot have fewer."""
+        lifted = self.tieup if self.liftplan is None else self.liftplan
+        ties = max((number for number, tie in enumerate(self.tieup, start=1) if tie), default=0)
+        return highest(self.threading, lifted), max(ties, highest(self.treadling))
+
+    def tiled(self, ends: int, picks: int) -> Loom:
+        # threading and treadling are repeated over a cloth of another size, and cut off there
+        return replace(
+            self,
+            threading=_along(self.threading, ends),
+            treadling=_along(self.treadling, picks),
+            liftplan=None if self.liftplan is None else _along(self.liftplan, picks),
+        )
+
+    @property
+    def with_liftplan(self) -> Loom:
+        """One that weaves the same cloth, as a dobby or a table loom does, shed by shed."""
+        return Loom(
+            self.threading,
+            liftplan=self.sheds(),
+            rising=self.rising,
+            shafts=self.shafts,
+            treadles=0,
+        )
+
+    @property
+    def with_treadles(self) -> Loom:
+        """One that weaves the same cloth by a treadle for each shed, in order of appearance."""
+        if self.liftplan is None:
+            return self
+        number: dict[tuple[int, ...], int] = {}
+        treadling = []
+        for row in self.liftplan:
+            shed = tuple(sorted(set(row)))
+            treadling.append((number.setdefault(shed, len(number) + 1),) if shed else ())
+        return Loom(
+            self.threading, tuple(number), tuple(treadling), rising=self.rising, shafts=self.shafts
+        )
+
 
 def highest(*rows: Iterable[tuple[int, ...]]) -> int:
     """Return the highest number in any row."""
@@ -134,3 +209,15 @@ def _numbered(lines: NDArray[np.bool_]) -> tuple[list[int], list[int]]:
             first.append(index)
         numbers.append(number[code])
     return numbers, first
+
+
+def _along(rows: Rows, count: int) -> Rows:
+    return tuple(rows[i % len(rows)] for i in range(count)) if rows else rows
+
+
+def _put(rows: Rows, number: int, row: tuple[int, ...], what: str) -> Rows:
+    if not 1 <= number <= len(rows):
+        raise InputError(f"there is no {what} {number}", allowed=f"1 to {len(rows)}")
+    if any(n < 1 for n in row):
+        raise InputError(f"{row} at {what} {number} is no row of numbers", allowed="from 1 on")
+    return (*rows[: number - 1], tuple(sorted(set(row))), *rows[number:])

@@ -29,7 +29,6 @@ from spacemap_vtk.app.draft.strokes import NAMES
 from spacemap_vtk.app.widgets import column, later, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.loom_edit import sized, used, with_liftplan, with_treadles
 from spacemap_vtk.io.registry import draft_filters, kind_of
 from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
 
@@ -195,7 +194,7 @@ class DraftTab(QWidget):
     def _show_counts(self, shown: Shown) -> None:
         loom = shown.loom
         lifted = loom.liftplan is not None
-        least = used(loom)
+        least = loom.used
         for name, value, low in (
             ("ends", shown.size[0], 1),
             ("picks", shown.size[1], 1),
@@ -272,12 +271,12 @@ class DraftTab(QWidget):
         else:
             loom = shown.loom
             sizes = {"shafts": loom.shafts, "treadles": loom.treadles, name: value}
-            self._reloom(sized(loom, **sizes), name)
+            self._reloom(loom.sized(**sizes), name)
 
     def _kind_chosen(self, index: int) -> None:
         shown = self.grid.shown
         if shown is not None and index != (shown.loom.liftplan is not None):
-            loom = with_liftplan(shown.loom) if index else with_treadles(shown.loom)
+            loom = shown.loom.with_liftplan if index else shown.loom.with_treadles
             self._reloom(loom, "liftplan" if index else "treadles")
 
     def _rising_chosen(self, rising: bool) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.layout import Place
-from spacemap_vtk.fabric.loom_edit import threaded, tied, toggled, treadled
 from spacemap_vtk.scenes.shown import Shown
 
 #: What people call the edits, for the undo menu.
@@ -65,14 +64,14 @@ class Stroke:
         loom = shown.loom
         if self.panel == "tieup":
             row = loom.tieup[place.x - 1] if place.x <= len(loom.tieup) else ()
-            return shown.with_loom(tied(loom, place.x, toggled(row, place.y)))
+            return shown.with_loom(loom.tied(place.x, loom.toggled(row, place.y)))
         number = place.y if self.panel == "threading" else place.x
         row = self._row(shown, place)
         alone = self._wanted and not self._several
-        row = (number,) if alone else toggled(row, number)
+        row = (number,) if alone else loom.toggled(row, number)
         if self.panel == "threading":
-            return shown.with_loom(threaded(loom, place.x, row))
-        return shown.with_loom(treadled(loom, place.y, row))
+            return shown.with_loom(loom.threaded(place.x, row))
+        return shown.with_loom(loom.treadled(place.y, row))
 
     def _row(self, shown: Shown, place: Place) -> tuple[int, ...]:
         if self.panel == "threading":

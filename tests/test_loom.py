@@ -10,17 +10,6 @@ from hypothesis import strategies as st
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.drawdown import tile
 from spacemap_vtk.fabric.loom import Loom
-from spacemap_vtk.fabric.loom_edit import (
-    sized,
-    threaded,
-    tied,
-    tiled,
-    toggled,
-    treadled,
-    used,
-    with_liftplan,
-    with_treadles,
-)
 
 TWILL = Loom(
     threading=((1,), (2,), (3,), (4,)),
@@ -49,66 +38,66 @@ def looms(draw: st.DrawFn) -> Loom:
 
 def test_another_heddle_changes_its_end_alone() -> None:
     before = TWILL.drawdown()
-    after = threaded(TWILL, 1, (3,)).drawdown()
+    after = TWILL.threaded(1, (3,)).drawdown()
     np.testing.assert_array_equal(after[:, 0], before[:, 2])
     np.testing.assert_array_equal(after[:, 1:], before[:, 1:])
-    assert not threaded(TWILL, 2, ()).drawdown()[:, 1].any()  # in no heddle: it floats
+    assert not TWILL.threaded(2, ()).drawdown()[:, 1].any()  # in no heddle: it floats
 
 
 def test_another_treadle_changes_its_pick_alone() -> None:
     before = TWILL.drawdown()
-    after = treadled(TWILL, 4, (1,)).drawdown()
+    after = TWILL.treadled(4, (1,)).drawdown()
     np.testing.assert_array_equal(after[3], before[0])
     np.testing.assert_array_equal(after[:3], before[:3])
-    both = treadled(TWILL, 4, (1, 2)).drawdown()[3]
+    both = TWILL.treadled(4, (1, 2)).drawdown()[3]
     np.testing.assert_array_equal(both, before[0] | before[1])
 
 
 def test_another_tie_changes_the_picks_of_its_treadle() -> None:
-    after = tied(TWILL, 2, toggled(TWILL.tieup[1], 1)).drawdown()
+    after = TWILL.tied(2, Loom.toggled(TWILL.tieup[1], 1)).drawdown()
     changed = after != TWILL.drawdown()
     assert np.argwhere(changed).tolist() == [[1, 0]]
     # A treadle that has no tie yet.
-    wide = sized(TWILL, 4, 6)
-    assert tied(wide, 6, (2,)).tieup[4:] == ((), (2,))
+    wide = TWILL.sized(4, 6)
+    assert wide.tied(6, (2,)).tieup[4:] == ((), (2,))
 
 
 @given(looms())
 def test_a_liftplan_weaves_the_same_and_so_do_its_treadles(loom: Loom) -> None:
-    lifted = with_liftplan(loom)
+    lifted = loom.with_liftplan
     np.testing.assert_array_equal(lifted.drawdown(), loom.drawdown())
-    np.testing.assert_array_equal(with_treadles(lifted).drawdown(), loom.drawdown())
-    assert with_treadles(lifted).liftplan is None
+    np.testing.assert_array_equal(lifted.with_treadles.drawdown(), loom.drawdown())
+    assert lifted.with_treadles.liftplan is None
     assert lifted.rising == loom.rising
 
 
 @given(looms(), st.integers(1, 12), st.integers(1, 12))
 def test_a_tiled_loom_weaves_the_tiled_cloth(loom: Loom, ends: int, picks: int) -> None:
     np.testing.assert_array_equal(
-        tiled(loom, ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
+        loom.tiled(ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
     )
     np.testing.assert_array_equal(
-        tiled(with_liftplan(loom), ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
+        loom.with_liftplan.tiled(ends, picks).drawdown(), tile(loom.drawdown(), ends, picks)
     )
 
 
 @given(looms(), st.integers(0, 9), st.integers(0, 9))
 def test_a_size_never_cuts_what_is_used(loom: Loom, shafts: int, treadles: int) -> None:
-    other = sized(loom, shafts, treadles)
-    most = used(loom)
+    other = loom.sized(shafts, treadles)
+    most = loom.used
     assert (other.shafts, other.treadles) == (max(shafts, most[0]), max(treadles, most[1]))
     np.testing.assert_array_equal(other.drawdown(), loom.drawdown())
-    assert (used(sized(loom, *most))) == most
+    assert loom.sized(*most).used == most
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        lambda: threaded(TWILL, 5, (1,)),
-        lambda: threaded(TWILL, 1, (0,)),
-        lambda: treadled(TWILL, 0, (1,)),
-        lambda: tied(TWILL, 5, (1,)),
-        lambda: tied(with_liftplan(TWILL), 1, (1,)),
+        lambda: TWILL.threaded(5, (1,)),
+        lambda: TWILL.threaded(1, (0,)),
+        lambda: TWILL.treadled(0, (1,)),
+        lambda: TWILL.tied(5, (1,)),
+        lambda: TWILL.with_liftplan.tied(1, (1,)),
     ],
 )
 def test_what_is_not_there_cannot_be_changed(change: object) -> None:
