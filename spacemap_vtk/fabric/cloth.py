@@ -193,23 +193,7 @@ class Cloth:
         return feasible_height(*tightest, sum_)
 
     def feasible_crimps(self, number: int) -> tuple[float, float]:
-        """Return the interval of crimps that warp (0) or weft (1) can have.
-
-        Parameters
-        ----------
-        number : {0, 1}
-            Of the family.
-
-        Returns
-        -------
-        tuple of float
-            Low and high.
-
-        Raises
-        ------
-        GeometryError
-            There is no room for the yarns at any crimp height.
-        """
+        # Low and high, of warp (0) or weft (1).
         low, high = (self._crimp_at(number, height) for height in self.feasible_heights)
         return min(low, high), max(low, high)
 
@@ -291,37 +275,11 @@ class Cloth:
         return warp, weft
 
     def upper(self, number: int, which: Some = slice(None)) -> NDArray[np.bool_]:
-        """Return where ends or picks lie over what they cross.
-
-        Parameters
-        ----------
-        number : {0, 1}
-            Warp or weft.
-        which : slice or ndarray of int
-            Its yarns.
-
-        Returns
-        -------
-        (yarns, crossings) bool
-            A row for each yarn.
-        """
+        # (yarns, crossings) Where ends (0) or picks (1) lie over what they cross.
         return ~self.drawdown[which] if number else self.drawdown.T[which]
 
     def passing(self, number: int, which: Some = slice(None)) -> Passing:
-        """Return how ends or picks pass what they cross.
-
-        Parameters
-        ----------
-        number : {0, 1}
-            Warp or weft.
-        which : slice or ndarray of int
-            Its yarns.
-
-        Returns
-        -------
-        Passing
-            A row for each yarn.
-        """
+        # How ends (0) or picks (1) pass what they cross: a row for each.
         own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
         arc = 0.5 * (own[:, None] + crossed)
         upper, share = self.upper(number, which), self.shares[number]
@@ -340,20 +298,7 @@ class Cloth:
         return Passing(arc, height, self.layers.kept(number)[which])
 
     def courses(self, number: int) -> Courses:
-        """Return the different courses of ends or picks: yarns of one course have equal axes.
-
-        Parameters
-        ----------
-        number : {0, 1}
-            Warp or weft.
-
-        Returns
-        -------
-        first : (courses,) int64
-            A yarn of each, ascending.
-        which : (yarns,) int64
-            The course of each yarn, a place in `first`.
-        """
+        # Yarns of one course have equal axes: a yarn of each, ascending, and the course of all.
         return self._courses[number]
 
     @cached_property

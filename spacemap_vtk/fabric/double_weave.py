@@ -146,18 +146,7 @@ class Layers:
         return own, np.broadcast_to(~self.ends, own.shape)
 
     def kept(self, number: int) -> Bools:
-        """Return which crossings yarns take notice of.
-
-        Parameters
-        ----------
-        number : {0, 1}
-            Ends or picks.
-
-        Returns
-        -------
-        (yarns, crossings) bool
-            A row for each yarn.
-        """
+        # (yarns, crossings) Which crossings ends (0) or picks (1) take notice of.
         return self._passes[number][0]
 
     @property

@@ -75,35 +75,13 @@ class DraftThreads:
         )
 
     def side_by_side(self, spacing: float) -> DraftThreads:
-        """Fill the threads' spaces with them, where nothing is said of their thickness.
-
-        Parameters
-        ----------
-        spacing : float
-            In m, where nothing is said of the spaces, too.
-
-        Returns
-        -------
-        DraftThreads
-            With a thickness.
-        """
+        # They fill their spaces [m] where nothing is said of their thickness.
         if self.thickness is not None:
             return self
         return replace(self, thickness=spacing if self.spacing is None else self.spacing)
 
     def cut(self, part: slice) -> DraftThreads:
-        """Return the same of some threads.
-
-        Parameters
-        ----------
-        part : slice
-            Which.
-
-        Returns
-        -------
-        DraftThreads
-            What is said of each thread is cut.
-        """
+        # Some of the threads.
         values = {name: getattr(self, name) for name in ("spacing", "thickness", "colors")}
         own = {name: value[part] for name, value in values.items() if np.ndim(value)}
         return replace(self, **own)

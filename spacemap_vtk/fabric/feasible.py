@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import product
 from math import inf
+from typing import Any
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
+from spacemap_vtk.fabric.threads import Threads
 
 Interval = tuple[float, float]
 
@@ -46,31 +50,21 @@ def feasible_intervals(cloth: Cloth) -> dict[str, Interval]:
         result["weft_crimp"] = cloth.feasible_crimps(1)
     except GeometryError:
         pass  # no height is feasible at all; a diameter or spacing may still mend it
-    warp, weft = cloth.threads
-    changes: dict[str, tuple[object, Callable[[float], Cloth]]] = {
-        "warp_diameter": (
-            warp.diameter,
-            lambda x: replace(cloth, warp=replace(warp, diameter=x)),
-        ),
-        "weft_diameter": (
-            weft.diameter,
-            lambda x: replace(cloth, weft=replace(weft, diameter=x)),
-        ),
-        "warp_spacing": (
-            warp.spacing,
-            lambda x: replace(cloth, warp=replace(warp, spacing=x)),
-        ),
-        "weft_spacing": (
-            weft.spacing,
-            lambda x: replace(cloth, weft=replace(weft, spacing=x)),
-        ),
-    }
-    for name, (value, changed) in changes.items():
-        if isinstance(value, float):
-            interval = _interval(lambda x, changed=changed: _woven(changed(x)), value)  # type: ignore[misc]
+    for measure, number in product(("diameter", "spacing"), (0, 1)):
+        threads, family = cloth.threads[number], FAMILIES[number]
+        changed = partial(_changed, cloth, family, threads, measure)
+        if isinstance(value := getattr(threads, measure), float):
+            interval = _interval(changed, value)
             if interval is not None:
-                result[name] = interval
+                result[f"{family}_{measure}"] = interval
     return result
+
+
+def _changed(cloth: Cloth, family: str, threads: Threads, measure: str, value: float) -> bool:
+    """Return whether a cloth can be woven with another measure of a family."""
+    own: Any = {measure: value}
+    changed: Any = {family: replace(threads, **own)}
+    return _woven(replace(cloth, **changed))
 
 
 def _woven(cloth: Cloth) -> bool:

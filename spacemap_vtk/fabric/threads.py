@@ -117,15 +117,8 @@ class Threads:
         return float(np.mean(self.spacing)) if np.size(self.spacing) else width
 
     def gaps(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return what gaps leave to the yarns that pass through them.
-
-        Returns
-        -------
-        room : (gaps,) ndarray
-            Spacings less half the flats on both sides, p'.
-        diameter : (gaps,) ndarray
-            Mean of both neighbours.
-        """
+        # What gaps leave to yarns that pass: spacings less half the flats on both sides, p',
+        # and the mean diameter of both neighbours.
         mean = self._between()
         if mean.size == 0 or np.size(self.spacing) == 0:
             return np.empty(0), np.empty(0)
@@ -133,18 +126,7 @@ class Threads:
         return np.atleast_1d(room), np.atleast_1d(mean)
 
     def chosen(self, which: NDArray[np.bool_]) -> Threads:
-        """Return some of the threads, in their places.
-
-        Parameters
-        ----------
-        which : (n,) ndarray of bool
-            Whether each is one of them.
-
-        Returns
-        -------
-        Threads
-            With a diameter for each and a spacing for each pair of neighbours.
-        """
+        # Some of the threads, in their places.
         yarns = self.yarns(len(which)).chosen(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
         twist, plies = self.twist, self.plies
@@ -177,20 +159,7 @@ class Threads:
         return turns, plies, diameter
 
     def yarns(self, count: int, middle: float = 0.0) -> Yarns:
-        """Return the yarns one by one.
-
-        Parameters
-        ----------
-        count : int
-            How many.
-        middle : float, optional
-            Place of the middle between the first and the last, in metres.
-
-        Returns
-        -------
-        Yarns
-            With the places of all.
-        """
+        # One by one, about a middle [m].
         apart = np.array(np.broadcast_to(self.spacing, count - 1))
         return Yarns(
             np.array(np.broadcast_to(self.diameter, count)),

@@ -25,6 +25,8 @@ from spacemap_vtk.fabric.weave import Weave
 
 Floats = NDArray[np.float64]
 
+#: Places on each part of an axis from which the search starts.
+_SAMPLES = 4
 #: Most places to refine: the worst of the local minima among the samples.
 _MOST = 20_000
 #: Samples and pairs that are looked at together.
@@ -62,15 +64,13 @@ class _Tubes(NamedTuple):
     """Axis, normal and lateral radius, half the flat, (n, 3) each, at fractions of parts."""
 
 
-def least_clearance(cloth: Cloth, samples: int = 4) -> Clearance:
+def least_clearance(cloth: Cloth) -> Clearance:
     """Return the least clearance between the yarns of a cloth as woven, by its exact axes.
 
     Parameters
     ----------
     cloth : Cloth
         As woven.
-    samples : int
-        Places on each part of an axis from which the search starts, at least 1.
 
     Returns
     -------
@@ -119,8 +119,7 @@ def least_clearance(cloth: Cloth, samples: int = 4) -> Clearance:
             np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
             True,
             at,
-        ),
-        samples,
+        )
     )
 
 
@@ -169,7 +168,7 @@ def clearance_of_large(cloth: Cloth, most: int) -> Clearance | None:
     return least
 
 
-def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4) -> Clearance:
+def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
     """Return the least clearance between yarns by their control points, moved or not.
 
     Parameters
@@ -178,8 +177,6 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4
         As built.
     points : (N, 3) array_like, optional
         Its control points after a deformation, in m; by default before. More rows are ignored.
-    samples : int
-        Places on each part of an axis from which the search starts, at least 1.
 
     Returns
     -------
@@ -239,8 +236,7 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None, samples: int = 4
             np.repeat([t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]),
             points is None,
             at,
-        ),
-        samples,
+        )
     )
 
 
@@ -269,17 +265,17 @@ def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
     return net
 
 
-def _least(tubes: _Tubes, samples: int) -> Clearance:
+def _least(tubes: _Tubes) -> Clearance:
     total = int(tubes.parts.sum())
     owner = np.repeat(np.arange(len(tubes.parts)), tubes.parts)
     ends = np.stack([np.cumsum(tubes.parts) - tubes.parts, np.cumsum(tubes.parts)])
     # places are numbers: the part, and the fraction behind the point
-    count = np.full(total, samples)
+    count = np.full(total, _SAMPLES)
     count[ends[1] - 1] += 1
     part = np.repeat(np.arange(total), count)
     step = np.arange(len(part)) - (np.cumsum(count) - count)[part]
     lines = (-1.0, 0.0, 1.0) if tubes.flat.any() else (0.0,)
-    place = np.tile(part + step / samples, len(lines))
+    place = np.tile(part + step / _SAMPLES, len(lines))
     side = np.repeat(lines, len(part))
     yarn = np.tile(owner[part], len(lines))
     keep = tubes.flat[yarn] | (side == 0.0)
@@ -328,7 +324,7 @@ def _least(tubes: _Tubes, samples: int) -> Clearance:
 
     best, middle, _ = evaluate(both(moved), sides, turns)
     flattened = bool(tubes.flat[own].any())
-    width = 1.0 / samples
+    width = 1.0 / _SAMPLES
     for _ in range(_CUTS):
         for along in (True, False) if flattened else (True,):
             # each place moves forth, back or not at all: three of a yarn to locate, not nine
