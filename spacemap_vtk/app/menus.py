@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
     QApplication,
+    QComboBox,
     QLineEdit,
     QMainWindow,
     QMenu,
@@ -249,7 +250,10 @@ class _UndoKeys(QObject):
             return False
         line = watched if isinstance(watched, QLineEdit) else watched.findChild(QLineEdit)
         keys = QKeySequence.StandardKey
-        idle = (event.matches(keys.Undo) and not line.isUndoAvailable()) or (
+        # What was refused goes as a whole, not letter by letter.
+        if line is None:  # a choice that nothing is typed into
+            return False
+        idle = (event.matches(keys.Undo) and (_refused(line) or not line.isUndoAvailable())) or (
             event.matches(keys.Redo) and not line.isRedoAvailable()
         )
         if idle:
@@ -257,10 +261,17 @@ class _UndoKeys(QObject):
         return idle
 
     def _follow(self, before: QWidget | None, now: QWidget | None) -> None:
-        if isinstance(before, (QLineEdit, QAbstractSpinBox)):
+        if before is not None:
             before.removeEventFilter(self)
-        if isinstance(now, (QLineEdit, QAbstractSpinBox)):
+        if isinstance(now, (QLineEdit, QAbstractSpinBox, QComboBox)):
             now.installEventFilter(self)
+
+
+def _refused(widget: QWidget | None) -> bool:
+    """Whether a widget is, or stands in, what is marked as refused."""
+    while widget is not None and not widget.property("bad"):
+        widget = widget.parentWidget()
+    return widget is not None
 
 
 def _give_keys(action: QAction, *keys: object) -> None:
