@@ -96,9 +96,12 @@ def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
     assert window.modes.table.rowCount() == 12
     still = tmp_path / "still.toml"
     still.write_text("[weave]\nends = 3\npicks = 3\n")
+    wait_until(window.modes.response.isVisible)
     window.document.open(still)
-    wait_until(lambda: settled(window))
+    # At once: the other scene's are not shown below this one's name.
     assert window.modes.table.rowCount() == 0
+    assert not window.modes.response.isVisible()
+    wait_until(lambda: settled(window))
     assert window.stages.states["modal"] == "off"
     # A value of a stage that is off brings it, and the motion, in.
     window.document.set("modal", "modes", 5)
@@ -132,8 +135,8 @@ def test_without_modes_the_tab_says_how_to_get_them(open_scene: Any) -> None:
     wait_until(lambda: window.modes.table.rowCount() > 0)
     assert "Click a mode" in window.modes.hint.text()
     window.files.load("calculix_fabric")
-    wait_until(lambda: window.modes.table.rowCount() == 0)
-    assert "from a file" in window.modes.hint.text()
+    wait_until(lambda: "from a file" in window.modes.hint.text())
+    assert window.modes.table.rowCount() == 0
 
 
 def test_arrow_keys_go_from_mode_to_mode(open_scene: Any) -> None:

@@ -272,6 +272,9 @@ def test_a_scene_that_stands_still_has_no_plots(plots_of: Any, tmp_path: Path) -
     window.document.open("plain_weave")
     wait_until(lambda: plotted(window))
     assert window.plots.canvas.isVisible()
+    window.document.open(still)
+    assert not window.plots.canvas.isVisible()  # at once
+    wait_until(lambda: settled(window))
 
 
 def test_titles_and_legends_leave_each_other_room(plots_of: Any, qtbot: Any) -> None:

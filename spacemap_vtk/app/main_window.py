@@ -390,6 +390,7 @@ class MainWindow(QMainWindow):
         self.gallery.show_recent(self.files.recent)
 
     def _begin(self) -> None:
+        self.modes.forget()
         self.told.tell("")  # of what was there before
         self.told.setToolTip("")
         # The properties of a stage that another scene lacks would say nothing.

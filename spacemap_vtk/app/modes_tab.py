@@ -144,6 +144,14 @@ class ModesTab(QWidget):
         """The mode that swings, if one does."""
         return self._mode
 
+    def forget(self) -> None:
+        """Show no modes until a frame brings some: those that are shown are another scene's."""
+        self._known = None
+        self.table.setRowCount(0)
+        self.hint.clear()
+        self.sheet.hide()
+        self.response.forget()
+
     def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
         """Fill the table, if modes or damping are others."""
         array = None if cage is None else cage.GetFieldData().GetArray("eigenvalues")
@@ -160,6 +168,8 @@ class ModesTab(QWidget):
         if known == self._known:
             return
         self._known = known
+        if cage is None:
+            self.response.forget()
         self.table.setRowCount(len(values))
         rates = damping.alphas(values), damping.beta
         lost = 0.0 if cage is None or array is None else rounding_of(cage)

@@ -61,6 +61,12 @@ class ResponsePlot(QWidget):
             if self._drawn != self._asked and not self._rest.isActive():
                 self._rest.start()
 
+    def forget(self) -> None:
+        """Show nothing until another response is there."""
+        self._drawn = self._asked = ""
+        self.spectrum = None
+        self.hide()
+
     def seen(self) -> None:
         """Ask for what has changed while another tab was seen, or was pushed aside by its work."""
         self._asked = ""
@@ -76,8 +82,8 @@ class ResponsePlot(QWidget):
             self._engine.ask_beside(spectrum_of)
 
     def _ready(self, result: Any) -> None:
-        if not isinstance(result, Spectrum):
-            return  # what the tab of plots has asked for
+        if not isinstance(result, Spectrum) or not self._asked:
+            return  # what the tab of plots has asked for, or of a scene that has been left
         self.spectrum = result
         self.setVisible(bool(result.response.any()))
         self.found.emit(result)

@@ -239,6 +239,11 @@ class PlotsTab(QWidget):
         self._chosen = False
         self._key = ""
         self._engine.ask_beside(None)
+        self.curves = None  # nobody takes another scene's for this one's
+        self.hint.setText(_HINT)
+        self._enable()
+        if self.canvas is not None:
+            self.canvas.hide()
 
     def _enable(self) -> None:
         known = self.curves is not None
