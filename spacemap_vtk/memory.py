@@ -150,10 +150,10 @@ class Recycler:
         if not size:
             return np.empty(tuple(shape), kind)
         memory = self._take(size)
-        owner = np.frombuffer(memory, dtype=np.uint8)
+        owner = np.frombuffer(memory, kind)
         watch = weakref.ref(owner, self._left.append)
         self._lent[id(watch)] = watch, memory
-        return owner.view(kind).reshape(tuple(shape))
+        return owner.reshape(shape)
 
     def _take(self, size: int) -> memoryview:
         self._collect()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkInformation
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, vectors_of
+from spacemap_vtk.datasets.arrays import add_array, add_number, array_of, vectors_of
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
 from spacemap_vtk.errors import InputError, naming
@@ -273,8 +273,9 @@ class LoadedCage(Stage):
     @staticmethod
     def add_motion(output: vtkUnstructuredGrid, fields: Iterable[FloatArray]) -> None:
         """Write displacement, velocity and acceleration, (V, 3) each."""
+        points = output.GetPointData()
         for name, field in zip(_MOTION, fields, strict=True):
-            add_array(output.GetPointData(), name, field)
+            add_array(points, name, field)
 
     @staticmethod
     def add_stress(output: vtkUnstructuredGrid, strain: FloatArray, stress: FloatArray) -> None:
@@ -287,8 +288,9 @@ class LoadedCage(Stage):
     @staticmethod
     def add_energies(output: vtkUnstructuredGrid, energies: Sequence[float] | FloatArray) -> None:
         """Write kinetic, strain and dissipated energy, and external work [J]."""
+        field = output.GetFieldData()
         for name, value in zip(ENERGIES, energies, strict=True):
-            add_array(output.GetFieldData(), name, np.array([value]))
+            add_number(field, name, value)
 
     def _start(
         self, grid: vtkUnstructuredGrid, everywhere: tuple[float, ...], what: str, array: str
