@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ class Pick:
     position: Point
     rest: Point
     displacement: Point
+    #: By the number of a surface's points, which of them it is, and how far off at rest [m].
+    _nearest: dict[int, tuple[int, float]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def name(self) -> str:
@@ -57,10 +61,9 @@ class Pick:
     def label(self, frame: Frame, span: Span | None) -> tuple[NDArray[np.float64], str]:
         """Return where it is in a frame, and what stands there: name, what is shown, place."""
         drawn = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surface]
-        away = [((rest_of(surface) - self.rest) ** 2).sum(axis=1) for surface in drawn]
         # Near yarns may be of another part of the cloth.
-        surface, far = min(zip(drawn, away, strict=True), key=lambda pair: float(pair[1].min()))
-        nearest = int(far.argmin())
+        found = [(surface, *self._nearest_of(surface, frame.relief)) for surface in drawn]
+        surface, nearest, _ = min(found, key=lambda one: one[2])
         at = points_of(surface)[nearest].astype(np.float64)
         numbers, value = surface.GetPointData().GetArray(SHOWN), None
         if numbers is not None:
@@ -81,6 +84,19 @@ class Pick:
         where = ", ".join(f"{c / size:.4g}" for c in at + 0.0)
         lines = self.name, told.strip(), f"({where}) {unit}"
         return at, "\n".join(filter(None, lines)).replace("-", "−")
+
+    def _nearest_of(self, surface: vtkPolyData, off: float) -> tuple[int, float]:
+        """Return which point of a surface it is, and how far that is; it may go so far off."""
+        points, moved = points_of(surface), surface.GetPointData().GetArray("displacement")
+        number, far = self._nearest.get(len(points), (0, -np.inf))
+        rest = points[number] - (0.0 if moved is None else moved.GetTuple3(number))
+        now = float(np.linalg.norm(rest - self.rest))
+        if now <= far + off:
+            return number, now
+        away = ((rest_of(surface) - self.rest) ** 2).sum(axis=1)
+        number = int(away.argmin())
+        self._nearest[len(points)] = number, float(away[number] ** 0.5)
+        return self._nearest[len(points)]
 
 
 def _moved(displacement: NDArray[np.float64] | Point) -> str:
