@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.embedding.triangles import cross, dot
 from spacemap_vtk.errors import GeometryError
 
 # A tetrahedron whose volume is less than this part of its longest edge cubed is flat: the rounding
@@ -32,10 +33,10 @@ class Frames:
         first = corners[:, 0]
         edges = corners[:, 1:] - first[:, None]
         a, b, c = edges.transpose(1, 2, 0)  # each (3, T)
-        gradients = np.stack((_cross(b, c), _cross(c, a), _cross(a, b)))  # (3, 3, T)
-        volume = _dot(a, gradients[0])
+        gradients = np.stack((cross(b, c), cross(c, a), cross(a, b)))  # (3, 3, T)
+        volume = dot(a, gradients[0])
         longest = np.sqrt(
-            np.max([_dot(d, d) for d in (a, b, c, b - a, c - b, a - c)], axis=0, initial=0.0)
+            np.max([dot(d, d) for d in (a, b, c, b - a, c - b, a - c)], axis=0, initial=0.0)
         )
         self.usable = np.abs(volume) > _FLAT * longest**3
         if not self.usable.any():
@@ -49,7 +50,7 @@ class Frames:
         # flat ones stay in the table, so that numbers are kept, and are never asked for
         gradients /= np.where(self.usable, volume, 1.0)
         last = -gradients.sum(axis=0)
-        steepness = np.sqrt([_dot(last, last), *(_dot(g, g) for g in gradients)])
+        steepness = np.sqrt([dot(last, last), *(dot(g, g) for g in gradients)])
         self.tolerance = (_TOLERANCE + self.distance * steepness).T  # (T, 4)
         # one row a tetrahedron, so that a gather touches one place
         self._table = np.concatenate(
@@ -105,7 +106,7 @@ class Frames:
             reach = 0.5 * np.abs(result[i, :3]).sum(axis=0)
             # a little more, for the rounding of this very sum
             spare = 2.0 * self.tolerance[:, i] + 1e-12
-            result[i, 3] = _dot(slope, away) + (i == 0) + reach * (1 + 1e-9) + spare
+            result[i, 3] = dot(slope, away) + (i == 0) + reach * (1 + 1e-9) + spare
         return result
 
 
@@ -116,14 +117,3 @@ def _transform(
         matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2]
         for i in range(3)
     ]
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack(
-        (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    )
-
-
-def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    return result

@@ -7,7 +7,6 @@ leaves open, points outside the cage, is decided by the true distance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -132,16 +131,13 @@ def locate(
     left: NDArray[np.intp] | None = None  # who must be searched for; None: all
     if pattern is not None:
 
-        def calculate() -> Callable[[int], None]:
-            def do(begin: int) -> None:
-                block = slice(begin, begin + _BLOCK)
-                some = part(block)
-                rows = weights[block] if weighted else np.empty((len(some), 4))
-                pattern.find(some, epsilon, tetrahedron[block], rows)
+        def calculate(begin: int) -> None:
+            block = slice(begin, begin + _BLOCK)
+            some = part(block)
+            rows = weights[block] if weighted else np.empty((len(some), 4))
+            pattern.find(some, epsilon, tetrahedron[block], rows)
 
-            return do
-
-        for_each(range(0, len(places), _BLOCK), calculate, threads)
+        for_each(range(0, len(places), _BLOCK), lambda: calculate, threads)
         left = np.flatnonzero(tetrahedron < 0)
         if not len(left):
             return Location(tetrahedron, weights, np.zeros(len(places), dtype=np.bool_), 0, 0.0)
@@ -149,37 +145,32 @@ def locate(
     frames = Frames(nodes, cells, epsilon)
     grid = Grid(frames, threads)
 
-    def search() -> Callable[[int], None]:
-        def do(begin: int) -> None:
-            block: Any = slice(begin, begin + _BLOCK)
-            block = block if left is None else left[block]
-            tetrahedron[block] = found = grid.find(part(block))
-            if weighted:
-                # those outside get weights of some tetrahedron, and the right ones below
-                weights[block] = frames.weights(part(block), np.maximum(found, 0))
+    def search(begin: int) -> None:
+        block: Any = slice(begin, begin + _BLOCK)
+        block = block if left is None else left[block]
+        tetrahedron[block] = found = grid.find(part(block))
+        if weighted:
+            # those outside get weights of some tetrahedron, and the right ones below
+            weights[block] = frames.weights(part(block), np.maximum(found, 0))
 
-        return do
-
-    for_each(range(0, len(places) if left is None else len(left), _BLOCK), search, threads)
+    count = len(places) if left is None else len(left)
+    for_each(range(0, count, _BLOCK), lambda: search, threads)
     missed = np.flatnonzero(tetrahedron < 0)
     distance = np.empty(len(missed))
     if len(missed):
         nearest = NearestTetrahedron(nodes, cells, frames)
 
-        def measure() -> Callable[[int], None]:
-            def do(begin: int) -> None:
-                block = slice(begin, begin + _BLOCK)
-                which = missed[block]
-                owner, clamped, far = nearest.find(part(which))
-                tetrahedron[which], distance[block] = owner, far
-                if weighted:
-                    extrapolated = frames.weights(part(which), owner)
-                    clamp = (outside == "clamp") & (far > frames.distance)
-                    weights[which] = np.where(clamp[:, None], clamped, extrapolated)
+        def measure(begin: int) -> None:
+            block = slice(begin, begin + _BLOCK)
+            which = missed[block]
+            owner, clamped, far = nearest.find(part(which))
+            tetrahedron[which], distance[block] = owner, far
+            if weighted:
+                extrapolated = frames.weights(part(which), owner)
+                clamp = (outside == "clamp") & (far > frames.distance)
+                weights[which] = np.where(clamp[:, None], clamped, extrapolated)
 
-            return do
-
-        for_each(range(0, len(missed), _BLOCK), measure, threads)
+        for_each(range(0, len(missed), _BLOCK), lambda: measure, threads)
 
     # gaps between faces that rounding has opened are no outside
     far_out = distance > frames.distance

@@ -104,24 +104,21 @@ class SmoothInterpolation(Riding):
         some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
         result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
 
-        def fill() -> Callable[[int], None]:
-            def do(begin: int) -> None:
-                block = order[begin : begin + _BLOCK]
-                here, which = np.unique(tetrahedron[block], return_inverse=True)
-                row = np.searchsorted(good, here)
-                corners = vertices[cells[here]]
-                table = coefficients(corners, centres[row], faces[row])
-                asked = ways(block, corners[which])
-                found = evaluated(self._foot[block], which, table, centres[row], faces[row], asked)
-                edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
-                slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
-                result[:, block, :4] = found[:, :, :4]
-                products = np.matmul(slopes[:, :, :, None], edges)
-                result[:, block, 4:] = products.reshape(len(found), -1, 12)
+        def fill(begin: int) -> None:
+            block = order[begin : begin + _BLOCK]
+            here, which = np.unique(tetrahedron[block], return_inverse=True)
+            row = np.searchsorted(good, here)
+            corners = vertices[cells[here]]
+            table = coefficients(corners, centres[row], faces[row])
+            asked = ways(block, corners[which])
+            found = evaluated(self._foot[block], which, table, centres[row], faces[row], asked)
+            edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
+            slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
+            result[:, block, :4] = found[:, :, :4]
+            products = np.matmul(slopes[:, :, :, None], edges)
+            result[:, block, 4:] = products.reshape(len(found), -1, 12)
 
-            return do
-
-        for_each(range(0, len(order), _BLOCK), fill)
+        for_each(range(0, len(order), _BLOCK), lambda: fill)
         return result
 
     def displace(

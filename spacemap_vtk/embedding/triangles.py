@@ -64,12 +64,12 @@ def nearest_on_triangles(
     squared = np.minimum(np.minimum(to_ab, to_ac), to_bc)
     on_ab, on_ac = to_ab == squared, to_ac == squared
     # Cross products, not the Gram matrix: that one loses all digits in a needle.
-    normal = _cross(ab, ac)
-    area = _dot(normal, normal)
+    normal = cross(ab, ac)
+    area = dot(normal, normal)
     area = np.where(area > 0, area, 1.0)
-    v = _dot(_cross(ap, ac), normal) / area
-    w = _dot(_cross(ab, ap), normal) / area
-    height = _dot(ap, normal)
+    v = dot(cross(ap, ac), normal) / area
+    w = dot(cross(ab, ap), normal) / area
+    height = dot(ap, normal)
     above = (v > 0) & (w > 0) & (v + w < 1)
     squared = np.where(above, np.minimum(height * height / area, squared), squared)
     v = np.where(above, v, np.where(on_ab, along_ab, np.where(on_ac, 0.0, 1.0 - along_bc)))
@@ -79,18 +79,20 @@ def nearest_on_triangles(
 
 def _on_edge(p: Coordinates, edge: Coordinates) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the parameter of the nearest point of an edge, and its squared distance."""
-    length = _dot(edge, edge)
-    t = np.clip(_dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    length = dot(edge, edge)
+    t = np.clip(dot(p, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
     rest = p - t * edge
-    return t, _dot(rest, rest)
+    return t, dot(rest, rest)
 
 
-def _cross(a: Coordinates, b: Coordinates) -> Coordinates:
+def cross(a: Coordinates, b: Coordinates) -> Coordinates:
+    """Return the vector product."""
     return np.stack(
         (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     )
 
 
-def _dot(a: Coordinates, b: Coordinates) -> NDArray[np.float64]:
+def dot(a: Coordinates, b: Coordinates) -> NDArray[np.float64]:
+    """Return the scalar product."""
     result: NDArray[np.float64] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return result
