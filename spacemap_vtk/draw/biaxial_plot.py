@@ -7,12 +7,11 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spacemap_vtk.draw.plots import handy
+from spacemap_vtk.draw.plots import figure_about, handy, write_figure
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.biaxial import Tensile, tensile_tests
 from spacemap_vtk.fabric.interchange import Interchange
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import write
 from spacemap_vtk.scenes.scene import Scene
 
@@ -54,7 +53,7 @@ def biaxial_plot(scene: Scene, file: Path) -> None:
     if file.suffix.lower() == ".csv":
         write(file, [_table(tests).encode()])
         return
-    registry.writer(file, "plot").write(file, _figure(scene.title, tests))
+    write_figure(_figure(scene.title, tests), file)
 
 
 def _table(tests: list[Tensile]) -> str:
@@ -68,12 +67,7 @@ def _table(tests: list[Tensile]) -> str:
 
 
 def _figure(title: str, tests: list[Tensile]) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(f"{title}\nforce per width of its yarns", fontsize=12)
+    figure = figure_about(f"{title}\nforce per width of its yarns")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
     unit, size = "N/m", 1.0
     largest = max(float(test.force.max()) for test in tests)
@@ -97,8 +91,4 @@ def _figure(title: str, tests: list[Tensile]) -> Figure:
         width.plot(pulled, 100.0 * strip.extension[1 - family], color=color, linewidth=wide)
     force.set(ylabel=f"force per width [{unit}]")
     width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, pulled[-1]))
-    for panel in (force, width):
-        panel.grid(color="#e6e9ed", linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
-    force.legend(frameon=False, ncols=4, loc="lower right", bbox_to_anchor=(1.0, 0.98))
     return figure

@@ -20,6 +20,7 @@ from spacemap_vtk.units import format_quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
@@ -36,9 +37,6 @@ _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: str) -> None:
     """Plot how a point of the cage moves, and how it answers to frequencies or its energies."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     from spacemap_vtk.scenes import report
 
     figures = report.modes(scene)
@@ -56,10 +54,8 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     curves = motion.history(weights, times)[row]
     unit, size = handy(unit, float(abs(curves).max()))
 
-    figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
     where = ", ".join(format_quantity(x, "m", 4) for x in place)
-    figure.suptitle(f"{scene.title}\n{quantity} at ({where})", fontsize=12)
+    figure = figure_about(f"{scene.title}\n{quantity} at ({where})")
     over_time, below = figure.subplots(2, 1)
     for axis, color in enumerate(_COLORS):
         over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
@@ -71,7 +67,23 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
     else:
         scene.warn(NO_FREQUENCIES)
         _energy_over_time(below, times, motion.energies(times))
-    for panel in (over_time, below):
+    write_figure(figure, file)
+
+
+def figure_about(title: str) -> Figure:
+    """Return a figure that is yet to be drawn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=12)
+    return figure
+
+
+def write_figure(figure: Figure, file: Path) -> None:
+    """Write a figure whose curves are drawn, with its grids and legends."""
+    for panel in figure.axes:
         panel.grid(color="#e6e9ed", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
         if panel.get_legend_handles_labels()[0]:
