@@ -332,7 +332,9 @@ def test_arcs_of_different_radii() -> None:
     height = rng.uniform(-0.2, 0.2, (yarns, gaps + 1))
     height[:, 3:6] = height[:, 2:3]
     bounds = np.cumsum(rng.uniform(1.0, 1.5, gaps + 1))
-    path = arcs.lay(np.full(yarns, 0.1), np.arange(5.0), bounds, np.diff(bounds), height, arc)
+    one = np.ones((1, len(bounds) - 1))
+    laid = arcs.Gaps(bounds[None], np.diff(bounds)[None], height, arc, one)
+    path = arcs.lay_gaps(np.full(yarns, 0.1), np.arange(5.0), laid)
     part = np.arange(len(path.length))
     start = part + path.owner
     for fraction in (0.0, 1.0):

@@ -42,9 +42,7 @@ def split_pyramids(cells: Cells) -> Cells:
     (2 n, 4) int
         In any orientation.
     """
-    triangles = cut_quadrilaterals(cells[:, :4])  # (n, 2, 3)
-    apex = np.broadcast_to(cells[:, None, 4:5], (len(cells), 2, 1))
-    return np.concatenate((triangles, apex), axis=2).reshape(-1, 4)
+    return joined(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
 
 
 def split_wedges(cells: Cells) -> Cells:
@@ -87,8 +85,13 @@ def split_hexahedra(cells: Cells) -> Cells:
     turned = np.take_along_axis(cells, order, axis=1)  # in binary order
     faces = turned[:, [[1, 3, 7, 5], [2, 3, 7, 6], [4, 5, 7, 6]]]
     triangles = cut_quadrilaterals(faces.reshape(-1, 4)).reshape(-1, 6, 3)
-    apex = np.broadcast_to(turned[:, None, :1], (len(cells), 6, 1))
-    return np.concatenate((triangles, apex), axis=2).reshape(-1, 4)
+    return joined(turned[:, :1], triangles)
+
+
+def joined(apex: Cells, triangles: Cells) -> Cells:
+    """Return the tetrahedra of (n, 1) points and (n, m, 3) triangles."""
+    apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
+    return np.concatenate((triangles, apexes), axis=2).reshape(-1, 4)
 
 
 def cut_quadrilaterals(quads: Cells) -> Cells:

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, split_hexahedra
+from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, joined, split_hexahedra
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ def split_quadratic(cells: Cells, kind: CellKind) -> Cells:
         if len(cut) == 3:
             parts.append(cells[:, [corner, *cut]])
         else:
-            parts.append(_joined(cells[:, [corner]], cut_quadrilaterals(cells[:, cut])))
+            parts.append(joined(cells[:, [corner]], cut_quadrilaterals(cells[:, cut])))
     lowest = cells[:, corners : kind.nodes].argmin(axis=1) + corners
     for apex in np.unique(lowest):
         chosen = cells[lowest == apex]
@@ -105,7 +104,7 @@ def split_quadratic(cells: Cells, kind: CellKind) -> Cells:
             if len(face) == 3:
                 parts.append(chosen[:, [apex, *face]])
             else:
-                parts.append(_joined(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
+                parts.append(joined(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
     return np.concatenate(parts)
 
 
@@ -140,9 +139,3 @@ def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:
         pairs.remove(pair)
         ring.append((pair - {ring[-1]}).pop())
     return ring[:-1]
-
-
-def _joined(apex: Cells, triangles: Cells) -> NDArray[Any]:
-    """Return the tetrahedra of (n, 1) points and (n, 2, 3) triangles."""
-    apexes = np.broadcast_to(apex[:, None], (*triangles.shape[:2], 1))
-    return np.concatenate((apexes, triangles), axis=2).reshape(-1, 4)

@@ -142,12 +142,12 @@ def page(
     return figure
 
 
-def letters_wide(text: str, size: float = TEXT) -> float:
+def letters_wide(text: str) -> float:
     """Return how wide a line of text is, in mm."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
-    font = FontProperties(size=size)
+    font = FontProperties(size=TEXT)
     return POINT * float(text_to_path.get_text_width_height_descent(text, font, False)[0])
 
 

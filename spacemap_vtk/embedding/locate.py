@@ -8,7 +8,7 @@ leaves open, points outside the cage, is decided by the true distance.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -19,8 +19,6 @@ from spacemap_vtk.embedding.lattice_locate import recognise
 from spacemap_vtk.embedding.nearest import NearestTetrahedron
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.parallel import for_each
-
-Outside = Literal["extrapolate", "clamp", "error"]
 
 _BLOCK = 2**14  # points that are worked on together; bounds the scratch memory
 

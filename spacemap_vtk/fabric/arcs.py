@@ -129,20 +129,6 @@ def _passed_by(gaps: Gaps, kept: NDArray[np.bool_]) -> Gaps:
     )
 
 
-def lay(
-    radius: NDArray[np.float64],
-    lateral: NDArray[np.float64],
-    bounds: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    height: NDArray[np.float64],
-    arc: NDArray[np.float64],
-    exact: bool = False,
-) -> Axes:
-    """Cut axes into parts, from what is known at the bounds of their gaps."""
-    one = np.ones((1, len(spacing)))
-    return lay_gaps(radius, lateral, Gaps(bounds[None], spacing[None], height, arc, one), exact)
-
-
 def plan_of(gaps: Gaps, exact: bool) -> Plan:
     """Return into which parts gaps are cut."""
     return _plan(_bends(gaps), gaps.spacing, exact)

@@ -29,11 +29,12 @@ ALL = Share(slice(None), slice(None))
 
 def axes(cloth: Cloth, share: Share = ALL) -> tuple[Axes, Axes]:
     """Return the axes of warp and weft."""
-    warp, weft = (_axes(cloth, number, some) for number, some in enumerate(share))
+    warp, weft = (axes_of(cloth, number, some) for number, some in enumerate(share))
     return warp, weft
 
 
-def _axes(cloth: Cloth, number: int, some: Some) -> Axes:
+def axes_of(cloth: Cloth, number: int, some: Some) -> Axes:
+    """Return the axes of some ends (0) or picks (1)."""
     own, crossed = cloth.yarns[number].chosen(some), cloth.yarns[1 - number]
     if cloth.axis == "spline":
         height = cloth.passing(number, some).height

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.axes import Share, axes
+from spacemap_vtk.fabric.axes import axes_of
 from spacemap_vtk.fabric.axis import Axes, sampled
 from spacemap_vtk.fabric.bezier import bernstein
 from spacemap_vtk.fabric.cloth import Cloth
@@ -86,10 +86,11 @@ class CrossSection:
         return float(heights.min()), float(heights.max())
 
 
-def cross_section(
-    cloth: Cloth, family: int, yarn: int | None = None, crossings: int | None = None
-) -> CrossSection:
+def cross_section(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSection:
     """Cut a cloth along one of its yarns.
+
+    In sight are a repeat and one crossing more, from 5 to 9: those about the middle that end with
+    a change of side, where there is one.
 
     Parameters
     ----------
@@ -99,9 +100,6 @@ def cross_section(
         Along an end, or along a pick.
     yarn : int, optional
         Its number from 0; by default the one in the middle.
-    crossings : int, optional
-        How many are in sight; by default a repeat and one, from 5 to 9. They are those about the
-        middle that end with a change of side, where there is one.
 
     Returns
     -------
@@ -121,13 +119,12 @@ def cross_section(
     if not 0 <= yarn < count:
         name = ("end", "pick")[family]
         raise InputError(f"no such {name}", key=name, value=yarn + 1, allowed=f"1 to {count}")
-    if crossings is None:
-        crossings = min(max(repeat(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
+    crossings = min(max(repeat(cloth.drawdown)[1 - family] + 1, _FEWEST), _MOST)
     first, last = _window(cloth, family, yarn, min(crossings, crossed))
     window = np.arange(first, last + 1)
     own, across = cloth.yarns[family], cloth.yarns[1 - family].chosen(window)
 
-    path = _of(cloth, family, np.array([yarn]))
+    path = axes_of(cloth, family, np.array([yarn]))
     part, station, fraction = sampled(path, _SAMPLES)
     along, height, slope = path.at(part, station, fraction)
     passed = np.cumsum(path.length)[part] - path.length[part] * (1.0 - fraction)
@@ -142,7 +139,7 @@ def cross_section(
     half, normal = path.radius[0], np.stack([-np.sin(line[:, 2]), np.cos(line[:, 2])], axis=1)
     upper, lower = line[:, :2] + half * normal, line[:, :2] - half * normal
 
-    other = _of(cloth, 1 - family, window)
+    other = axes_of(cloth, 1 - family, window)
     centres, tilts = _crossed_at(other, own.position[yarn], place)
     outlines = _outlines(cloth, 1 - family)[None] * other.radius[:, None, None]
     # A plane that is not square to a tube cuts it higher.
@@ -166,11 +163,6 @@ def cross_section(
             (along, slope),
         ),
     )
-
-
-def _of(cloth: Cloth, family: int, which: NDArray[np.int64]) -> Axes:
-    none = slice(0, 0)
-    return axes(cloth, Share(none, which) if family else Share(which, none))[family]
 
 
 def _touched(cloth: Cloth, family: int, yarn: int) -> NDArray[np.bool_]:

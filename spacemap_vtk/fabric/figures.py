@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.fabric.axes import Share, axes, woven_gaps
+from spacemap_vtk.fabric.axes import axes_of, woven_gaps
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.peirce import solve
 from spacemap_vtk.fabric.threads import Yarns
@@ -83,8 +83,7 @@ def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
     """Return by how much each yarn of a family is longer than straight, in m."""
     chosen, which = cloth.courses(number)
     if cloth.axis == "spline":
-        none = slice(0, 0)
-        path = axes(cloth, Share(none, chosen) if number else Share(chosen, none))[number]
+        path = axes_of(cloth, number, chosen)
         straight = path.along[path.last] - path.along[0]
         return np.asarray(path.length.reshape(len(path.parts), -1).sum(axis=1) - straight)[which]
     excess = np.empty(len(chosen))

@@ -50,12 +50,6 @@ class Chunk(NamedTuple):
         """Number of patches."""
         return self.gather.shape[1]
 
-    @property
-    def row_count(self) -> int:
-        """Number of control points in use."""
-        rows = self.rows
-        return rows.stop - rows.start if isinstance(rows, slice) else len(rows)
-
     def net(self, patch: Any) -> NDArray[np.int64]:
         """Return the numbers of the control points of some patches."""
         places = self.gather[:, patch].T.astype(np.int64)

@@ -33,8 +33,6 @@ from spacemap_vtk.mechanics.plates import Plate, stiff_across
 
 FloatArray = NDArray[np.float64]
 
-#: Stretch at which all yarns are pulled, and are where they were at rest, nearly.
-_PULLED = 1e-6
 #: Gaps between crossings that are looked at in one go: some ten megabytes.
 _GAPS = 50_000
 

@@ -142,7 +142,7 @@ class Tessellation:
         Returns
         -------
         positions : (P (n + 1)**2, 3) float
-            In m; the point numbers that `quads` and `triangles` refer to.
+            In m; the point numbers that `quads` refer to.
         normals : (P (n + 1)**2, 3) float
             Unit vectors; NaN only where a control point is not finite.
 
@@ -304,16 +304,6 @@ class Tessellation:
             np.multiply(corners.ravel(), chunk.patch_count, out=within)
             within += (chunk.first * place.size + np.arange(chunk.patch_count))[:, None]
         return _frozen(result.reshape(-1, 4))
-
-    @cached_property
-    def triangles(self) -> NDArray[np.integer[Any]]:
-        """Triangles, (2 P n**2, 3): each of `quads` cut along its first diagonal."""
-        return _frozen(self.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
-
-    @cached_property
-    def patch_of_cell(self) -> NDArray[np.integer[Any]]:
-        """Patch of each of `quads`, (P n**2,) int64; ``array[patch_of_cell]`` carries one over."""
-        return _frozen(np.repeat(np.arange(self.patch_count), self.subdivisions**2))
 
     def _checked(self, values: ArrayLike) -> NDArray[Any]:
         table = np.asarray(values)

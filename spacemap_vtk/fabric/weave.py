@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from spacemap_vtk.fabric.arcs import FLAT, LONGEST_ARC
-from spacemap_vtk.fabric.axes import ALL, Share, axes
+from spacemap_vtk.fabric.axes import ALL, Share, axes, axes_of
 from spacemap_vtk.fabric.axis import Axes
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.peirce import Crimp
@@ -249,14 +249,14 @@ def count(cloth: Cloth) -> tuple[Counts, float]:
     >>> count(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))[0]
     Counts(points=848, patches=96, parts=20)
     """
-    none, parts, worst = slice(0, 0), [0, 0], 0.0
+    parts, worst = [0, 0], 0.0
     for number, shape in enumerate(_sections(cloth)):
         chosen, which = cloth.courses(number)
         yarns = np.bincount(which)
         step = max(1, _CROSSINGS // cloth.size[1 - number])
         for first in range(0, len(chosen), step):
             some = chosen[first : first + step]
-            path = axes(cloth, Share(none, some) if number else Share(some, none))[number]
+            path = axes_of(cloth, number, some)
             parts[number] += int(path.parts @ yarns[first : first + step])
             worst = max(worst, _radial_error(path, shape.error, cloth.exact))
     return _counts(cloth, parts), worst
