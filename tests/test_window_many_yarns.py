@@ -80,6 +80,8 @@ def test_yarns_are_made_where_they_are_seen_near(
     assert any("come nearer" in text for text in view.frame.warnings)
     runs = scene_of(window).modal.executions
     view.reset_camera("front")
+    x, y = view.plotter.width() / 2, view.plotter.height() / 2
+    afar = view.pick(x, y)
     view.zoom(8.0)
     assert view.steering
     wait_until(lambda: at_rest(window) and view.frame.yarns is not None)
@@ -88,10 +90,14 @@ def test_yarns_are_made_where_they_are_seen_near(
     assert scene_of(window).warp.executions == 0
     # Yarns take the sheet's place in its colours, and are what is picked.
     fine = view.image()
-    x, y = view.plotter.width() / 2, view.plotter.height() / 2
     found = next(pick for d in range(0, 30, 3) if (pick := view.pick(x + d, y)) is not None)
     assert 25 < (found.number or 0) < 36
     assert found.yarn == (found.number or 0) - 1 + 60 * (found.family or 0)
+    # The sheet has the same crossing there.
+    ends_and_picks = [(p.number, p.crossed)[:: 1 - 2 * p.family] for p in (afar, found)]
+    assert np.abs(np.diff(ends_and_picks, axis=0)).max() <= 1
+    over = scene_of(window).weave.cloth.drawdown[tuple(np.subtract(ends_and_picks[0][::-1], 1))]
+    assert afar.family == 1 - over
     view.steer(True)
     coarse = view.image()
     assert np.abs(fine.mean(axis=(0, 1)) - coarse.mean(axis=(0, 1))).max() < 12
