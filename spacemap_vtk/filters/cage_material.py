@@ -29,7 +29,7 @@ from spacemap_vtk.units import GRAVITY
 DENSITY = 300.0
 
 #: How many times its weight per area an object of unknown stiffness resists with.
-_STIFFER = 2.0
+_STIFFER = 16.0
 
 #: The material that is what the yarns of the weave in the cage make it.
 WOVEN = "yarns"
@@ -411,16 +411,16 @@ class CageMaterial(Stage):
         if self.youngs_modulus is not None or up is None:
             self.in_use = {}
             return
-        # An end that is as long as L and as thick as t sinks by 1.5 ρ g L⁴ / (E t²), and legs are
-        # thinner than the box is; what hangs stretches.
+        # What stands or hangs gives way by ρ g H² / (2 E), an end of a plate as long as L and as
+        # thick as t by 1.5 ρ g L⁴ / (E t²). Legs are thinner than the box is.
         extent = np.ptp(vertices, axis=0)
         long, thick = float(extent.max()), float(extent.min())
-        hangs = is_thin(extent) and int(extent.argmin()) != up
-        slender = 1.0 if hangs else (long / thick) ** 2.5
+        level = is_thin(extent) and int(extent.argmin()) == up
+        length = long * (long / thick) ** 2 if level else float(extent[up])
         edges = vertices[elements[:, 1:4]] - vertices[elements[:, :1]]
         filled = float(np.abs(np.linalg.det(edges)).sum() / 6.0 / extent.prod())
         density = self._values.get("density", DENSITY)
-        found = _STIFFER * density * GRAVITY * long * slender / filled
+        found = _STIFFER * density * GRAVITY * length / filled
         self.in_use = {"youngs_modulus": float(f"{found:.2g}")}
 
 

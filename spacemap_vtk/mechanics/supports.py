@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 BODY = "rigid place"
 
 #: Shares of an extent: what is flat but for rounding, and what is thin as a sheet.
-_FLAT, _THIN = 1e-3, 0.05
+_FLAT, _THIN = 1e-3, 0.1
 #: Of the square of a motion: less than this share of it is held by rounding alone.
 _HELD = 1e-10
 
