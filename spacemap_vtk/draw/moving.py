@@ -24,7 +24,7 @@ from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, sho
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.frame import camera_of, copied, relief_of
-from spacemap_vtk.draw.over_time import SeenOverTime
+from spacemap_vtk.draw.seen_yarns import SeenOverTime
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
     Span,

@@ -1,19 +1,27 @@
-"""Yarns, plies or fibres of a scene as curves, at some times."""
+"""What a scene is at some times beside its surface: middles of yarns or strands, and numbers."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.moving_surface import YarnCurves
+from spacemap_vtk.datasets.moving_surface import ScaledNumbers, YarnCurves
+from spacemap_vtk.draw.coloring import measure, unit_of
+from spacemap_vtk.draw.surface_actor import RAMP, natural_span, scale_title
+from spacemap_vtk.embedding.morph_targets import morph_targets
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.strand_curves import StrandCurves, Within, fibre_count, strand_curves
 from spacemap_vtk.fabric.weave import Weave, build
 from spacemap_vtk.memory import require
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
+#: Share of a scale by which a number may be off: a step of its colours.
+_STEP = 1 / 512
 #: What curves may be; or a number of fibres for each yarn.
 STRANDS = ("yarns", "plies", "fibres")
 
@@ -85,3 +93,51 @@ class SeenYarns:
             return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
         counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
         return YarnCurves(self._points, counts, self._scene.weave.cloth.strands[2], self.colors)
+
+
+class SeenOverTime(SeenYarns):
+    """The middles of yarns at some times, and what colours stand for at the points of a surface."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        rows: NDArray[np.integer[Any]],
+        times: int,
+        numbers: bool,
+        strands: str,
+    ) -> None:
+        super().__init__(scene, times, strands)
+        self._rows = rows
+        self._values: NDArray[np.float32] | None = None
+        if numbers and COLORINGS[scene.view.color].numbers:
+            # kept, and taken apart in double precision
+            require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
+            self._values = np.zeros((times, len(rows)), np.float32)
+
+    def see(self, number: int) -> None:
+        """Take what the scene's last update has made, for one of the times."""
+        super().see(number)
+        if self._values is not None:
+            numbers = measure(self._scene.polygons, self._scene.view.color)
+            if numbers is None:  # no clearance where normals are missing
+                self._values = None
+            else:
+                self._values[number] = numbers[self._rows]
+
+    @property
+    def numbers(self) -> ScaledNumbers | None:
+        """What was seen, few changes of which it is a sum; None where colours are no numbers."""
+        if self._values is None:
+            return None
+        color, span = self._scene.view.color, natural_span(self._values)
+        unit, size = unit_of(color, max(map(abs, span)))
+        mean = self._values.mean(axis=0)
+        found = morph_targets((self._values - mean)[..., None], _STEP * (span[1] - span[0]))
+        return ScaledNumbers(
+            scale_title(color, unit),
+            (span[0] / size, span[1] / size),
+            RAMP,
+            mean / size,
+            found.shapes[..., 0] / size,
+            found.weights,
+        )
