@@ -11,6 +11,9 @@ from PySide6.QtWidgets import QLabel, QPushButton, QSizePolicy, QWidget
 from spacemap_vtk.app.widgets import row, tool_button
 from spacemap_vtk.errors import SpacemapError, shown
 
+#: Letters of what is allowed.
+_MOST = 200
+
 
 class ErrorBar(QWidget):
     """Hidden while all is well."""
@@ -91,6 +94,9 @@ def _words(error: BaseException) -> str:
         where += f" = {shown(error.value)}"
     text = f"{where}: {error.message}" if where else error.message
     if error.allowed:
-        text += f"; allowed: {error.allowed}"
+        # All endings of files would leave no room for the picture.
+        few, more, _ = error.allowed[:_MOST].rpartition(", ")
+        many = len(error.allowed) > _MOST and more
+        text += f"; allowed: {few + ' and more' if many else error.allowed}"
     text += "."
     return f"{text} {error.cure}" if error.cure else text

@@ -125,9 +125,10 @@ class ExportDialog(QDialog):
         browse.clicked.connect(self._browse)
         self.width_box, self.height_box, self.preset = QSpinBox(), QSpinBox(), QComboBox()
         self.preset.addItems([*drawn.sizes, _OTHER])
-        for box in (self.width_box, self.height_box):
+        for box, tip in ((self.width_box, "Width"), (self.height_box, "Height")):
             box.setRange(16, 8192)
             box.setSuffix(" px")
+            box.setToolTip(tip)
         self.preset.textActivated.connect(self._choose_size)
         kept = str(QSettings().value(_KEPT, "Scene"))
         width, _, height = kept.partition(" x ")

@@ -139,7 +139,7 @@ class Exports(QObject):
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._target, self._error, self._told, self._lost = path, None, "", []
+        self._target, self._error, self._told, self._lost = path.absolute(), None, "", []
         order.output = folder / path.name
         self._words.setText(f"Writing {_shortened(path.name)}")
         self.progress.setToolTip(f"Writing {DATA.get(kind, kind).lower()}: {path}")

@@ -120,6 +120,8 @@ class _Pictures(QListWidget):
         self.setIconSize(QSize(width, round(width * _FORM)))
         lines = 2 * self.fontMetrics().lineSpacing()
         self.setGridSize(QSize(cell, round(width * _FORM) + lines + 16))
+        for number in range(self.count()):  # as wide as each other, whatever their titles
+            self.item(number).setSizeHint(self.gridSize() - QSize(4, 4))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Open with Enter; the arrows choose."""

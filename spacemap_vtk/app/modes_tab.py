@@ -34,7 +34,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
 from spacemap_vtk.mechanics.oscillator import damping_ratio, regime
-from spacemap_vtk.units import aligned
+from spacemap_vtk.units import aligned, pretty
 
 _HEADINGS = ("Mode", "Hz", "Damping", "Mass")
 _SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
@@ -278,6 +278,7 @@ def _told(found: dict[str, Any]) -> str:
     if "bending_length" not in found:
         return f"The cage is of {found['elements']}." if found else ""
     mass, length = (
-        ModalSolver.parameter(name).tell(found[name]) for name in ("areal_mass", "bending_length")
+        pretty(ModalSolver.parameter(name).tell(found[name]))
+        for name in ("areal_mass", "bending_length")
     )
     return f"The cage is a sheet: areal mass {mass}; bending length {length}."

@@ -62,6 +62,8 @@ class Properties(QScrollArea):
         #: What automatic values of all sections came to in it.
         self._in_use: dict[str, Mapping[str, Any]] = {}
         self._limited = 0.0
+        #: The row that was edited last, if nothing has changed since.
+        self._last = ""
         self._later = later(self, self._show_limits)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
@@ -146,6 +148,7 @@ class Properties(QScrollArea):
 
     def refresh(self) -> None:
         """Show what the document says."""
+        self._last = ""
         if not self.section:
             return
         part = self._document.scene.parts[self.section]
@@ -216,6 +219,8 @@ class Properties(QScrollArea):
     def mark(self, error: SpacemapError, about: str = "value") -> None:
         """Mark the field that an error names, if it is here."""
         row = self.rows.get(error.key or "")
+        if row is not None and row.automatic is not None and row.automatic.isChecked():
+            row = self.rows.get(self._last, row)  # that one follows from what was set
         if row is not None and error.section in (None, self.section):
             row.mark(error.message + (f": {error.cure}" if error.cure else ""), about)
             if row.parameter.group:
@@ -251,6 +256,7 @@ class Properties(QScrollArea):
         else:
             # Refused before, and the value it had is chosen again: nothing has changed.
             self.rows[name].mark(None)
+            self._last = name
             self.accepted.emit(burst)
 
     def _add(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtGui import QColor, QPalette
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QLabel
 
 _Role = QPalette.ColorRole
 #: The colour of each role in a light window, and in a dark one.
@@ -21,6 +21,8 @@ _COLORS = {
     _Role.ToolTipText: ("#ffffff", "#1d232b"),
     _Role.PlaceholderText: ("#8a94a3", "#7d8998"),
     _Role.Mid: ("#cfd6de", "#3a4553"),
+    _Role.Link: ("#2d6a8e", "#6db3dc"),
+    _Role.LinkVisited: ("#2d6a8e", "#6db3dc"),
 }
 #: Likewise for the words of the style sheet.
 _WORDS = {
@@ -86,3 +88,9 @@ def apply_theme(app: QApplication, dark: bool) -> None:
         palette.setColor(group, role, QColor("#5d6875" if dark else "#a4adb8"))
     app.setPalette(palette)
     app.setStyleSheet(sheet)
+    for label in app.allWidgets():
+        # A link has the colour of the palette that its text has met.
+        if isinstance(label, QLabel) and "<a " in label.text():
+            text = label.text()
+            label.clear()
+            label.setText(text)

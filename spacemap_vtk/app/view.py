@@ -110,6 +110,7 @@ class View3D(QWidget):
         self._moved, self._quick = False, True
         self.plotter.painting.connect(self._prepare)
         self._observe_camera()
+        self._made: tuple[object, float] = None, 0.0  # by what, and how large it is
         #: What the camera is aimed for: the share of the width that the scale takes, arrows, cage.
         self._aimed_for = 0.0, False, False
 
@@ -262,6 +263,12 @@ class View3D(QWidget):
             self._aimed_for = aimed_for
             self.plotter.front.SetDraw(view.loads)
             self._keep_whole()
+        made = frame.values.get("weave"), frame.values.get("object")
+        if not frame.coarse and made != self._made[0]:  # a value may have made it much larger
+            size = float(np.ptp(extent_of(frame, False)))
+            before, self._made = self._made[1], (made, size)
+            if not 0.7 * size < before < 1.4 * size:
+                self._keep_whole()
         if render:
             self.render()
 
@@ -471,8 +478,7 @@ class View3D(QWidget):
             if (at - start).manhattanLength() <= _STEADY:
                 self.click(at, bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier))
         elif event.type() == QEvent.Type.MouseMove and self._pressed is None:
-            side = self._side_at(event.position())
-            tip = "" if side is None else f"From the {side}"
+            tip = f"From the {side}" if (side := self._side_at(event.position())) else ""
             if tip != self.plotter.toolTip():
                 self.plotter.setToolTip(tip)
         return False
@@ -490,5 +496,5 @@ class View3D(QWidget):
 
     @property
     def _extent(self) -> NDArray[np.float64] | None:
-        loads = self._view is not None and self._view.loads
-        return None if self.frame is None else extent_of(self.frame, loads)
+        frame, view = self.frame, self._view
+        return None if frame is None else extent_of(frame, view is not None and view.loads)

@@ -112,7 +112,9 @@ class ViewBar(QToolBar):
         self.coloring.currentIndexChanged.connect(self._colored)
         # One piece: where there is no room, both go behind the bar's arrow.
         named = QWidget()
-        row(named, QLabel("Colour by"), self.coloring, margins=(4, 0, 4, 0))
+        label = QLabel("Colour by")
+        label.setBuddy(self.coloring)
+        row(named, label, self.coloring, margins=(4, 0, 4, 0))
         self.addWidget(named)
         self.addSeparator()
         self.cameras: dict[str, QAction] = {}

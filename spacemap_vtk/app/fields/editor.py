@@ -75,7 +75,7 @@ class LineEditor(Editor):
 
     def written(self, text: str) -> Any:
         """Return what a text stands for in a scene file."""
-        return text or None
+        return text.strip() or None
 
     def _typed(self) -> None:
         # Leaving a line that nobody touched is no edit.

@@ -25,7 +25,7 @@ from spacemap_vtk.units import pretty
 _Role = QPalette.ColorRole
 _bursts = itertools.count(1)
 #: Pixels of a line beside its slider; Qt's word for no limit.
-_LINE, _WIDEST = 72, 16_777_215
+_LINE, _WIDEST = 80, 16_777_215
 #: What `pretty` writes, as files have it.
 _PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 
@@ -42,7 +42,7 @@ class Slider(QSlider):
         super().__init__(Qt.Orientation.Horizontal)
         #: The step that stands for zero, or for the end nearest to it.
         self.origin = 0
-        self.setMinimumWidth(28)
+        self.setMinimumWidth(20)
 
     def paintEvent(self, _: QPaintEvent) -> None:
         option, control = QStyleOptionSlider(), QStyle.ComplexControl.CC_Slider
@@ -208,6 +208,7 @@ class VectorEditor(Editor):
             editor.stack()
             name = QLabel(head if place == 0 else label)
             name.setObjectName("about")
+            name.setBuddy(editor)
             layout.addWidget(name, 0, place)
             layout.addWidget(editor, 1, place)
             layout.setColumnStretch(place, 1)

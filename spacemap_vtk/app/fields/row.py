@@ -226,7 +226,10 @@ class Pair(QWidget):
         words = warp.parameter.label.split(maxsplit=1)[1]
         title = QLabel(words.capitalize())
         title.setToolTip(warp.toolTip())
-        column(self, title, row(None, (warp, 1), (weft, 1), spacing=10), spacing=0)
+        both = row(None, (warp, 1), (weft, 1), spacing=10)
+        for side in self.rows:  # what is said below one leaves the other together
+            both.setAlignment(side, Qt.AlignmentFlag.AlignTop)
+        column(self, title, both, spacing=0)
 
 
 def editor_of(parameter: Parameter[Any]) -> Editor:
