@@ -45,10 +45,7 @@ def opened(open_scene: Any, name: str) -> Any:
 
 
 def kinds() -> list[str]:
-    """Return one of the scenes that have the same sections: all are drawn in tests/test_scenes.py.
-
-    Of these the last, but for those that the window may take longest to move.
-    """
+    """Return the last of the scenes with the same sections: all are drawn in test_scenes.py."""
     found: dict[tuple[object, ...], str] = {}
     for name in library.names():
         values = library.values_of(library.find(name))
