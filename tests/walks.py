@@ -17,12 +17,11 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMenu,
     QMenuBar,
-    QSlider,
     QWidget,
 )
 from seen import NotSeen, Spot, field, front, plain, see, the
 from shiboken6 import isValid
-from window import drag, settled
+from window import settled
 
 from spacemap_vtk.app.draft.layout import Place
 
@@ -47,6 +46,8 @@ class Walk:
         self._at, self._begun = 0, 0.0
         self._error: BaseException | None = None
         self._loop = QEventLoop()
+        #: Whether the mouse is in the midst of something: nothing else is done meanwhile.
+        self.held = False
 
     def play(self) -> None:
         """Do what the text says, from its first step to its last."""
@@ -63,6 +64,8 @@ class Walk:
             return
         # A dialog keeps who has opened it until it is closed: of one timer no second tick comes.
         QTimer.singleShot(20, self._tick)
+        if self.held:
+            return
         words, waits, find, act = self._deeds[self._at]
         try:
             if waits and not self._rests():
@@ -146,7 +149,6 @@ class Walk:
         if not isValid(self.window):
             return
         self._pictures.mkdir(parents=True, exist_ok=True)
-        QApplication.processEvents()
         at = self.window.frameGeometry()
         screen = self.window.screen()
         screen.grabWindow(0, at.x(), at.y(), at.width(), at.height()).save(
@@ -203,16 +205,6 @@ def _type(walk: Walk, text: str, words: str, of: str | None, only: str | None) -
     yield lambda: field(words, of), act
 
 
-def _empty(walk: Walk, words: str, of: str | None) -> Deeds:
-    def act(line: QWidget) -> None:
-        QTest.mouseClick(line, LEFT)
-        QTest.keySequence(line, QKeySequence("Ctrl+A"))
-        QTest.keyClick(line, Qt.Key.Key_Delete)
-        QTest.keyClick(line, Qt.Key.Key_Return)
-
-    yield lambda: field(words, of), act
-
-
 def _press(walk: Walk, keys: str, often: str | None) -> Deeds:
     def act(_: None) -> None:
         app = QApplication.instance()
@@ -239,11 +231,14 @@ def _choose(walk: Walk, item: str, words: str, of: str | None) -> Deeds:
     yield lambda: field(words, of, (QComboBox,)), act
 
 
-def _slide(walk: Walk, words: str, of: str | None, way: str) -> Deeds:
-    yield (
-        lambda: field(words, of, (QSlider,)),
-        lambda slider: drag(slider, 8 if way == "right" else -8),
-    )
+def _drag(walk: Walk, widget: QWidget, here: QPoint, there: QPoint) -> None:
+    walk.held = True
+    QTest.mousePress(widget, LEFT, pos=here)
+    for step in range(1, 9):
+        QTest.mouseMove(widget, here + (there - here) * step / 8)
+        QTest.qWait(10)
+    QTest.mouseRelease(widget, LEFT, pos=there)
+    walk.held = False
 
 
 def _hand(walk: Walk, how: str) -> Deeds:
@@ -255,11 +250,7 @@ def _hand(walk: Walk, how: str) -> Deeds:
         if how == "Click the middle of the view":
             QTest.mouseClick(view, LEFT, pos=at)
         elif how == "Drag across the view":
-            QTest.mousePress(view, LEFT, pos=at)
-            for step in range(1, 9):
-                QTest.mouseMove(view, at + QPoint(12 * step, -4 * step))
-                QTest.qWait(10)
-            QTest.mouseRelease(view, LEFT, pos=at + QPoint(96, -32))
+            _drag(walk, view, at, at + QPoint(96, -32))
         else:
             turn = QPoint(0, 120 if "up" in how else -120)
             wheel = QWheelEvent(
@@ -298,11 +289,7 @@ def _pull(walk: Walk, warp: str, weft: str) -> Deeds:
         pad = walk.window.pull.map
         here = pad.place(*pad.at).toPoint()
         there = pad.place(1 + float(warp) / 100, 1 + float(weft) / 100).toPoint()
-        QTest.mousePress(pad, LEFT, pos=here)
-        for step in range(1, 9):
-            QTest.mouseMove(pad, here + (there - here) * step / 8)
-            QTest.qWait(10)
-        QTest.mouseRelease(pad, LEFT, pos=there)
+        _drag(walk, pad, here, there)
 
     yield lambda: None, act
 
@@ -336,10 +323,8 @@ _GRAMMAR: dict[str, tuple[str, Callable[..., Deeds]]] = {
         _click,
     ),
     "type": (rf"(?:[Tt]ype |and |, ){_CODE} into {_BOLD}{_OF}( without Enter)?", _type),
-    "empty": (rf"[Ee]mpty {_BOLD}{_OF}", _empty),
     "press": (rf"[Pp]ress {_CODE}{_OFTEN}", _press),
     "choose": (rf"[Cc]hoose {_BOLD} (?:in|under) {_BOLD}{_OF}", _choose),
-    "slide": (rf"[Dd]rag the slider of {_BOLD}{_OF} to the (right|left)", _slide),
     "hand": (
         r"(Click the middle of the view|Drag across the view|Turn the wheel (?:up|down) over it)",
         _hand,
