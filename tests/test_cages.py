@@ -139,6 +139,7 @@ def test_the_outside_is_told_with_count_and_distance() -> None:
     warp.SetInputDataObject(1, grid)
     warp.update()
     assert " points lie outside the cage, by up to " in warp.warnings[0]
+    assert 'holds them with cage.inflate = "' in warp.warnings[0]
 
 
 # --- tetwild -----------------------------------------------------------------------------------

@@ -188,12 +188,14 @@ class BarycentricWarp(Stage):
             where = locate(points_of(points), vertices, corners, self.outside, weighted=not affine)
             note = ""
             if where.outside:
+                room = format_quantity(float(f"{1.2 * where.largest_distance:.2g}"), "m")
                 note = (
                     f"{where.outside} of {count} points lie outside the cage, "
                     f"by up to {format_quantity(where.largest_distance, 'm')}; "
                     + {"extrapolate": "they are extrapolated", "clamp": "they are clamped"}[
                         self.outside
                     ]
+                    + f'; a cage that fTetWild makes holds them with cage.inflate = "{room}"'
                 )
             ride: Riding
             places, clamp = points_of(points), self.outside == "clamp"
