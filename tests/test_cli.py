@@ -362,5 +362,7 @@ def test_an_interrupt_between_vtk_and_python_is_told_as_one(
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, usual)
+        for name in ("last_exc", "last_type", "last_value", "last_traceback"):
+            vars(sys).pop(name, None)  # which keep the stages
     assert (ended.value.code, capsys.readouterr().err) == (1, "spacemap: stopped\n")
     assert list(tmp_path.iterdir()) == []

@@ -226,7 +226,7 @@ def test_springs_and_masses_of_abaqus_benchmark_1_4_14():
     chain = 1e4 * (2 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
     chain[3, 3] = 1e4
     K, M = (
-        sp.kron(matrix, np.diag([1.0, 0, 0]), format="csr")
+        sp.kron(sp.csr_matrix(matrix), np.diag([1.0, 0, 0]), format="csr")
         for matrix in (chain, np.diag([1, 1, 1, 0.5]))
     )
     eigenvalues, shapes = solve_modes(K, M, np.arange(12) % 3 == 0, 9)

@@ -128,8 +128,11 @@ def _heard_interrupt() -> Iterator[None]:
 
     usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     hears = usual and threading.current_thread() is threading.main_thread()
+    shown = sys.excepthook
     if hears:
         signal.signal(signal.SIGINT, hear)
+        # From Python 3.13 on VTK prints it, and goes on to fail.
+        sys.excepthook = lambda kind, *rest: None if heard else shown(kind, *rest)
     try:
         yield
     except Exception:
@@ -139,6 +142,7 @@ def _heard_interrupt() -> Iterator[None]:
     finally:
         if hears:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            sys.excepthook = shown
 
 
 def _plain(error: CycloptsError) -> str:
