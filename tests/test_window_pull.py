@@ -25,7 +25,7 @@ def show_pad(window: Any, **yarns: Any) -> Any:
     if yarns:
         window.document.set_many("yarns", yarns)
     else:
-        window.document.add("yarns")
+        window.document.switch("yarns")
     wait_until(lambda: settled(window))
     window.tabs.setCurrentWidget(window.pull)
     wait_until(lambda: window.pull.map.map is not None)
