@@ -17,7 +17,17 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parameters import Choice, Color, FilePath, Flag, Integer, Parameter, Real, Vector
+from spacemap_vtk.parameters import (
+    AUTOMATIC,
+    Choice,
+    Color,
+    FilePath,
+    Flag,
+    Integer,
+    Parameter,
+    Real,
+    Vector,
+)
 from spacemap_vtk.parameters import Text as PlainText
 from spacemap_vtk.units import pretty
 
@@ -122,11 +132,11 @@ def _flag(parameter: Flag) -> Property:
 
 def _choice(parameter: Choice) -> Property:
     # The word, not its number: a state file must outlive a change of the list.
-    xml = _vector_property("String", [parameter.default])
+    xml = _vector_property("String", [parameter.default or AUTOMATIC])
     words = SubElement(xml, "StringListDomain", name="list")
-    for word in parameter.choices:
+    for word in (*parameter.choices, *[AUTOMATIC] * parameter.optional):
         SubElement(words, "String", value=word)
-    return Property(xml, str, str)
+    return Property(xml, str, lambda value: value or AUTOMATIC)
 
 
 def _file(parameter: FilePath) -> Property:
