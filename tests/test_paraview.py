@@ -70,17 +70,6 @@ def hang(file: Path) -> None:
     np.savez(file, **{k: vtk_to_numpy(data.GetArray(k)) for k, data in found.items()})
 
 
-def shows_cloth(picture: Path, least: float) -> None:
-    """Check that a share of the pixels is in each of the yarns' own colours."""
-    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
-    assert np.mean(red - blue > 40) > least  # the weft's sand
-    assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
-
-
-#: What some scripts of pipelines/paraview print.
-IN_SESSION = {"on_a_result": "mm in front; the sheet", "parameter_study": "first mode [Hz]"}
-
-
 def test_scripts_in_one_session(tmp_path: Path) -> None:
     """Each of these would take longer to start ParaView than to run."""
     proxies = len(FILTERS) + 2  # and two readers
@@ -105,17 +94,11 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         "colours": ([tmp_path], "yarns in their own colours\n"),
         "readers": ([ROOT / "scenes", tmp_path], "scenes, drafts and other readers\n"),
     }
-    # Of a user's scripts, those that need no program of their own.
-    for script in IN_SESSION:
-        name = f"../../pipelines/paraview/{script}"
-        scripts[name] = ([tmp_path / f"{script}.png"], IN_SESSION[script])
     words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
     run(SCRIPTS / "session.py", tmp_path / "told.json", *words)
     told = json.loads((tmp_path / "told.json").read_text())
     wrong = {name: told[name] for name, (_, says) in scripts.items() if says not in told[name]}
     assert not wrong, "\n".join(f"{name}: {text}" for name, text in wrong.items())
-    for script in IN_SESSION:
-        shows_cloth(tmp_path / f"{script}.png", 0.03)
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
         for name in ("shown", "again", "displacement", "map")
@@ -194,7 +177,9 @@ def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
     assert "ModalResponse: duration = -1.0: out of range" in messages[0]
     assert "Make warp_diameter smaller" in messages[1]
     assert "over the wire" in done.stdout
-    shows_cloth(picture, 0.03)
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > 0.03  # the weft's sand
+    assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
 
 
 IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
@@ -205,7 +190,6 @@ IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
     [
         pytest.param(script, "pvpython" if script.stem == "plain_weave" else "pvbatch", marks=marks)
         for script in IN_PARAVIEW
-        if script.stem not in IN_SESSION
         # Over three processes it runs with MPI's tests.
         for marks in [[pytest.mark.nightly] if script.stem == "cloth_over_ranks" else []]
     ],
@@ -217,7 +201,10 @@ def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
     assert len(pictures) == (12 if script.stem == "film" else 1)
     least = 0.05 if script.stem == "plain_weave" else 0.03  # of the pixels; others draw it smaller
     for picture in {pictures[0], pictures[-1]}:
-        shows_cloth(picture, least)  # with nothing said of colours
+        # In the yarns' own colours, with nothing said of colours.
+        red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+        assert np.mean(red - blue > 40) > least  # the weft's sand
+        assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
 
 
 def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
