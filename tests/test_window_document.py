@@ -106,6 +106,35 @@ def test_stages_are_switched_where_they_stand(open_scene: Any) -> None:
     assert document.text == before
 
 
+def test_one_stage_takes_over_from_another_what_both_declare(
+    open_scene: Any, tmp_path: Path
+) -> None:
+    scene = tmp_path / "held.toml"
+    scene.write_text(
+        "[weave]\nends = 3\npicks = 3\n\n[cage]\ndivisions = [1, 1, 1]\n\n[modal]\n\n[response]\n"
+        'gravity = [0.0, 0.0, -2.0] # weak\nduration = "1 s"\nresidual_vectors = false\n\n'
+        '[[response.loads]]\npressure = "1 Pa" # a breath\non = "+z"\n\n[animation]\nstop = 0.01\n'
+    )
+    window = open_scene(scene)
+    document, before = window.document, window.document.text
+    box(window, "transient")
+    assert document.scene.parts["transient"].gravity == (0.0, 0.0, -2.0)
+    assert document.scene.parts["transient"].duration == 1.0
+    assert document.scene.parts["transient"].loads[0].pressure == 1.0
+    assert "response" not in document.values
+    document.undo.undo()
+    assert document.text == before
+    document.undo.redo()
+    document.set_many("transient", {"gravity": [0.0, 0.0, -3.0], "duration": None, "alpha": 4.0})
+    box(window, "response")
+    assert document.values["response"] == {
+        "gravity": [0.0, 0.0, -3.0],
+        "residual_vectors": False,  # of its own
+        "alpha": 4.0,
+        "loads": [{"pressure": "1 Pa", "on": "+z"}],
+    }
+
+
 def test_eye_button_menu_and_scene_never_disagree(open_scene: Any) -> None:
     window = open_scene()
     document, cage, fabric = (

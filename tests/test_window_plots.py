@@ -352,5 +352,7 @@ def test_a_motion_by_steps_is_plotted_with_its_energies(plots_of: Any, tmp_path:
     np.testing.assert_allclose(moved, now, atol=1e-3 * np.linalg.norm(moved))
     # What moves it otherwise has other curves.
     window.document.set("transient", "gravity", [0.0, 0.0, 4.0])
+    assert "before the change" in window.plots.hint.text()  # at once
     wait_until(lambda: settled(window) and plotted(window))
+    assert "before the change" not in window.plots.hint.text()
     assert window.plots.curves.motion[0, 0, 7, 2] > 0

@@ -17,6 +17,7 @@ from spacemap_vtk.app.edit import Edit, History, Version
 from spacemap_vtk.app.kept_drafts import KeptDrafts
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import check_output, whole_file, whole_folder
 from spacemap_vtk.parameters import FilePath
@@ -265,6 +266,8 @@ class Document(QObject):
             for name in scene.parts:  # in the order of the pipeline
                 if name in wanted - given:
                     self._toml[name] = self._off.get(name, (tomlkit.table(), False))[0]
+                    for former in gone:
+                        self._take_over(name, former)
             for key, value in values.items():
                 self._put(section, key, value)
             if on and not scene.moves and "show" not in self.values.get("view", {}):
@@ -282,6 +285,14 @@ class Document(QObject):
         words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
         if words:
             self.switched.emit(words)
+
+    def _take_over(self, section: str, former: str) -> None:
+        """Give a stage the values of the one of its role whose place it takes, by their names."""
+        new, old = (self._scene.parts[name] for name in (section, former))
+        if isinstance(new, Stage) and isinstance(old, Stage) and new.role == old.role:
+            table = self._off[former][0]
+            for key in new.parameters.keys() & old.parameters.keys():
+                self._put(section, key, table.get(key))
 
     def remembers(self, section: str) -> bool:
         """Return whether a stage is off that has been on."""

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 #: Milliseconds without another change until curves are computed.
 _REST = 250
 _HINT = "Click the fabric to plot a point, with Shift one more; a plot to go to that time."
+_OLD = "These curves are of the motion before the change."
 _TIP = "Plotted is where the fabric moves most; click it to plot another point, Shift adds."
 #: What is saved of a point over time, with its unit.
 _ROWS = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
@@ -94,6 +95,7 @@ class PlotsTab(QWidget):
         self.quantity.activated.connect(self._draw)
         self.component.activated.connect(self._component_chosen)
         self.clear.clicked.connect(self.cleared)
+        document.changed.connect(self._tell)
         document.replaced.connect(self._replaced)
         engine.beside_ready.connect(self._ready)
         self._enable()
@@ -203,8 +205,9 @@ class PlotsTab(QWidget):
             return
         self.shown.emit()
         self.curves = result
-        hint = _HINT if self.points else _TIP
-        self.hint.setText(f"{hint} {result.note}" if result else "This scene does not move.")
+        self._tell()
+        if result is None:
+            self.hint.setText("This scene does not move.")
         self._enable()
         if self.canvas is not None:
             self.canvas.setVisible(result is not None)
@@ -213,6 +216,12 @@ class PlotsTab(QWidget):
             sizes = abs(result.motion[0]).max(axis=(0, 1), initial=0.0)
             self.component.setCurrentIndex(int(np.argmax(sizes)))
         self._draw()
+
+    def _tell(self) -> None:
+        """Say how the curves are asked for, or that they are older than the fields."""
+        if self.curves is not None and self.isVisible():
+            hint = f"{_HINT if self.points else _TIP} {self.curves.note}"
+            self.hint.setText(hint if self.curves.key == self.wish().key else _OLD)
 
     def _draw(self) -> None:
         if self.canvas is None or self.curves is None:
