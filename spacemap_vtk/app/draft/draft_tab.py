@@ -58,6 +58,8 @@ class DraftTab(QWidget):
         self._burst = 0
         self._cost, self._done = 0.0, 0.0
         self._waiting: tuple[Shown, str] | None = None
+        #: The loom before the liftplan.
+        self._tied: Loom | None = None
         self._later = later(self, self._commit)
         self.grid = DraftGrid()
         self.palette_row = Palette()
@@ -276,7 +278,12 @@ class DraftTab(QWidget):
     def _kind_chosen(self, index: int) -> None:
         shown = self.grid.shown
         if shown is not None and index != (shown.loom.liftplan is not None):
-            loom = shown.loom.with_liftplan if index else shown.loom.with_treadles
+            if index:
+                self._tied, loom = shown.loom, shown.loom.with_liftplan
+            elif self._tied is not None and self._tied.with_liftplan == shown.loom:
+                loom = self._tied  # nothing was edited meanwhile: its own treadles, as numbered
+            else:
+                loom = shown.loom.with_treadles
             self._reloom(loom, "liftplan" if index else "treadles")
 
     def _rising_chosen(self, rising: bool) -> None:
