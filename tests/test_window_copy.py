@@ -17,7 +17,7 @@ require_display()
 
 from PySide6.QtGui import QGuiApplication  # noqa: E402
 
-from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes import library, report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
@@ -103,3 +103,30 @@ def test_a_draft_is_named_by_its_file(open_scene: Any) -> None:
     line = copied(window, "Copy as command line")
     assert str(draft.resolve()) in line
     assert 'weave.thick_yarns="scale"' in line
+
+
+def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_scene: Any) -> None:
+    window = open_scene("twill_2_2")
+    window.tabs.setCurrentWidget(window.figures)
+
+    def rows() -> dict[str, list[str]]:
+        window.figures.copied.click()
+        lines = QGuiApplication.clipboard().text().splitlines()
+        return {name: cells for name, *cells in (line.split("\t") for line in lines)}
+
+    wait_until(lambda: rows().get("least clearance [mm]", [""])[0])  # it comes last
+    found, told = report.fabric(Scene.read("twill_2_2")), rows()
+    assert float(told["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
+    crimp = [100 * found[family]["crimp"] for family in ("warp", "weft")]
+    assert [float(c) for c in told["crimp c [%]"]] == pytest.approx(crimp, 1e-5)
+    assert abs(float(told["least clearance [mm]"][0])) < 1e-9
+    window.document.set("weave", "ends", 7)
+    wait_until(lambda: rows()["yarns"][0] == "7")
+    # What cannot be woven leaves the last good cloth in sight, and its figures.
+    window.document.set("weave", "warp_sett", "90 /cm")
+    wait_until(lambda: not window.errors.isHidden())
+    for tab in (window.modes, window.figures):
+        window.tabs.setCurrentWidget(tab)
+    wait_until(lambda: not window.figures._rest.isActive())
+    assert rows()["yarns"][0] == "7"
+    assert rows()["spacing p [mm]"] == told["spacing p [mm]"]

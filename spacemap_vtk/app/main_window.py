@@ -26,6 +26,7 @@ from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.error_bar import ErrorBar
 from spacemap_vtk.app.exports import Exports
+from spacemap_vtk.app.figures_tab import FiguresTab
 from spacemap_vtk.app.files import Files
 from spacemap_vtk.app.gallery import Gallery
 from spacemap_vtk.app.job import Pull
@@ -94,6 +95,8 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.draft, "Draft")
         self.pull = PullTab(self.document)
         self.tabs.addTab(self.pull, "Pull")
+        self.figures = FiguresTab(self.document, self.engine)
+        self.tabs.addTab(self.figures, "Figures")
         self.files = Files(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
@@ -259,6 +262,7 @@ class MainWindow(QMainWindow):
         self.plots.cleared.connect(self.view.forget_picks)
         self.director.drawn.connect(self.plots.follow)
         self.director.drawn.connect(self.modes.response.follow)
+        self.director.drawn.connect(self.figures.follow)
         self.draft.held.connect(self.director.hold)
         self.draft.saved.clicked.connect(self.files.save_draft)
         self.draft.left.connect(self.files.leave_for)
@@ -391,6 +395,7 @@ class MainWindow(QMainWindow):
 
     def _begin(self) -> None:
         self.modes.forget()
+        self.figures.forget()
         self.told.tell("")  # of what was there before
         self.told.setToolTip("")
         # The properties of a stage that another scene lacks would say nothing.

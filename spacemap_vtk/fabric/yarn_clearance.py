@@ -10,8 +10,8 @@ n log(n) log(yarns) for n samples: some 0.3 ms and 20 kB a crossing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Generator, Iterator
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from spacemap_vtk.fabric.partition import cropped, telling_parts
 from spacemap_vtk.fabric.weave import Weave
 
 Floats = NDArray[np.float64]
+_Found = TypeVar("_Found")
 
 #: Places on each part of an axis from which the search starts.
 _SAMPLES = 4
@@ -65,18 +66,39 @@ class _Tubes(NamedTuple):
 
 
 def least_clearance(cloth: Cloth) -> Clearance:
-    """Return the least clearance between the yarns of a cloth as woven, by its exact axes.
+    """Return the least clearance between the yarns of a cloth as woven, by its exact axes."""
+    return _finished(_of_axes(cloth))
+
+
+def clearance_of_large(cloth: Cloth, most: int) -> Clearance | None:
+    """Return that of a cloth from crops in which each of its local weaves occurs."""
+    return _finished(clearance_in_steps(cloth, most))
+
+
+def clearance_in_steps(
+    cloth: Cloth, most: int | None = None
+) -> Generator[None, None, Clearance | None]:
+    """Find the least clearance between the yarns of a cloth as woven, by its exact axes.
 
     Parameters
     ----------
     cloth : Cloth
         As woven.
+    most : int, optional
+        Crossings that are looked at, at most: in crops in which each of its local weaves occurs. By
+        default all of them.
 
     Returns
     -------
-    Clearance
+    Clearance or None
         0 but for rounding for cloth of arcs with any section: yarns touch at their crossings. A
-        lower bound for ellipses, and reached by them at the crossings.
+        lower bound for ellipses, and reached by them at the crossings. None where `most` is not
+        enough, or, with it, where yarns bend as splines do.
+
+    Yields
+    ------
+    None
+        Now and then, so that whoever waits can do something else or give up.
 
     Raises
     ------
@@ -90,74 +112,19 @@ def least_clearance(cloth: Cloth) -> Clearance:
     >>> found = least_clearance(Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads))
     >>> abs(found.distance) < 1e-16, found.yarns[0] < 2 <= found.yarns[1]
     (True, True)
-    """
-    families = axes(cloth)
-    aspects = cloth.warp.aspect, cloth.weft.aspect
-    first = len(families[0].length)
-    owners = [family.owner for family in families]
-
-    def at(part: NDArray[np.int64], fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        point, normal, lateral, half = np.zeros((4, len(part), 3))
-        for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
-            mine = (part >= first) == bool(number)
-            own = part[mine] - first * number
-            yarn = owners[number][own]
-            along, height, angle = family.at(own, own + yarn, fraction[mine])
-            radius = family.radius[yarn]
-            point[mine, 1 - number], point[mine, 2] = along, height
-            point[mine, number] = family.lateral[yarn]
-            normal[mine, 1 - number] = -radius * np.sin(angle)
-            normal[mine, 2] = radius * np.cos(angle)
-            lateral[mine, number] = radius
-            half[mine, number] = (aspect - 1.0) * radius
-        return point, normal, lateral, half
-
-    return _least(
-        _Tubes(
-            np.concatenate([family.parts for family in families]),
-            np.concatenate([family.radius for family in families]),
-            np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
-            True,
-            at,
-        )
-    )
-
-
-def clearance_of_large(cloth: Cloth, most: int) -> Clearance | None:
-    """Return the least clearance of a cloth from crops in which each of its local weaves occurs.
-
-    Parameters
-    ----------
-    cloth : Cloth
-        As woven.
-    most : int
-        Crossings that are looked at, at most.
-
-    Returns
-    -------
-    Clearance or None
-        None where that is not enough, or where yarns bend as splines do.
-
-    Raises
-    ------
-    InputError
-        A measure of the cloth does not fit another.
-
-    Examples
-    --------
-    >>> from spacemap_vtk.fabric.threads import Threads
-    >>> threads = Threads(diameter=0.1, spacing=0.2)
     >>> over = np.indices((2000, 2000)).sum(axis=0) % 2
     >>> found = clearance_of_large(Cloth(drawdown=over, warp=threads, weft=threads), 1000)
     >>> abs(found.distance) < 1e-12
     True
     """
+    if most is None:
+        return (yield from _of_axes(cloth))
     if cloth.axis == "spline":
         return None
     parts, _, complete = telling_parts(cloth, most, edges=False)
     least: Clearance | None = None
     for ends, picks in parts if complete else ():
-        found = least_clearance(cropped(cloth, Share(ends, picks)))
+        found = yield from _of_axes(cropped(cloth, Share(ends, picks)))
         if least is None or found.distance < least.distance:
             few = ends.stop - ends.start
             a, b = (
@@ -229,13 +196,61 @@ def clearance_of(weave: Weave, points: ArrayLike | None = None) -> Clearance:
         np.linalg.norm(n[:, 3:6], axis=1)[np.cumsum(3 * t.parts + 1) - 1] / n[0, -1]
         for n, t in zip(nets, weave.tubes, strict=True)
     ]
-    return _least(
-        _Tubes(
-            np.concatenate([tubes.parts for tubes in weave.tubes]),
-            np.concatenate(radius),
-            np.repeat([t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]),
-            points is None,
-            at,
+    return _finished(
+        _least(
+            _Tubes(
+                np.concatenate([tubes.parts for tubes in weave.tubes]),
+                np.concatenate(radius),
+                np.repeat(
+                    [t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]
+                ),
+                points is None,
+                at,
+            )
+        )
+    )
+
+
+def _finished(steps: Generator[None, None, _Found]) -> _Found:
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            found: _Found = end.value
+            return found
+
+
+def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
+    families = axes(cloth)
+    aspects = cloth.warp.aspect, cloth.weft.aspect
+    first = len(families[0].length)
+    owners = [family.owner for family in families]
+
+    def at(part: NDArray[np.int64], fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        point, normal, lateral, half = np.zeros((4, len(part), 3))
+        for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
+            mine = (part >= first) == bool(number)
+            own = part[mine] - first * number
+            yarn = owners[number][own]
+            along, height, angle = family.at(own, own + yarn, fraction[mine])
+            radius = family.radius[yarn]
+            point[mine, 1 - number], point[mine, 2] = along, height
+            point[mine, number] = family.lateral[yarn]
+            normal[mine, 1 - number] = -radius * np.sin(angle)
+            normal[mine, 2] = radius * np.cos(angle)
+            lateral[mine, number] = radius
+            half[mine, number] = (aspect - 1.0) * radius
+        return point, normal, lateral, half
+
+    return (
+        yield from _least(
+            _Tubes(
+                np.concatenate([family.parts for family in families]),
+                np.concatenate([family.radius for family in families]),
+                np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
+                True,
+                at,
+            )
         )
     )
 
@@ -265,7 +280,7 @@ def _net_of(points: Floats, weave: Weave, number: int) -> Floats:
     return net
 
 
-def _least(tubes: _Tubes) -> Clearance:
+def _least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     total = int(tubes.parts.sum())
     owner = np.repeat(np.arange(len(tubes.parts)), tubes.parts)
     ends = np.stack([np.cumsum(tubes.parts) - tubes.parts, np.cumsum(tubes.parts)])
@@ -292,12 +307,14 @@ def _least(tubes: _Tubes) -> Clearance:
     located = np.empty((3, len(place), 3))
     for start in range(0, len(place), _BLOCK):
         block = slice(start, start + _BLOCK)
+        yield
         located[:, block] = beside(at(place[block], yarn[block]), side[block])
     turns = 0 if tubes.perpendicular else _TURNS
     most = _MOST if tubes.perpendicular else _MOST // 4
     # block by block, and only the worst kept: all pairs at once would take most of the memory
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
     for pairs in _nearest(located[0], tubes.radius[yarn], yarn):
+        yield
         gap, _, facing = _section_gap(*_sides(located, pairs), None, turns)
         found = _local_minima(pairs, gap, facing, yarn)
         worst = np.argsort(np.concatenate([kept[1], found[1]]), kind="stable")[:most]
@@ -332,6 +349,7 @@ def _least(tubes: _Tubes) -> Clearance:
             stood = [both(places) for places in reached] if along else [both(moved)]
             origin = sides
             for move in _MOVES[1:]:
+                yield
                 if along:
                     trial = np.stack([reached[way][k] for k, way in enumerate(move)])
                     here = [stood[way][k] for k, way in enumerate(move)]

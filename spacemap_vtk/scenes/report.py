@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,8 @@ from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
 from spacemap_vtk.fabric.yarn_clearance import (
     Clearance,
+    clearance_in_steps,
     clearance_of,
-    clearance_of_large,
-    least_clearance,
 )
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
@@ -212,21 +212,45 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
+    figures, over = cloth(scene), scene.weave.cloth.drawdown
+    room = figures["thickness"] is not None
+    solver, made = scene.stage("solver"), scene.stage("cage")
+    if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
+        scene.update_stage(made)
+        with naming_section(solver.section):
+            figures |= sheet_figures(solver.measures(made.output))
+            if made.output.GetNumberOfCells() <= MANY_CELLS:
+                figures["motion"] = motion(scene)
+    for _ in clearance(scene, figures):
+        pass
+    if over.size > MOST_CROSSINGS:
+        if figures["least_clearance"] is None:
+            scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
+    elif room and time is not None:
+        scene.update_stage(scene.warp, time)
+        moved = points_of(scene.patches)
+        figures["deformed_clearance"] = _clearance(clearance_of(build(scene.weave.cloth), moved))
+    figures["warnings"] = scene.warnings
+    return figures
+
+
+def cloth(scene: Scene) -> dict[str, Any]:
+    """Return the figures of a fabric that are soon found: no clearance, and nothing of a cage."""
     room = not isinstance(scene.obstacle(), GeometryError)
     weave = scene.weave
-    cloth, over = weave.cloth, weave.cloth.drawdown
+    woven, over = weave.cloth, weave.cloth.drawdown
     density = weave.packing * weave.fibre_density
     figures = _NO_FIGURES | {"ends": over.shape[1], "picks": over.shape[0]}
     if room:
-        figures |= fabric_figures(cloth)
+        figures |= fabric_figures(woven)
         figures["fibre_volume_fraction"] = weave.packing * figures["volume_fraction"]
-        figures["feasible_height"] = list(cloth.feasible_heights)
-        counts, figures["radial_error"] = count(cloth)
+        figures["feasible_height"] = list(woven.feasible_heights)
+        counts, figures["radial_error"] = count(woven)
         figures["patches"], figures["control_points"] = counts.patches, counts.points
-        figures["memory_bytes"] = counts.bytes(cloth.exact)
+        figures["memory_bytes"] = counts.bytes(woven.exact)
     loom = weave.source.loom_for(over)
     floats = draft.floats(over)
-    for number, (family, threads) in enumerate(zip(FAMILIES, cloth.threads, strict=True)):
+    for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
             "yarns": over.shape[1 - number],
@@ -242,27 +266,17 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         "threading": [list(shafts) for shafts in loom.threading],
         "feasible": {name: list(ends) for name, ends in weave.feasible.items()},
     }
-    solver, made = scene.stage("solver"), scene.stage("cage")
-    if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
-        scene.update_stage(made)
-        with naming_section(solver.section):
-            figures |= sheet_figures(solver.measures(made.output))
-            if made.output.GetNumberOfCells() <= MANY_CELLS:
-                figures["motion"] = motion(scene)
-    if over.size > MOST_CROSSINGS:
-        found = clearance_of_large(cloth, MOST_CROSSINGS // 2) if room else None
-        if found is not None:
-            figures["least_clearance"] = _clearance(found)
-        else:
-            scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
-    elif room:
-        figures["least_clearance"] = _clearance(least_clearance(cloth))
-        if time is not None:
-            scene.update_stage(scene.warp, time)
-            moved = points_of(scene.patches)
-            figures["deformed_clearance"] = _clearance(clearance_of(build(cloth), moved))
-    figures["warnings"] = scene.warnings
     return figures
+
+
+def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, None]:
+    """Add the least clearance to those of `cloth`, if there is room; pauses now and then."""
+    if figures["thickness"] is None:
+        return
+    woven = scene.weave.cloth
+    large = woven.drawdown.size > MOST_CROSSINGS
+    found = yield from clearance_in_steps(woven, MOST_CROSSINGS // 2 if large else None)
+    figures["least_clearance"] = found and _clearance(found)
 
 
 def _yarns(threads: Threads, density: float) -> dict[str, Any]:

@@ -1,0 +1,187 @@
+"""The cloth's figures, as `spacemap info` tells them, of the cloth that is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from functools import partial
+from typing import Any, NamedTuple
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication, QShowEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QPushButton,
+    QTableWidget,
+    QTableWidgetItem,
+    QWidget,
+)
+
+from spacemap_vtk.app.document import Document
+from spacemap_vtk.app.engine import Engine
+from spacemap_vtk.app.widgets import column, later, note
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.scenes import report
+from spacemap_vtk.scenes.figure_list import Figure, cloth_figures, with_unit, yarn_figures
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.units import UNITS
+
+_SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+#: Milliseconds without another change until they are computed.
+_REST = 250
+#: Of the model, not of the cloth.
+_LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
+_HINTS = (
+    "Peirce's figures where a yarn changes side, and what they make of the cloth.",
+    "An object has no yarns.",
+)
+_TIPS = {
+    "diameter": "Height of the yarn's section: of a round yarn its diameter",
+    "width": "Of the yarn's section, in the plane of the cloth",
+    "tex": "Mass of 1000 m of yarn in g",
+    "spacing": "From the middle of a yarn to that of its neighbour: 1 / sett",
+    "theta_deg": "Steepest slope of the yarn's axis, where it changes side",
+    "length": "Of the yarn's axis from one crossing to the next, where it changes side",
+    "crimp": "c = l / p - 1 where the yarn changes side",
+    "mean_crimp": "By how much the yarns are longer than the cloth",
+    "height": "By which the yarn's axis rises or falls where it changes side",
+    "cover": "Share of the plane that yarns cover: K = width / p, together K1 + K2 - K1 K2",
+    "longest_float": "Most crossings in a row that a yarn passes on the same side",
+    "yarn_length": "All yarns as built, with what stands over at the edges",
+    "thickness": "From the lowest to the highest place of the yarns",
+    "fibre_volume_fraction": "Fibres of all the room between the cloth's two faces",
+    "areal_mass": "Of the cloth as built, crimp included",
+    "repeat": "Ends by picks",
+    "feasible_height": "Crimp heights of the warp for which the yarns have room",
+    "least_clearance": "Between any two yarns: 0 where they touch, below 0 where they overlap",
+}
+
+
+class _Found(NamedTuple):
+    known: Any
+    figures: dict[str, Any]
+    whole: bool
+
+
+def _figures(
+    scene: Scene, known: Any, figures: dict[str, Any] | None = None
+) -> Generator[None, None, _Found]:
+    """Find all but the least clearance, or that."""
+    yield
+    if figures is None:
+        return _Found(known, report.cloth(scene), False)
+    yield from report.clearance(scene, figures)
+    return _Found(known, figures, True)
+
+
+class FiguresTab(QWidget):
+    """Warp beside weft, then the cloth; the least clearance is found last."""
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        super().__init__()
+        self._document, self._engine = document, engine
+        self.hint = note()
+        self.table = QTableWidget(0, 3)
+        self.table.setObjectName("figures")
+        self.table.setHorizontalHeaderLabels(["", "Warp", "Weft"])
+        self.table.verticalHeader().hide()
+        header = self.table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
+        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+        self.table.setShowGrid(False)
+        self.table.setAlternatingRowColors(True)
+        self.copied = QPushButton("Copy")
+        self.copied.setToolTip("The table, for a spreadsheet: numbers in columns, units beside")
+        self.copied.clicked.connect(self._copy)
+        column(self, self.hint, (self.table, 1), self.copied, margins=(6, 6, 6, 6))
+        self._rows: list[tuple[Figure, ...]] = []
+        #: Of which cloth: asked for, and whether that is all there.
+        self._asked: Any = None
+        self._whole = False
+        #: The scene of the picture.
+        self._drawn: Any = None
+        self._rest = later(self, self._ask, _REST)
+        engine.beside_ready.connect(self._ready)
+        self.forget()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Catch up, and go on with what another tab's work has pushed aside."""
+        super().showEvent(event)
+        self._asked = self._asked if self._whole else None
+        self._rest.start()
+
+    def forget(self) -> None:
+        """Show nothing: what is shown is another scene's."""
+        self._asked, self._whole, self._drawn = None, False, None
+        self._show([])
+
+    def follow(self, frame: Frame) -> None:
+        """Ask for the figures, if another cloth is drawn."""
+        if frame.swing is None and not frame.coarse:
+            self._drawn = frame.values
+            if self.isVisible() and not self._rest.isActive() and self._known() != self._asked:
+                self._rest.start()
+
+    def _known(self) -> Any:
+        scene = self._document.scene
+        return scene.woven, scene.weave.settings
+
+    def _ask(self) -> None:
+        known = self._known()
+        if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
+            return  # where a cloth cannot be woven, all that is seen is of the last good one
+        if self._engine.busy:
+            self._rest.start()
+            return
+        self.hint.setText(_HINTS[not known[0]])
+        self._asked, self._whole = known, not known[0]
+        if known[0]:
+            self._engine.ask_beside(partial(_figures, known=known))
+        else:
+            self._show([])
+
+    def _ready(self, result: Any) -> None:
+        if isinstance(result, Exception) and self.isVisible() and not self._whole:
+            self.hint.setText(str(result))
+        if not isinstance(result, _Found) or result.known != self._asked:
+            return  # another tab's, or of a cloth that is no more
+        self._whole = result.whole
+        cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
+        if not result.whole:
+            cloth = [f._replace(told="…") if f.key == "least_clearance" else f for f in cloth]
+        self._show([*yarn_figures(result.figures), *((f,) for f in cloth)])
+        if not result.whole:
+            self._engine.ask_beside(partial(_figures, known=result.known, figures=result.figures))
+
+    def _show(self, rows: list[tuple[Figure, ...]]) -> None:
+        self._rows = rows
+        self.copied.setEnabled(bool(rows))
+        self.table.clearSpans()
+        self.table.setRowCount(len(rows))
+        for number, figures in enumerate(rows):
+            if len(figures) == 1:
+                self.table.setSpan(number, 1, 1, 2)
+            tip = _tip(figures[0])
+            for place, text in enumerate([figures[0].label, *(f.told for f in figures)]):
+                item = QTableWidgetItem(text)
+                item.setToolTip(tip if len(text) < 30 else f"{text}\n{tip}")
+                if place:
+                    item.setTextAlignment(_SIDE)
+                self.table.setItem(number, place, item)
+        self.table.resizeColumnToContents(0)
+        self.table.resizeRowsToContents()
+
+    def _copy(self) -> None:
+        lines = ["\tWarp\tWeft"]
+        for figures in self._rows:
+            cells = [f.entry if f.unit else f.told for f in figures]
+            lines.append("\t".join([with_unit(figures[0].label, figures[0].unit), *cells]))
+        QGuiApplication.clipboard().setText("\n".join(lines) + "\n")
+
+
+def _tip(figure: Figure) -> str:
+    tip = _TIPS.get(figure.key.removeprefix("warp_"), "")
+    if figure.key == "areal_mass" and figure.value is not None:
+        tip = f"{figure.value / UNITS['kg/m2']['oz/yd2']:.3g} oz/yd². {tip}"
+    return tip
