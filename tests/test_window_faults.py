@@ -50,8 +50,18 @@ def test_a_load_whose_factors_stand_in_a_file_can_be_edited(
 
 def test_the_table_of_modes_tells_the_damping_that_there_is(open_scene: Any) -> None:
     window = open_scene()
-    window.document.set_many("response", {"damping_ratio": 0.05, "alpha": None})
+    window.stages.choose("response")
+    alpha = window.properties.rows["alpha"]
+    window.document.set("response", "damping_ratio", 0.05)
+    wait_until(lambda: "alpha = 0 does that" in window.errors.text)
+    assert (alpha.note.text(), alpha.editor.isEnabled()) == (
+        "",
+        True,
+    )  # what it advises can be done
+    type_into(alpha.editor.line, "0")
     wait_until(lambda: settled(window) and window.errors.text == "")
+    assert alpha.note.text().startswith("does not count: damping_ratio is ")
+    assert not alpha.editor.isEnabled()
     table = window.modes.table
     assert {table.item(row, 2).text() for row in range(10)} == {"0.050"}
     window.document.set("response", "damping_ratio", [1.5, 1.0, 0.05])

@@ -198,8 +198,7 @@ class LoadedCage(Stage):
         ways = [
             name for name in ("damping_ratio", "damping_pairs") if getattr(self, name) is not None
         ]
-        # The default alpha is no one's wish, and an alpha of zero contradicts nothing.
-        ways += [name for name in ("alpha", "beta") if self._values.get(name) and ways]
+        ways += [name for name in ("alpha", "beta") if ways and self._contradicts(name)]
         if len(ways) > 1:
             raise InputError(
                 f"{ways[0]} and {ways[1]} both say how much is damped",
@@ -223,6 +222,14 @@ class LoadedCage(Stage):
                 error.key, error.value = "damping_pairs", self.damping_pairs
                 raise
         return Damping(self.alpha, self.beta)
+
+    def idle(self, name: str) -> str:
+        """Return why a parameter counts for nothing: nothing of what `damping` refuses."""
+        return "" if self._contradicts(name) else super().idle(name)
+
+    def _contradicts(self, name: str) -> bool:
+        # The default alpha is no one's wish, and an alpha of zero contradicts nothing.
+        return name in ("alpha", "beta") and bool(self._values.get(name))
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float]:
         """Return the continuous range of times."""

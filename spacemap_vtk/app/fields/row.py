@@ -113,8 +113,6 @@ class ParameterRow(QWidget):
         idle = f"does not count: {why}" if why else ""
         if idle != self._idle:
             self._idle = idle
-            for widget in filter(None, (self.label, self.editor, self.automatic)):
-                widget.setEnabled(not why)
             self.mark(None)
 
     def seek(self, words: list[str]) -> None:
@@ -152,6 +150,9 @@ class ParameterRow(QWidget):
     def mark(self, message: str | None, about: str = "") -> None:
         """Mark the row as refused, with the reason; None: as good."""
         self.about = about
+        # What a run refuses, because it does not count, can be put right where it stands.
+        for widget in filter(None, (self.label, self.editor, self.automatic)):
+            widget.setEnabled(not self._idle or message is not None)
         self._say(message or self._idle or self._in_force, bad=message is not None)
 
     def _say(self, text: str, bad: bool) -> None:
