@@ -355,6 +355,10 @@ def test_a_dropped_file_opens_and_a_bad_one_is_told(open_scene: Any, tmp_path: P
     drop(bad)
     assert "ends" in window.errors.text
     assert window.document.scene.weave.ends == 7
+    window.document.set("view", "ghost", True)  # one goes on without it
+    assert window.errors.text == ""
+    window.document.undo.undo()
+    drop(bad)
     drop(scene)
     wait_until(lambda: settled(window))
     assert window.document.scene.weave.ends == 3

@@ -60,7 +60,7 @@ class Files(QObject):
         try:
             self._document.open(name)
         except (SpacemapError, OSError) as error:
-            self._errors.say(error, "file")
+            self._errors.say(error, "open")
             return False
         if self._document.source is not None:
             self._remember(self._document.source)

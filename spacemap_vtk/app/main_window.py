@@ -298,6 +298,8 @@ class MainWindow(QMainWindow):
                 [self.properties.refused, document.failed, draft.failed, self.menus.refused],
                 [self.properties.accepted, document.changed, draft.accepted],
             ),
+            # A change goes on without what could not be opened.
+            ("open", [], [document.changed]),
             ("time", [self.times.refused], [self.times.chosen]),
             ("plot", [plots.failed], [plots.shown]),
             ("plot file", [plots.unwritten], [plots.written]),
