@@ -12,7 +12,7 @@ from window import drag, require_display, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
-from PySide6.QtWidgets import QStyle, QStyleOptionSlider  # noqa: E402
+from PySide6.QtWidgets import QApplication, QStyle, QStyleOptionSlider  # noqa: E402
 
 from spacemap_vtk.scenes.chain import sections  # noqa: E402
 
@@ -71,6 +71,39 @@ def test_letters_in_a_field_are_letters(open_scene: Any, qtbot: Any) -> None:
     assert window.document.scene.weave.pattern == "twill 2/2"
     assert window.view.look.cage == cage
     assert not window.times.playing
+
+
+def test_enter_gives_the_view_the_keyboard_and_tab_goes_on_from_the_field(
+    open_scene: Any, qtbot: Any
+) -> None:
+    window = active(open_scene, qtbot)
+    window.stages.choose("weave")
+    line = window.properties.rows["warp_diameter"].editor.line
+    view = window.view.plotter
+
+    def tab() -> Any:
+        qtbot.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
+        return QApplication.focusWidget()
+
+    line.setFocus()
+    after = tab()
+    type_into(line, "wide")  # is to be put right
+    qtbot.wait(20)
+    assert QApplication.focusWidget() is line
+    type_into(line, "0.2 mm")
+    wait_until(view.hasFocus)
+    qtbot.keyClick(view, Qt.Key.Key_Space)
+    assert window.times.playing
+    qtbot.keyClick(view, Qt.Key.Key_Space)
+    assert not window.times.playing
+    assert tab() is after
+    # A view that is clicked into goes on to what stands beside it.
+    view.setFocus()
+    assert tab() is not after
+    type_into(window.properties.search, "diameter")
+    qtbot.wait(20)
+    assert window.properties.search.hasFocus()
+    window.properties.search.clear()
 
 
 def test_undo_reaches_the_scene_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from PySide6.QtCore import QEvent, QObject, QSettings, Signal
+from PySide6.QtCore import QEvent, QObject, QSettings, Qt, Signal
 from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractSpinBox,
@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QMessageBox,
     QWidget,
 )
+from shiboken6 import isValid
 
 from spacemap_vtk.app.copied import as_command, as_script
 from spacemap_vtk.app.document import Document
@@ -26,9 +27,12 @@ from spacemap_vtk.app.theme import apply_theme
 from spacemap_vtk.app.time_bar import TimeBar
 from spacemap_vtk.app.view import View3D
 from spacemap_vtk.app.view_bar import ViewBar
+from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import library
 
+_ENTERS = Qt.Key.Key_Return, Qt.Key.Key_Enter
+_TABS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
 #: Letters of the help's first column.
 _COLUMN = 16
 #: What the mouse does in the view: VTK's habits, and what is this program's own.
@@ -138,7 +142,7 @@ class Menus(QObject):
         menu = self._menu("&Help")
         self._add(menu, "Keys and mouse", "F1", self._tell_keys)
         self._theme()
-        _UndoKeys(window)
+        _LineKeys(window, view.plotter)
 
     @property
     def keys(self) -> str:
@@ -233,20 +237,37 @@ class Menus(QObject):
         box.exec()
 
 
-class _UndoKeys(QObject):
-    """Leaves undo and redo to the window's menu where a line of text has none of its own."""
+class _LineKeys(QObject):
+    """Leaves keys that Qt's lines of text keep for themselves to the window."""
 
-    # Qt's lines keep both keys for themselves, even when there is nothing to undo in them: after
-    # Enter in a field Ctrl+Z would do nothing at all.
+    # Undo and redo, where there is nothing to undo in the line; and all keys once Enter has set
+    # what was typed: the view has the keyboard then, so that Space plays, and Tab goes on from
+    # the line.
 
-    def __init__(self, parent: QObject) -> None:
+    def __init__(self, parent: QWidget, view: QWidget) -> None:
         super().__init__(parent)
+        self._view = view
+        #: The line that Enter has left for the view.
+        self._left: QWidget | None = None
+        self._entered = later(self, self._leave, 0)
+        view.installEventFilter(self)
         # Only the line that has the keyboard is watched: to watch all costs at every event.
         QApplication.instance().focusChanged.connect(self._follow)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Pass a key on to the window's shortcuts."""
-        if event.type() != QEvent.Type.ShortcutOverride or not isinstance(event, QKeyEvent):
+        """Pass a key on to the window's shortcuts, or the keyboard to or from the view."""
+        if not isinstance(event, QKeyEvent):
+            return False
+        pressed = event.type() == QEvent.Type.KeyPress
+        if watched is self._view:
+            left = self._left
+            if not (pressed and left and isValid(left) and event.key() in _TABS):
+                return False
+            left.setFocus()
+            return QApplication.sendEvent(left, event)
+        if pressed and event.key() in _ENTERS:
+            self._entered.start()  # once what it sets is taken
+        if event.type() != QEvent.Type.ShortcutOverride:
             return False
         line = watched if isinstance(watched, QLineEdit) else watched.findChild(QLineEdit)
         keys = QKeySequence.StandardKey
@@ -261,10 +282,22 @@ class _UndoKeys(QObject):
         return idle
 
     def _follow(self, before: QWidget | None, now: QWidget | None) -> None:
-        if before is not None:
+        if before is self._view:
+            self._left = None
+        elif before is not None:
             before.removeEventFilter(self)
         if isinstance(now, (QLineEdit, QAbstractSpinBox, QComboBox)):
             now.installEventFilter(self)
+
+    def _leave(self) -> None:
+        """Give the view the keyboard, unless the line has been refused, or is one of a search."""
+        line = QApplication.focusWidget()
+        if not isinstance(line, (QLineEdit, QAbstractSpinBox)) or _refused(line):
+            return
+        searched = isinstance(line, QLineEdit) and line.isClearButtonEnabled()
+        if line.window() is self.parent() and not searched:
+            self._view.setFocus()
+            self._left = line
 
 
 def _refused(widget: QWidget | None) -> bool:
