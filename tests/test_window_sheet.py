@@ -85,6 +85,11 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     assert not {"shear_rigidity", "bending_length", "twisting_rigidity"} & told.keys()
     assert told["bending_rigidity"] == "does not count: the cage is no sheet"
     assert "tetrahedra" in window.modes.sheet.text()
+    window.document.set("modal", "elements", "tetrahedra")
+    wait_until(lambda: settled(window))
+    assert notes(window)["elements"] == ""  # the field says it
+    window.document.undo.undo()
+    wait_until(lambda: settled(window))
     assert headings["Sheet"].isVisibleTo(window)  # what is written stays
     for name in ("tensile_rigidity", "bending_rigidity", "areal_mass"):
         window.document.set("modal", name, None)
@@ -94,9 +99,22 @@ def test_the_form_is_the_data_sheet_of_what_was_found(open_scene: Any, strip: Pa
     for _ in range(4):
         window.document.undo.undo()
     wait_until(lambda: settled(window) and "bending_length" in notes(window))
+    supports, times = window.tools.shown["supports"], window.times
+    assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
+    play = times.play.toolTip()
     # Another scene's figures are none of this one's.
     window.document.open("handweaving")
     wait_until(lambda: settled(window))
+    # Nothing is held there, and nothing moves.
+    assert not any((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
+    assert "no supports" in supports.toolTip()
+    assert "Nothing moves" in times.play.toolTip()
+    assert not window.menus.time.isEnabled()
+    window.document.switch("response")
+    assert all((supports.isEnabled(), supports.isChecked(), times.isEnabled()))
+    assert times.play.toolTip() == play != times.toolTip() == ""
+    window.document.undo.undo()
+    assert not times.isEnabled()
     window.stages.choose("modal")
     assert not any("in force" in row.note.text() for row in window.properties.rows.values())
     assert not window.modes.sheet.isVisible()

@@ -376,6 +376,9 @@ class MainWindow(QMainWindow):
         self._try(self.document.set, "view", "line_scale", None if wanted == 1.0 else wanted)
 
     def _show_view(self) -> None:
+        moves = self.document.scene.moves
+        self.times.allow(moves)
+        self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)
         self.view.adopt(self.document.scene.view)
 

@@ -110,7 +110,7 @@ class Menus(QObject):
         menu.addSeparator()
         self._add(menu, "Copy as command line", None, self._copy_command)
         self._add(menu, "Copy as Python script", None, self._copy_script)
-        menu = self._menu("&Time")
+        self.time = menu = self._menu("&Time")
         self._add(menu, "Play or pause", "Space", times.play.click)
         self._add(menu, "To the start", "Home", times.to_start)
         self._add(menu, "To the end", "End", times.to_end)

@@ -212,7 +212,9 @@ class Properties(QScrollArea):
         for name, row in self.rows.items():
             row.show_resolved(known.get(name))
             row.show_feasible(feasible.get(name))
-            row.show_in_force(row.parameter.tell(found[name]) if name in found else "")
+            # Of a choice that says just that there is nothing more to tell.
+            same = row.parameter.kind == "choice" and found.get(name) == getattr(part, name)
+            row.show_in_force(row.parameter.tell(found[name]) if name in found and not same else "")
         taken = time.thread_time() - begun
         self._limited = time.perf_counter() + max(_LIMIT_SECONDS, taken / _LIMIT_SHARE)
 

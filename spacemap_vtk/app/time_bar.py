@@ -20,6 +20,7 @@ _TICK = 15
 #: Pixels below which some are left out, so that the slider stays long enough to be used,
 #: and the fewest that the others need.
 _WIDE, _MIDDLE, _NARROW = 560, 500, 380
+_STILL = "Nothing moves here: a stage of motion, such as the response, has times"
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
 
@@ -62,6 +63,8 @@ class TimeBar(QWidget):
         others = ((self.slider, 1), self.line, self.end, self.speed)
         row(self, *buttons, *others, margins=(8, 4, 8, 4), spacing=3)
         self.setMinimumWidth(_NARROW)
+        #: What each says while there are times to choose.
+        self._tips = {w: w.toolTip() for w in (self, *buttons, self.slider, self.line, self.speed)}
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
@@ -88,6 +91,14 @@ class TimeBar(QWidget):
     def playing(self) -> bool:
         return self.play.isChecked()
 
+    def allow(self, moves: bool) -> None:
+        """Let a time be chosen where something moves."""
+        if not moves:
+            self.pause()
+        self.setEnabled(moves)
+        for widget, tip in self._tips.items():
+            widget.setToolTip(tip if moves else _STILL)
+
     def adopt(self, animation: Animation, at: float | None = None) -> None:
         """Take range, frames and speed from a scene."""
         speed = f"{animation.speed:g} ×"
@@ -103,7 +114,7 @@ class TimeBar(QWidget):
         self._step = animation.speed / animation.frames_per_second
         end = format_quantity(self._stop, "s", 6)
         self.end.setText(f"of {end}")
-        self.slider.setToolTip(f"Time, up to {end}")
+        self._tips[self.slider] = f"Time, up to {end}"
         self._show(self.time if at is None else at)
 
     def go(self, at: float, going_on: bool = False) -> None:

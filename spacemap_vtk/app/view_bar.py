@@ -179,9 +179,16 @@ class ViewBar(QToolBar):
         for name, shown in self.shown.items():
             seen = look[name] if name in look else getattr(scene.view, name)
             shown.setChecked(seen or (name in _SIGNS and getattr(self._view.look, name)))
+        solved = scene.modal in scene.stages
+        held = solved and scene.modal.fixed != ()
+        supports = self.shown["supports"]
+        supports.setEnabled(held)
+        supports.setChecked(held and supports.isChecked())
+        supports.setToolTip(
+            "Show the supports (S)" if held else "Nothing is held: there are no supports"
+        )
         self._asked = [name for name in _SIGNS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
-        solved = scene.modal in scene.stages
         self.hang.setChecked(solved and scene.modal.hangs)
         self.hang.setEnabled(solved or not scene.moves)
 
