@@ -22,7 +22,7 @@ from spacemap_vtk.app.ask_file import ask_file
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.pick import Pick
-from spacemap_vtk.app.plots.curves import Curves, Spectrum, Wish, curves_of, moving
+from spacemap_vtk.app.plots.curves import Curves, Wish, curves_of, moving
 from spacemap_vtk.app.widgets import column, later, note, row
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
@@ -195,8 +195,8 @@ class PlotsTab(QWidget):
             self._ready(None)
 
     def _ready(self, result: Any) -> None:
-        if isinstance(result, Spectrum) or not self.isVisible():
-            return  # what the tab of modes has asked for
+        if not (isinstance(result, Curves | BaseException | None) and self.isVisible()):
+            return  # what another tab has asked for
         if isinstance(result, BaseException):
             self.failed.emit(result)
             self.hint.setText(_HINT)
