@@ -71,7 +71,9 @@ class Director(QObject):
 
     def ask(self, coarse: bool = False) -> None:
         """Ask for a frame of the present document and time."""
-        document, scene = self._document, self._document.scene
+        document, scene, shown = self._document, self._document.scene, self._view.frame
+        # Until there is a frame the camera is where another scene was looked at from.
+        here = shown is not None and shown.generation == self.generation
         self._asked = Job(
             values=document.values,
             base=document.base,
@@ -80,7 +82,7 @@ class Director(QObject):
             time=self._times.time,
             coarse=coarse,
             swing=self.swing,
-            seen=self._view.seen,
+            seen=self._view.seen if here else None,
         )
         self._looking = False
         self._giving_up = False
@@ -167,7 +169,8 @@ class Director(QObject):
             self._engine.cancel()
         elif not moving and frame is not None and frame.cloth is not None:
             waits = self.held or self._times.playing or self.swing is not None
-            if not waits and frame.seen != self._view.seen:
+            asked = self._asked.seen if self._looking and self._asked else frame.seen
+            if not waits and self._view.seen not in (asked, frame.seen):
                 self.ask()
                 self._looking = True
 
@@ -189,7 +192,10 @@ class Director(QObject):
         self._end_notice()
         if not frame.coarse:
             self._stages.flush()
+        before = self._view.frame
         self._view.show_frame(frame, scene.view)
+        if before is None or before.generation != frame.generation:
+            self._look(moving=False)  # at once: its camera is known now
         self.drawn.emit(frame)
 
     def _stage_started(self, section: str) -> None:
