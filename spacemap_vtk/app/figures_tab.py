@@ -118,9 +118,12 @@ class FiguresTab(QWidget):
 
     def follow(self, frame: Frame) -> None:
         """Ask for the figures, if another cloth is drawn."""
-        if frame.swing is None and not frame.coarse:
+        if frame.swing is None:
+            # While time runs all frames are coarse, but not each is of another cloth, as in a drag.
+            still = not frame.coarse or frame.values is self._drawn
             self._drawn = frame.values
-            if self.isVisible() and not self._rest.isActive() and self._known() != self._asked:
+            still = still and self.isVisible() and not self._rest.isActive()
+            if still and self._known() != self._asked:
                 self._rest.start()
 
     def _known(self) -> Any:
@@ -131,9 +134,6 @@ class FiguresTab(QWidget):
         known = self._known()
         if not self.isVisible() or known == self._asked or self._drawn != self._document.values:
             return  # where a cloth cannot be woven, all that is seen is of the last good one
-        if self._engine.busy:
-            self._rest.start()
-            return
         self.hint.setText(_HINTS[not known[0]])
         self._asked, self._whole = known, not known[0]
         if known[0]:
