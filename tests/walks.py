@@ -43,7 +43,7 @@ class Walk:
         self.name, self.window, self.look = file.stem, window, look
         self._pictures, self._each = pictures, each
         self._deeds = list(self._read(file.read_text("utf-8")))
-        self._at, self._begun = 0, 0.0
+        self._at, self._begun, self._pause = 0, 0.0, 0
         self._error: BaseException | None = None
         self._loop = QEventLoop()
         #: Whether the mouse is in the midst of something: nothing else is done meanwhile.
@@ -63,7 +63,9 @@ class Walk:
             self._loop.quit()
             return
         # A dialog keeps who has opened it until it is closed: of one timer no second tick comes.
-        QTimer.singleShot(20, self._tick)
+        QTimer.singleShot(self._pause, self._tick)
+        # To look again and again takes from the window the time that it needs.
+        self._pause = 40
         if self.held:
             return
         words, waits, find, act = self._deeds[self._at]
@@ -79,7 +81,7 @@ class Walk:
             self._fail(words, error)
             return
         self._at += 1
-        self._begun = time.monotonic()
+        self._begun, self._pause = time.monotonic(), 20
         try:
             act(found)
         except Exception as error:
@@ -119,8 +121,9 @@ class Walk:
             step = re.sub(r"!\[[^\]]*\]\([^)]+\)", "", step)
             step = re.sub(r"<!--.*?-->", "", step, flags=re.S)
             yield from self._deeds_of(" ".join(step.split()))
+            # Else nobody would look at them.
             names = [f"{self.name}-{number:02}.png"] if self._each else []
-            for name in names + (pictures if self.look == "light-1" else []):
+            for name in names + (pictures if names and self.look == "light-1" else []):
                 yield (name, True, self._painted, lambda _, n=name: self._shoot(n))
 
     def _painted(self) -> None:
@@ -234,8 +237,8 @@ def _choose(walk: Walk, item: str, words: str, of: str | None) -> Deeds:
 def _drag(walk: Walk, widget: QWidget, here: QPoint, there: QPoint) -> None:
     walk.held = True
     QTest.mousePress(widget, LEFT, pos=here)
-    for step in range(1, 9):
-        QTest.mouseMove(widget, here + (there - here) * step / 8)
+    for step in range(1, 5):  # each draws a picture
+        QTest.mouseMove(widget, here + (there - here) * step / 4)
         QTest.qWait(10)
     QTest.mouseRelease(widget, LEFT, pos=there)
     walk.held = False
