@@ -57,7 +57,7 @@ _TIPS = {
 }
 
 
-class _Found(NamedTuple):
+class _Told(NamedTuple):
     known: Any
     figures: dict[str, Any]
     whole: bool
@@ -65,13 +65,13 @@ class _Found(NamedTuple):
 
 def _figures(
     scene: Scene, known: Any, figures: dict[str, Any] | None = None
-) -> Generator[None, None, _Found]:
+) -> Generator[None, None, _Told]:
     """Find all but the least clearance, or that."""
     yield
     if figures is None:
-        return _Found(known, report.cloth(scene), False)
+        return _Told(known, report.cloth(scene), False)
     yield from report.clearance(scene, figures)
-    return _Found(known, figures, True)
+    return _Told(known, figures, True)
 
 
 class FiguresTab(QWidget):
@@ -144,7 +144,7 @@ class FiguresTab(QWidget):
     def _ready(self, result: Any) -> None:
         if isinstance(result, Exception) and self.isVisible() and not self._whole:
             self.hint.setText(str(result))
-        if not isinstance(result, _Found) or result.known != self._asked:
+        if not isinstance(result, _Told) or result.known != self._asked:
             return  # another tab's, or of a cloth that is no more
         self._whole = result.whole
         cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]

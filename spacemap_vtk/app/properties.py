@@ -192,6 +192,8 @@ class Properties(QScrollArea):
 
     def _forget(self) -> None:
         self._found, self._in_use = {}, {}
+        for row in self.rows.values():
+            row.show_resolved(None)  # what came of another scene's automatic values
 
     def _idle(self, part: Parameterised, name: str) -> str:
         """Return why a parameter counts for nothing, as it is set or as it was found."""
