@@ -23,7 +23,7 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
-from weaves import changed, measured, scaled, woven
+from weaves import PLACES, bernstein, changed, measured, scaled, surface, woven
 
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.fabric import (
@@ -93,28 +93,6 @@ ALL = [(d, c) for d in DRAWDOWNS for c in CLOTHS]
 @cache
 def built(drawdown: str, cloth: str) -> Weave:
     return build(changed(CLOTHS[cloth], drawdown=DRAWDOWNS[drawdown]))
-
-
-def bernstein(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cubic Bernstein polynomials and their derivatives, (n, 4)."""
-    s = 1 - t
-    value = np.stack([s**3, 3 * s * s * t, 3 * s * t * t, t**3], axis=1)
-    slope = 3 * np.stack([-s * s, s * s - 2 * s * t, 2 * s * t - t * t, t * t], axis=1)
-    return value, slope
-
-
-#: VTK's order of a 3 x 3 Bézier quadrilateral, by hand: its place in the list for each (i, j).
-PLACES = [[0, 10, 11, 3], [4, 12, 14, 8], [5, 13, 15, 9], [1, 6, 7, 2]]
-
-
-def surface(made: Weave, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points and derivatives of every patch at t x t, (patches, n, n, 3)."""
-    net = made.points[made.patches][:, PLACES]
-    value, slope = bernstein(t)
-    return tuple(
-        np.einsum("ui,vj,pijc->puvc", u, v, net, optimize=True)
-        for u, v in ((value, value), (slope, value), (value, slope))
-    )
 
 
 def expected_lengths(drawdown: np.ndarray, cloth: Cloth) -> np.ndarray:
