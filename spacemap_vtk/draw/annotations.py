@@ -26,8 +26,6 @@ from spacemap_vtk.units import format_quantity
 
 #: Share of the picture's width that a length may have.
 _LONGEST = 0.2
-#: How wide a letter is, over its size.
-_WIDTH = 0.62
 #: Most labels of points.
 MOST_LABELS = 6
 
@@ -132,9 +130,9 @@ class Annotations:
         for text in self._texts:
             text.SetInput("")
         edge = 0.7 * letter
+        whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
         if self._scaled:
-            left = width * (1.0 - scale_share(self._size))
-            self._plate(left, 0.25 * height - edge, width, 0.75 * height + edge)
+            self._plate(whole[0], 0.25 * height - edge, width, 0.75 * height + edge)
         seen = measures_of(camera, height)
         if self._triad:
             middle = np.full(2, edge + 2.9 * letter)
@@ -152,40 +150,36 @@ class Annotations:
                 tip = middle + 1.75 * letter * seen.axes[k, :2]
                 shapes += [(shape, self._axes[k]) for shape in _arrow(middle, tip, letter)]
                 way = tip - middle
-                size = float(np.hypot(*way))
-                far = way / size if size > 0.15 * letter else np.array([-0.7, 0.7])
+                long = float(np.hypot(*way))
+                far = way / long if long > 0.15 * letter else np.array([-0.7, 0.7])
                 self._write(2 + k, "xyz"[k], tip + 0.62 * letter * far)
         if self._bar:
             length = round_length(_LONGEST * width * seen.length)
             words = format_quantity(length, "m")
             left, wide = edge * (1 + self._triad) + 5.8 * letter * self._triad, length / seen.length
-            more = "" if seen.flat else " in the plane of the focus"
-            room = width * (1.0 - scale_share(self._size) * self._scaled) - left - 2 * edge
-            words += more * (_WIDTH * letter * len(words + more) < room)
-            right = left + 2 * edge + max(wide, _WIDTH * letter * len(words))
+            more = words + ("" if seen.flat else " in the plane of the focus")
+            if self._sized(0, more)[1][0] < whole[0] - left - 2 * edge:
+                words = more
+            right = left + 2 * edge + max(wide, self._sized(0, words)[1][0])
             self._plate(left, edge, right, edge + 2.7 * letter)
             low = np.array([left + edge, edge + 0.5 * letter])
             shapes.append((_box(low, low + np.array([wide, 0.28 * letter])), self._ink))
             self._write(0, words, low + np.array([0.0, 0.7 * letter]))
         if view.time_stamp and self._time is not None:
             words = f"t = {format_quantity(self._time, 's', 4)}"
-            high, right = height - edge, 3 * edge + _WIDTH * letter * len(words)
-            self._plate(edge, high - 2.0 * letter, right, high)
-            self._write(1, words, np.array([2 * edge, high - 1.35 * letter]))
-        whole = np.array([width * (1.0 - scale_share(self._size) * self._scaled), height])
+            begin, size = self._sized(1, words)
+            self._plate(edge, height - 3 * edge - size[1], 3 * edge + size[0], height - edge)
+            self._write(1, words, np.array([2 * edge, height - 2 * edge - size[1]]) - begin)
         points = np.array([point for point, _ in self.labels]).reshape(-1, 3)
         x, y, _, depth = projected(camera, points, width / height).T
         places = (
             (np.stack([x, y]) / np.where(depth > 0.0, depth, 1.0) + 1.0).T / 2 * (width, height)
         )
         for number in np.flatnonzero(depth[:MOST_LABELS] > 0.0).tolist():
-            words, ends, text = self.labels[number][1], np.zeros(4), self._texts[5 + number]
-            self._write(5 + number, words, np.zeros(2))
-            text.GetBoundingBox(self._renderer, ends)
-            begin, end = ends.reshape(2, 2).T / self._pixels
-            size = end - begin + edge
-            low = self._free(places[number], places, size, whole, 0.8 * letter)
-            self._plate(*low, *(low + size))
+            words = self.labels[number][1]
+            begin, size = self._sized(5 + number, words)
+            low = self._free(places[number], places, size + edge, whole, 0.8 * letter)
+            self._plate(*low, *(low + size + edge))
             self._write(5 + number, words, low + 0.5 * edge - begin)
         self._plates.fill([_box(np.array(b[:2]), np.array(b[2:])) for b in self.boxes])
         self._shapes.fill([self._pixels * shape for shape, _ in shapes], [c for _, c in shapes])
@@ -206,6 +200,14 @@ class Annotations:
 
     def _plate(self, left: float, low: float, right: float, high: float) -> None:
         self.boxes.append(tuple(self._pixels * np.array([left, low, right, high])))
+
+    def _sized(self, number: int, words: str) -> tuple[Polygon, Polygon]:
+        """Return where words begin that are written at the corner, and how large they are."""
+        ends = np.zeros(4)
+        self._write(number, words, np.zeros(2))
+        self._texts[number].GetBoundingBox(self._renderer, ends)
+        begin, end = ends.reshape(2, 2).T / self._pixels
+        return begin, end - begin
 
     def _write(self, number: int, words: str, place: Polygon) -> None:
         self._texts[number].SetInput(words)
@@ -248,7 +250,7 @@ def _arrow(begin: Polygon, end: Polygon, letter: float) -> list[Polygon]:
     way = end - begin
     size = float(np.hypot(*way))
     if size < 0.15 * letter:
-        return [_box(begin - 0.2 * letter, begin + 0.2 * letter)]
+        return [_disc(begin, 0.22 * letter)]
     along = way / size
     across = np.array([-along[1], along[0]])
     neck = end - min(0.6 * letter, 0.7 * size) * along
