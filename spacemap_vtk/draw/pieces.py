@@ -28,8 +28,8 @@ from spacemap_vtk.scenes.scene import Scene
 _PATCHES, _QUADS = 300_000, 800_000
 #: Cells of the sheet that are made beside those in sight: what is cut there bends otherwise.
 _BESIDE = 4
-#: Yarns that are made beside a tile, which are counted in its size.
-_TILED = 8
+#: Crossings along each side of a tile, at least.
+_LEAST_TILE = 8
 
 
 class DrawnPieces:
@@ -75,7 +75,8 @@ class DrawnPieces:
         self, time: float, sheet: Sheet, part: Share, sight: Sequence[NDArray[np.bool_]]
     ) -> Iterator[vtkPolyData]:
         """Yield pieces in which yarns have their neighbours."""
-        side = max(isqrt(self._cloth.drawdown.size // self.count) - 2 * _TILED, _TILED)
+        whole = isqrt(self._cloth.drawdown.size // self.count)
+        side = max(whole - 2 * self._stages.beside, _LEAST_TILE)
         ends, picks = (
             [slice(at, min(at + side, some.stop)) for at in range(some.start, some.stop, side)]
             for some in part

@@ -45,6 +45,7 @@ class OwnStages:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self.cloth = scene, scene.weave.cloth
+        self.beside = _BESIDE_SPLINES if self.cloth.axis == "spline" else _BESIDE
         self.all: list[Stage] = [
             type(stage)(**stage.settings) for stage in scene.stages if stage.makes == "object"
         ]
@@ -77,8 +78,7 @@ class OwnStages:
         self, ends: slice, picks: slice, time: float, crimp: CrimpInterchange | None
     ) -> ClothTile | None:
         """Return what lies at some crossings; None where distances cannot be told."""
-        cloth = self.cloth
-        beside = _BESIDE_SPLINES if cloth.axis == "spline" else _BESIDE
+        cloth, beside = self.cloth, self.beside
         some = [
             slice(max(core.start - beside, 0), min(core.stop + beside, size))
             for core, size in zip((ends, picks), cloth.size, strict=True)
