@@ -24,6 +24,12 @@ CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]
     "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
     "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 }
+#: Those along an axis.
+SIDES = ("front", "back", "right", "left", "top", "bottom")
+#: The one without perspective.
+FLAT = "face"
+#: How much of what is up must be seen of it: nearer to a pole no camera turns.
+_POLE = 0.01
 
 
 def upward(name: str) -> int:
@@ -49,14 +55,6 @@ def stand_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -
         camera.OrthogonalizeViewUp()
         camera.Elevation(-float(np.sign(height)))
     camera.SetViewUp(*axis)
-
-
-#: Those along an axis.
-SIDES = ("front", "back", "right", "left", "top", "bottom")
-#: The one without perspective.
-FLAT = "face"
-#: How much of what is up must be seen of it: nearer to a pole no camera turns.
-_POLE = 0.01
 
 
 class Viewpoint(NamedTuple):

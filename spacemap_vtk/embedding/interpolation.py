@@ -25,9 +25,7 @@ from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
 from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
-_ROW = (
-    32  # points of a tetrahedron that are one product, at most: twice and half as many take longer
-)
+_ROW = 32  # points of a tetrahedron that are one product: twice and half as many take longer
 
 #: Writes the values at the points of a block, (n, k), of those at the vertices, (V, k).
 _Write = Callable[[NDArray[np.float64], NDArray[Any]], None]

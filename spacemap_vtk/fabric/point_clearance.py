@@ -175,7 +175,7 @@ def spread_over(
         Crossings of one weave have one number at rest; all that lie over, and all that lie under,
         change it alike with strain, as a linear fit has it.
     """
-    found = np.empty((2, *weaves.shape), np.float32)
+    found = np.zeros((2, *weaves.shape), np.float32)
     weave, lies, strain = weaves.ravel()[known], over.ravel()[known], strains[cells.ravel()[known]]
     count = int(weaves.max()) + 1
     for made, given in zip(found, values, strict=True):

@@ -242,15 +242,13 @@ def _of_axes(cloth: Cloth) -> Generator[None, None, Clearance]:
             half[mine, number] = (aspect - 1.0) * radius
         return point, normal, lateral, half
 
-    return (
-        yield from _least(
-            _Tubes(
-                np.concatenate([family.parts for family in families]),
-                np.concatenate([family.radius for family in families]),
-                np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
-                True,
-                at,
-            )
+    return _least(
+        _Tubes(
+            np.concatenate([family.parts for family in families]),
+            np.concatenate([family.radius for family in families]),
+            np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
+            True,
+            at,
         )
     )
 
