@@ -8,14 +8,13 @@ point once. The sum is over few maps, which stay in the cache.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import Riding, displacement_table
+from spacemap_vtk.embedding.interpolation import Floats, Points, Riding, Work, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.parallel import WORTHWHILE, loops
 
@@ -61,7 +60,7 @@ class AffineInterpolation(Riding):
         self,
         points: NDArray[Any],
         location: Location,
-        vertices: NDArray[np.float64],
+        vertices: Floats,
         tetrahedra: NDArray[np.integer[Any]],
         clamp: bool = False,
         *,
@@ -87,13 +86,7 @@ class AffineInterpolation(Riding):
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = [slice(begin, begin + width) for begin in range(0, len(points), width)]
 
-    def _mover(
-        self,
-        table: NDArray[np.float64],
-        points: NDArray[Any],
-        moved: NDArray[Any],
-        shift: NDArray[Any],
-    ) -> Callable[[slice], None]:
+    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
         if self._loops is None:
             return super()._mover(table, points, moved, shift)
         maps, displace = self._maps(table), self._loops.displace
@@ -101,22 +94,20 @@ class AffineInterpolation(Riding):
             maps, self._tetrahedron[block], points[block], moved[block], shift[block]
         )
 
-    def displace(
-        self, points: NDArray[Any], displacement: ArrayLike
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
+    def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
         moved, shift = super().displace(points, displacement)
         if len(self._beyond):
             shift[self._beyond] = self._at_feet(np.asarray(displacement, np.float64))
             moved[self._beyond] = points[self._beyond] + shift[self._beyond]
         return moved, shift
 
-    def apply(self, values: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, values: ArrayLike) -> Floats:
         result = super().apply(values)
         if len(self._beyond):
             result[self._beyond] = self._at_feet(np.asarray(values, np.float64))
         return result
 
-    def gradients(self, displacement: ArrayLike) -> NDArray[np.float64]:
+    def gradients(self, displacement: ArrayLike) -> Floats:
         """Return the gradient F of the map of each tetrahedron.
 
         Parameters
@@ -132,7 +123,7 @@ class AffineInterpolation(Riding):
         table = displacement_table(displacement, self.vertex_count)
         return np.eye(3) + self._slopes(table).transpose(0, 2, 1)
 
-    def _slopes(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slopes(self, columns: Floats) -> Floats:
         """Return what each column gains along x, y and z, (T, 3, k)."""
         values = columns[self._cells]
         gained = values[:, 1:] - values[:, :1]
@@ -142,7 +133,7 @@ class AffineInterpolation(Riding):
         slopes += self._inverse @ (gained - self._edges @ slopes)
         return slopes
 
-    def _maps(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _maps(self, columns: Floats) -> Floats:
         """Return first corners, each column's values there and its slopes, (T, 3 + 4k)."""
         result = np.empty((len(self._cells), 3 + 4 * columns.shape[1]))
         result[:, :3] = self._origins
@@ -151,15 +142,13 @@ class AffineInterpolation(Riding):
         each[:, :, 1:] = self._slopes(columns).transpose(0, 2, 1)
         return result
 
-    def _at_feet(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _at_feet(self, columns: Floats) -> Floats:
         """Return the values of the clamped points."""
         corners = self._cells[self._tetrahedron[self._beyond]]
-        result: NDArray[np.float64] = np.einsum("na,na...->n...", self._feet, columns[corners])
+        result: Floats = np.einsum("na,na...->n...", self._feet, columns[corners])
         return result
 
-    def _writer(
-        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
-    ) -> Callable[[slice], None]:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
         maps, points = self._maps(table), self._points if points is None else points
         if self._loops is not None:
             carry = self._loops.carry

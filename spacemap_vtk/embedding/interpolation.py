@@ -27,8 +27,13 @@ from spacemap_vtk.units import format_quantity
 _BLOCK = 2**17  # points a block: its product is still in the cache when it is put into the result
 _ROW = 32  # points of a tetrahedron that are one product: twice and half as many take longer
 
+Floats = NDArray[np.float64]
+#: In single or double precision.
+Points = NDArray[Any]
+#: Does what is to be done for a block of points.
+Work = Callable[[slice], None]
 #: Writes the values at the points of a block, (n, k), of those at the vertices, (V, k).
-_Write = Callable[[NDArray[np.float64], NDArray[Any]], None]
+_Write = Callable[[Floats, Points], None]
 
 
 class Riding:
@@ -46,19 +51,11 @@ class Riding:
     def __init__(self, points: int, vertices: int) -> None:
         self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
 
-    def _writer(
-        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
-    ) -> Callable[[slice], None]:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
         """Return what writes the values at a block of points."""
         raise NotImplementedError
 
-    def _mover(
-        self,
-        table: NDArray[np.float64],
-        points: NDArray[Any],
-        moved: NDArray[Any],
-        shift: NDArray[Any],
-    ) -> Callable[[slice], None]:
+    def _mover(self, table: Floats, points: Points, moved: Points, shift: Points) -> Work:
         """Return what moves a block of points."""
         write = self._writer(table, shift, points)
 
@@ -68,7 +65,7 @@ class Riding:
 
         return move
 
-    def apply(self, values: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, values: ArrayLike) -> Floats:
         """Interpolate to the points that were located.
 
         Parameters
@@ -98,15 +95,13 @@ class Riding:
         for_each(self._blocks, lambda: write, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
-    def displace(
-        self, points: NDArray[Any], displacement: ArrayLike
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
+    def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
         """Move points with the mesh.
 
         Parameters
         ----------
         points : (N, 3) float32 or float64
-            The points that were located, in m.
+            The points that were located, in m; or others in their places.
         displacement : (V, 3) array_like
             Displacement of the vertices in m.
 
@@ -185,13 +180,11 @@ class Interpolation(Riding):
                 weights = quadratic_weights(weights)
             self._writes.append(_writer(ride, weights, tetrahedron, corners))
 
-    def _writer(
-        self, table: NDArray[np.float64], out: NDArray[Any], points: NDArray[Any] | None = None
-    ) -> Callable[[slice], None]:
+    def _writer(self, table: Floats, out: Points, points: Points | None = None) -> Work:
         return lambda block: self._writes[block.start // _BLOCK](table, out[block])
 
 
-def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float64]:
+def displacement_table(values: ArrayLike, vertex_count: int) -> Floats:
     """Return displacements of vertices as a table."""
     table = np.ascontiguousarray(values, dtype=np.float64)
     if table.shape != (vertex_count, 3):
@@ -204,7 +197,7 @@ def displacement_table(values: ArrayLike, vertex_count: int) -> NDArray[np.float
 
 def _writer(
     ride: ModuleType | None,
-    weights: NDArray[np.float64],
+    weights: Floats,
     tetrahedron: NDArray[np.int32],
     corners: NDArray[np.int32],
 ) -> _Write:
@@ -225,7 +218,7 @@ def _writer(
     padded = padded.reshape(-1, length, weights.shape[1])
     nodes = corners[owners.repeat(rows)]
 
-    def write(values: NDArray[np.float64], out: NDArray[Any]) -> None:
+    def write(values: Floats, out: Points) -> None:
         made = np.matmul(padded, values.take(nodes, axis=0)).reshape(-1, values.shape[1])
         if out.dtype == made.dtype:
             made.take(place, axis=0, out=out, mode="clip")  # the mode without a buffered copy
@@ -235,7 +228,7 @@ def _writer(
     return write
 
 
-def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def quadratic_weights(weights: Floats) -> Floats:
     """Return the weights of a quadratic tetrahedron's ten nodes from those of its corners."""
     # Inside they are the shape functions. Outside, a quadratic would turn back on itself before
     # long: there the field goes on from the border as its tangent does, so that an affine motion is
@@ -252,9 +245,7 @@ def quadratic_weights(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     return result
 
 
-def point_weights(
-    points: NDArray[np.float64], cells: NDArray[np.int64], place: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def point_weights(points: Floats, cells: NDArray[np.int64], place: Floats) -> Floats:
     """Return how much each vertex of a cage counts in the motion of a point.
 
     Parameters

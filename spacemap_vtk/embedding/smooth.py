@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from spacemap_vtk.embedding.interpolation import Interpolation, Riding, displacement_table
+from spacemap_vtk.embedding.interpolation import Interpolation, Points, Riding, displacement_table
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.embedding.worsey_farin import coefficients, evaluated, split_points
 from spacemap_vtk.parallel import for_each
@@ -121,9 +121,7 @@ class SmoothInterpolation(Riding):
         for_each(range(0, len(order), _BLOCK), lambda: fill)
         return result
 
-    def displace(
-        self, points: NDArray[Any], displacement: ArrayLike
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
+    def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:
         table = displacement_table(displacement, self.vertex_count)
         return self._rows.displace(points, np.concatenate((table, self._slopes @ table)))
 
