@@ -6,9 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from PySide6.QtCore import QModelIndex, QPoint, Qt
-from PySide6.QtGui import QTextDocumentFragment
-from PySide6.QtTest import QTest
+from PySide6.QtCore import QEvent, QModelIndex, QPoint, QPointF, Qt
+from PySide6.QtGui import QMouseEvent, QTextDocumentFragment
 from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractItemView,
@@ -148,13 +147,23 @@ def listed(view: QAbstractItemView, words: str, kind: str | None) -> list[Spot]:
     return spots[:1] if kind else spots
 
 
+def move(widget: QWidget, at: QPoint, held: Qt.MouseButton = Qt.MouseButton.NoButton) -> None:
+    """Move the mouse, at once.
+
+    QTest's goes by way of the screen: it lets timers run, and the move itself comes later.
+    """
+    where, none = (QPointF(at), QPointF(widget.mapToGlobal(at))), Qt.MouseButton.NoButton
+    event = QMouseEvent(QEvent.Type.MouseMove, *where, none, held, Qt.KeyboardModifier.NoModifier)
+    QApplication.sendEvent(widget, event)
+
+
 def link(label: QLabel, words: str) -> list[Spot]:
     """Where the words of a link stand: found as the mouse would, by the cursor that it gets."""
     if f">{words}</a>" not in label.text():
         return []
     for y in range(4, label.height(), 4):
         for x in range(2, label.width(), 4):
-            QTest.mouseMove(label, QPoint(x, y))
+            move(label, QPoint(x, y))
             if label.cursor().shape() == Qt.CursorShape.PointingHandCursor:
                 return [(label, QPoint(x + 3, y))]
     return []

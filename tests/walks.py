@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QMenuBar,
     QWidget,
 )
-from seen import NotSeen, Spot, field, front, plain, see, the
+from seen import NotSeen, Spot, field, front, move, plain, see, the
 from shiboken6 import isValid
 from window import settled
 
@@ -238,7 +238,7 @@ def _drag(walk: Walk, widget: QWidget, here: QPoint, there: QPoint) -> None:
     walk.held = True
     QTest.mousePress(widget, LEFT, pos=here)
     for step in range(1, 5):  # each draws a picture
-        QTest.mouseMove(widget, here + (there - here) * step / 4)
+        move(widget, here + (there - here) * step / 4, LEFT)
         QTest.qWait(10)
     QTest.mouseRelease(widget, LEFT, pos=there)
     walk.held = False
@@ -296,13 +296,7 @@ def _pull(walk: Walk, warp: str, weft: str) -> Deeds:
         pad = walk.window.pull.map
         here = pad.place(*pad.at).toPoint()
         there = pad.place(1 + float(warp) / 100, 1 + float(weft) / 100).toPoint()
-        # A drag that begins in the moment in which the map comes is now and then lost, nobody
-        # knows yet how: who sees that pulls again.
-        for _ in range(3):
-            _drag(walk, pad, here, there)
-            if walk.window.pull.back.isEnabled():
-                break
-            QTest.qWait(300)
+        _drag(walk, pad, here, there)
 
     yield find, act
 
