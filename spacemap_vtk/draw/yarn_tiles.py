@@ -64,7 +64,7 @@ class OwnStages:
                 stage.SetInputDataObject(1, copied(cage))
 
     def take(self, part: Share, crimp: CrimpInterchange | None) -> None:
-        """Make what some yarns are where they cross; what crossings do is another stage's word."""
+        """Make some yarns where they cross; what crossings do is taken as `borrow` says."""
         self._scene.weave.lend(self.weave, part)
         self.borrow(part, crimp)
 
