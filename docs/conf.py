@@ -8,6 +8,9 @@ from typing import Any
 
 import latex2mathml.converter
 from docutils import nodes
+from jinja2 import PackageLoader
+from jinja2.sandbox import SandboxedEnvironment
+from numpydoc import docscrape_sphinx
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "tests")]
@@ -32,6 +35,9 @@ suppress_warnings = ["myst.header"]
 autodoc_typehints = "none"  # numpydoc has them, with shapes and units
 autodoc_default_options = {"members": True, "show-inheritance": False}
 numpydoc_show_class_members = False
+# It would compile the same template anew for each docstring.
+_templates = SandboxedEnvironment(loader=PackageLoader("numpydoc"))
+docscrape_sphinx.SandboxedEnvironment = lambda loader: _templates
 
 smartquotes = False  # "--set" is what has to be typed
 toc_object_entries = False

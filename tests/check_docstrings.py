@@ -11,6 +11,7 @@ import ast
 import importlib
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from numpydoc.validate import validate
@@ -42,25 +43,29 @@ USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTER
 Named = ast.FunctionDef | ast.ClassDef
 
 
-def modules() -> Iterator[tuple[str, str, ast.Module]]:
-    """Yield name and room of each module, without the package's name, and its syntax."""
-    for file in sorted(HERE.rglob("*.py")):
-        name = ".".join(file.relative_to(HERE).with_suffix("").parts)
-        yield name, name.rpartition(".")[0].split(".")[0], ast.parse(file.read_text())
+@cache
+def modules() -> list[tuple[str, str, ast.Module]]:
+    """Return name and room of each module, without the package's name, and its syntax."""
+    files = sorted(HERE.rglob("*.py"))
+    names = [".".join(file.relative_to(HERE).with_suffix("").parts) for file in files]
+    return [
+        (name, name.rpartition(".")[0].split(".")[0], ast.parse(file.read_text()))
+        for name, file in zip(names, files, strict=True)
+    ]
 
 
 def imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
     """Yield module and name of all that is imported from the package, and of what is taken so."""
     prefix = "spacemap_vtk."
-    whole = {}
+    whole, taken = {}, []
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(prefix):
             for alias in node.names:
                 yield str(node.module)[len(prefix) :], alias.name
                 whole[alias.asname or alias.name] = f"{node.module}.{alias.name}"[len(prefix) :]
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            yield whole.get(node.value.id, ""), node.attr
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            taken.append((node.value.id, node.attr))
+    yield from ((whole[owner], name) for owner, name in taken if owner in whole)
 
 
 def documented() -> set[tuple[str, str]]:

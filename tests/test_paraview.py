@@ -182,29 +182,40 @@ def test_client_and_server(server: tuple[int, str], tmp_path: Path) -> None:
     assert np.mean((blue - red > 30) & (red < 50)) > 0.03  # the warp's blue
 
 
-IN_PARAVIEW = sorted((ROOT / "pipelines" / "paraview").glob("*.py"))
+PIPELINES = ROOT / "pipelines" / "paraview"
+#: Over three processes the last runs with MPI's tests.
+ALONE = [
+    ("plain_weave", "pvpython", 0.05),
+    pytest.param("cloth_over_ranks", "pvbatch", 0.03, marks=pytest.mark.nightly),
+]
 
 
-@pytest.mark.parametrize(
-    ("script", "program"),
-    [
-        pytest.param(script, "pvpython" if script.stem == "plain_weave" else "pvbatch", marks=marks)
-        for script in IN_PARAVIEW
-        # Over three processes it runs with MPI's tests.
-        for marks in [[pytest.mark.nightly] if script.stem == "cloth_over_ranks" else []]
-    ],
-    ids=lambda value: value if isinstance(value, str) else value.stem,
-)
-def test_pipeline_script(script: Path, program: str, tmp_path: Path) -> None:
-    assert run(script, tmp_path / "cloth.png", program=program)
-    pictures = sorted(tmp_path.glob("cloth*.png"))
-    assert len(pictures) == (12 if script.stem == "film" else 1)
-    least = 0.05 if script.stem == "plain_weave" else 0.03  # of the pixels; others draw it smaller
-    for picture in {pictures[0], pictures[-1]}:
-        # In the yarns' own colours, with nothing said of colours.
-        red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
-        assert np.mean(red - blue > 40) > least  # the weft's sand
-        assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
+def in_the_yarns_colours(picture: Path, least: float = 0.03) -> None:
+    """Hold that so many of its pixels have each colour: nothing was said of colours."""
+    red, _, blue = np.asarray(Image.open(picture).convert("RGB")).astype(int).reshape(-1, 3).T
+    assert np.mean(red - blue > 40) > least  # the weft's sand
+    assert np.mean((blue - red > 30) & (red < 50)) > least  # the warp's blue
+
+
+@pytest.mark.parametrize(("name", "program", "least"), ALONE)
+def test_pipeline_script(name: str, program: str, least: float, tmp_path: Path) -> None:
+    assert run(PIPELINES / f"{name}.py", tmp_path / "cloth.png", program=program)
+    in_the_yarns_colours(tmp_path / "cloth.png", least)
+
+
+def test_pipeline_scripts_in_one_batch(tmp_path: Path) -> None:
+    names = {script.stem for script in PIPELINES.glob("*.py")} - {"plain_weave", "cloth_over_ranks"}
+    files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in sorted(names)}
+    words = [f"{script}={file}.png" for script, file in files.items()]
+    run(SCRIPTS / "session.py", tmp_path / "told.json", *words, program="pvbatch")
+    for script, text in json.loads((tmp_path / "told.json").read_text()).items():
+        assert text, script
+        assert "Traceback" not in text, text
+    for name in names:
+        pictures = sorted(tmp_path.glob(f"{name}*.png"))
+        assert len(pictures) == (12 if name == "film" else 1)
+        for picture in {pictures[0], pictures[-1]}:
+            in_the_yarns_colours(picture)
 
 
 def test_the_real_window_shows_fabric_and_panel(tmp_path: Path) -> None:
