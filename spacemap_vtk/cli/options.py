@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def flag(help: str, *names: str) -> Parameter:
-    """Return a switch that is off unless it is given, and has no opposite."""
+    """Return what is off, or nothing, unless it is given, and has no opposite."""
     return Parameter(name=names or None, negative="", help=help, show_default=False)
 
 
@@ -36,23 +36,19 @@ def written_to(help: str) -> Parameter:
 
 Set = Annotated[
     tuple[str, ...],
-    Parameter(
-        name="--set",
-        negative="",
-        help='Change a value of the scene, as in --set weave.ends=20 (see "spacemap keys"); '
+    flag(
+        'Change a value of the scene, as in --set weave.ends=20 (see "spacemap keys"); '
         "auto makes one automatic. Can be given again.",
-        show_default=False,
+        "--set",
     ),
 ]
 SetLists = Annotated[
     tuple[str, ...],
-    Parameter(
-        name="--set",
-        negative="",
-        help="The values that a key goes through, with commas between them, as in "
+    flag(
+        "The values that a key goes through, with commas between them, as in "
         "--set weave.ends=5,7,9, a run or a picture for each; a single one is set in all. Can be "
         "given again.",
-        show_default=False,
+        "--set",
     ),
 ]
 Paired = Annotated[
@@ -74,12 +70,7 @@ Size = Annotated[
 
 def several_times(default: str, *names: str) -> Parameter:
     """Return what names times, in one list or given again."""
-    return Parameter(
-        name=names or None,
-        negative="",
-        help=f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.",
-        show_default=False,
-    )
+    return flag(f"Times in s, with commas between them, as in 0,20ms,0.04; {default}.", *names)
 
 
 Fps = Annotated[

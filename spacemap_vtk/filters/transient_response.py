@@ -14,6 +14,7 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
@@ -115,9 +116,7 @@ class TransientResponse(LoadedCage):
                 cure='Leave out held, or initial = "equilibrium".',
             )
 
-    def _request_update_extent(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         # Of two consumers the second may ask for what the first was refused.
         super()._request_update_extent(in_info, out_info)
         self._is_turned, self.turned = self.turned, False

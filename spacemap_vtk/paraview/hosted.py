@@ -25,7 +25,7 @@ import spacemap_vtk
 from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.filters.algorithm import Cancelled
+from spacemap_vtk.filters.algorithm import Cancelled, Inputs
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.reading import leaves
 from spacemap_vtk.parameters import Parameter
@@ -50,7 +50,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
     def ProcessRequest(
         self,
         request: vtkInformation,
-        in_info: tuple[vtkInformationVector, ...],
+        in_info: Inputs,
         out_info: vtkInformationVector,
     ) -> int:
         """Answer a request; what goes wrong is said, and the last good output stays."""

@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstruc
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from spacemap_vtk.errors import InputError, SpacemapWarning
+from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Choice, FilePath
 
@@ -78,18 +79,14 @@ class SceneReader(Stage):
             return []
         return self.scene.animation.frame_times() if self.scene.moves else []
 
-    def _request_data_object(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         kind = vtkPolyData if self.show == "surface" else vtkUnstructuredGrid
         info = out_info.GetInformationObject(0)
         made = info.Get(vtkDataObject.DATA_OBJECT())
         if made is None or made.GetClassName() != kind.__name__:
             info.Set(vtkDataObject.DATA_OBJECT(), kind())
 
-    def _request_information(
-        self, in_info: tuple[vtkInformationVector, ...], out_info: vtkInformationVector
-    ) -> None:
+    def _request_information(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         super()._request_information(in_info, out_info)
         times = self._times()
         if times:
