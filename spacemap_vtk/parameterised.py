@@ -385,8 +385,8 @@ class Parameterised:
         dict of str to object
             By name; empty for cloth.
         """
-        every = {name: p.usual(of_object) for name, p in cls.parameters.items()}
-        return {name: value for name, value in every.items() if value != getattr(cls, name).default}
+        every = {name: (p.usual(of_object), p.default) for name, p in cls.parameters.items()}
+        return {name: usual for name, (usual, default) in every.items() if usual != default}
 
     def idle(self, name: str) -> str:
         """Return why a parameter counts for nothing at present.

@@ -219,10 +219,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         return 1
 
     def ProcessRequest(
-        self,
-        request: vtkInformation,
-        in_info: Inputs,
-        out_info: vtkInformationVector,
+        self, request: vtkInformation, in_info: Inputs, out_info: vtkInformationVector
     ) -> int:
         """Answer a request of the executive; an exception is kept for `update`."""
         try:

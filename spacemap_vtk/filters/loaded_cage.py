@@ -224,7 +224,7 @@ class LoadedCage(Stage):
         return Damping(self.alpha, self.beta)
 
     def idle(self, name: str) -> str:
-        """Return why a parameter counts for nothing: nothing of what `damping` refuses."""
+        """Return why a parameter counts for nothing; empty where `damping` refuses it instead."""
         return "" if self._contradicts(name) else super().idle(name)
 
     def _contradicts(self, name: str) -> bool:

@@ -116,13 +116,8 @@ def record_in(path: Path) -> Record | None:
         text = None if teller is None else teller(path)
     except (SpacemapError, PermissionError):
         raise
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        SyntaxError,
-    ):  # Pillow's, too: of another's file
+    # What is not as ours: of another's file. A SyntaxError is Pillow's.
+    except (OSError, ValueError, KeyError, TypeError, SyntaxError):
         return None
     return None if text is None else _parsed(text, path)
 

@@ -48,10 +48,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
     _observed: bool = False
 
     def ProcessRequest(
-        self,
-        request: vtkInformation,
-        in_info: Inputs,
-        out_info: vtkInformationVector,
+        self, request: vtkInformation, in_info: Inputs, out_info: vtkInformationVector
     ) -> int:
         """Answer a request; what goes wrong is said, and the last good output stays."""
         if not self._observed:
