@@ -109,7 +109,9 @@ class Walk:
         active = isinstance(before, QMenu) or QApplication.activeWindow() is before.window()
         if not active:
             before.activateWindow()
-        return active and (before is not window or playing or settled(window))
+        # What was cancelled may be left coarse: nobody waits for a smooth picture then.
+        given_up = window.errors.run.isVisible() and not window.engine.busy
+        return active and (before is not window or playing or given_up or settled(window))
 
     # -- reading ------------------------------------------------------------------------------
 
