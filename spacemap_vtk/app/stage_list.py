@@ -79,9 +79,9 @@ class StageList(QTreeWidget):
         self._flush = later(self, self.flush, 250)
         for section, cls in sections().items():
             item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
-            item.setData(0, _KEY, section)
-            item.setToolTip(0, (cls.__doc__ or "").strip().splitlines()[0])
-            for column in (1, 2):
+            item.setData(_NAME, _KEY, section)
+            item.setToolTip(_NAME, (cls.__doc__ or "").strip().splitlines()[0])
+            for column in (_TIME, _RUNS):
                 item.setTextAlignment(
                     column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
                 )
@@ -109,8 +109,8 @@ class StageList(QTreeWidget):
             part = scene.parts[section]
             on, was = section in connected, self.states.get(section, "off")
             if anew or not on:
-                item.setText(1, "")
-                item.setText(2, "")
+                item.setText(_TIME, "")
+                item.setText(_RUNS, "")
             if anew or on != (was not in ("off", "settings")):
                 stage = isinstance(part, Stage)
                 self.set_state(section, "settings" if not stage else "stale" if on else "off")
@@ -139,7 +139,7 @@ class StageList(QTreeWidget):
 
     def _clicked(self, item: QTreeWidgetItem, column: int) -> None:
         if column == _EYE and not item.icon(_EYE).isNull():
-            self._eyes[item.data(0, _KEY)].trigger()
+            self._eyes[item.data(_NAME, _KEY)].trigger()
 
     def set_state(self, section: str, state: str) -> None:
         if section not in self.items or self.states.get(section) == state:
@@ -149,11 +149,10 @@ class StageList(QTreeWidget):
         item = self.items[section]
         if state not in self._dots:
             self._dots[state] = _dot(color, hollow=state == "off")
-        item.setIcon(0, self._dots[state])
-        item.setToolTip(1, words)
-        item.setToolTip(2, words)
-        faint = state in ("off",)
-        item.setForeground(0, QBrush(QColor("#9aa3ae")) if faint else QBrush())
+        item.setIcon(_NAME, self._dots[state])
+        item.setToolTip(_TIME, words)
+        item.setToolTip(_RUNS, words)
+        item.setForeground(_NAME, QBrush(QColor("#9aa3ae")) if state == "off" else QBrush())
 
     def show_run(self, section: str, seconds: float, executions: int) -> None:
         """Show how long a stage ran last, and how often it has run."""
@@ -169,14 +168,14 @@ class StageList(QTreeWidget):
 
     def _write(self, section: str, seconds: float, executions: int) -> None:
         item = self.items[section]
-        item.setText(1, f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s")
-        item.setText(2, str(executions))
+        item.setText(_TIME, f"{seconds * 1e3:.0f} ms" if seconds < 10 else f"{seconds:.1f} s")
+        item.setText(_RUNS, str(executions))
 
     def choose(self, section: str) -> None:
         self.setCurrentItem(self.items[section])
 
     def _changed(self, item: QTreeWidgetItem, column: int) -> None:
-        section, on = item.data(0, _KEY), item.checkState(_BOX) == _CHECKED
+        section, on = item.data(_NAME, _KEY), item.checkState(_BOX) == _CHECKED
         # Dots and texts are told of here, too.
         if self._boxes.get(section, on) != on:
             self._boxes[section] = on
@@ -184,7 +183,7 @@ class StageList(QTreeWidget):
 
     def _chosen(self, item: QTreeWidgetItem | None, _before: QTreeWidgetItem | None) -> None:
         if item is not None:
-            self.chosen.emit(item.data(0, _KEY))
+            self.chosen.emit(item.data(_NAME, _KEY))
 
 
 def _dot(color: str, hollow: bool = False) -> QIcon:
