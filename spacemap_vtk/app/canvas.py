@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import sys
 from importlib import import_module, util
 from time import perf_counter
@@ -20,6 +21,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkRenderWindow,
     vtkRenderWindowInteractor,
 )
+from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFXAAFilter
 
 from spacemap_vtk.draw.camera import front_of, lit_renderer
 from spacemap_vtk.draw.shade_layer import ShadeLayer
@@ -62,6 +64,14 @@ _Widget: Any = _pyvistaqt_widget()
 # Of OpenGL.
 _READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9
 _COLOR_BUFFER, _NEAREST, _SCISSOR_TEST, _LEQUAL = 0x4000, 0x2600, 0x0C11, 0x0203
+_TEXEL = """
+vec4 texel(vec2 at)
+{
+  ivec2 most = textureSize(Input, 0) - 1;
+  return texelFetch(Input, clamp(ivec2(at / InvTexSize), ivec2(0), most), 0);
+}
+
+"""
 
 
 class Canvas(_Widget):
@@ -100,6 +110,23 @@ class Canvas(_Widget):
         super().initializeGL()
         place = int(self.context().getProcAddress(b"glFinish"))
         self.wait = ctypes.CFUNCTYPE(None)(place)
+        self._quickened = False
+
+    def _quicken(self) -> None:
+        """Let smooth edges take two thirds of their time, to the same pixels."""
+        # VTK's filter has its texture interpolated even in the middle of texels, which software
+        # OpenGL does at full length; only its last look lies between them.
+        self._quickened = True
+        smooth = vtkOpenGLFXAAFilter()
+        smooth.Execute(self.renderer)
+        program = self.render_window.GetShaderCache().GetLastShaderBound()
+        shader = program.GetFragmentShader()
+        before, search, rest = shader.GetSource().partition("int vtkEndpointSearch(")
+        rest, count = re.subn(r"texture(2D)?\(Input, (?!posEdgeAA)", "texel(", rest)
+        smooth.ReleaseGraphicsResources()
+        program.ReleaseGraphicsResources(self.render_window)
+        shader.SetSource(before + _TEXEL * bool(count) + search + rest)
+        program.SetCompiled(False)
 
     def paintGL(self) -> None:
         """Draw, and hand Qt what was drawn."""
@@ -120,6 +147,9 @@ class Canvas(_Widget):
             # which holds a lock of all threads, needs Python's to free an array, and a thread that
             # has Python's waits for the collector's: both would stand for ever.
             self.interactor.EnableRenderOn()
+            if not self._quickened and self.renderer.GetUseFXAA():
+                self.interactor.Render()
+                self._quicken()
             if self.shade.on:
                 self._draw_shaded()
             else:

@@ -18,7 +18,7 @@ from vtkmodules.vtkRenderingCore import (
 )
 
 from spacemap_vtk.datasets.arrays import to_array, to_points
-from spacemap_vtk.draw.camera import projected
+from spacemap_vtk.draw.camera import Viewpoint, projected
 from spacemap_vtk.draw.measuring import AXES, measures_of, round_length
 from spacemap_vtk.draw.surface_actor import PLATE, inks, letters_of, rgb, scale_share, take_font
 from spacemap_vtk.scenes.settings import View, is_dark
@@ -61,8 +61,11 @@ class Annotations:
         self._triad = self._bar = self._handled = False
         self._time: float | None = None
         self._size, self._pixels = (1, 1), 1.0
+        self._background: tuple[int, ...] = ()
         self._ink, self._axes = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)] * 3
         self._paper = np.ones(3)
+        #: What all that is written was placed for last.
+        self._placed: tuple[object, ...] | None = None
         # VTK would keep alive whatever it calls.
         place = weakref.WeakMethod(self._place)
         self._following = renderer.AddObserver("StartEvent", lambda *_: (now := place()) and now())
@@ -76,6 +79,7 @@ class Annotations:
     def fit(self, background: Sequence[int], size: tuple[int, int], pixels: float) -> None:
         """Fit a picture of so many pixels, each of which is drawn so large."""
         self._size, self._pixels = size, pixels
+        self._background = tuple(background)
         self._ink, plate = inks(background)
         self._paper = np.array(plate)
         self._axes = [rgb(color) for color in AXES[is_dark(background)]]
@@ -120,13 +124,21 @@ class Annotations:
     def _place(self) -> None:
         if not self._plates.GetVisibility():
             return
+        view, camera = self._view, self._renderer.GetActiveCamera()
+        # VTK draws a text anew that is set anew: a motion costs nothing here while nothing moves.
+        signs = self._scaled, self._triad, self._bar, self._handled, self._background
+        stamp = self._time if view.time_stamp else None
+        seen_by = Viewpoint.of(camera), camera.GetViewAngle(), self._renderer.GetSize()
+        placed = *signs, stamp, *seen_by, self._size, self._pixels, len(self.labels)
+        if placed == self._placed and not self.labels:
+            return
+        self._placed = placed
         # A window may have another size than when it was fitted.
         width, height = (side / self._pixels for side in self._renderer.GetSize())
         letter = letters_of(self._size)
         self.boxes.clear()
         self.ends = None
         shapes: list[tuple[Polygon, Any]] = []
-        view, camera = self._view, self._renderer.GetActiveCamera()
         for text in self._texts:
             text.SetInput("")
         edge = 0.7 * letter
