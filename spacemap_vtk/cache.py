@@ -2,8 +2,9 @@
 
 An entry is one file of arrays under a digest of all that they depend on, so that it is never out of
 date. It is written whole or not at all; one that cannot be read, or is not what was stored, counts
-as missing and is replaced. The folder holds `LARGEST` bytes and little more: the entries longest
-unused go first. A cache that fails, on a full or read-only disk, is no reason for the program to.
+as missing and is replaced: so nobody waits until the disk has it. The folder holds `LARGEST` bytes
+and little more: the entries longest unused go first. A cache that fails, on a full or read-only
+disk, is no reason for the program to.
 
 The environment variable SPACEMAP_CACHE names another folder, or ``off``.
 """
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.vanishing import vanishing
+from spacemap_vtk.vanishing import vanishing_folder
 
 #: Environment variable that names the folder, or switches the cache off.
 VARIABLE = "SPACEMAP_CACHE"
@@ -62,17 +63,25 @@ def load(key: str) -> dict[str, NDArray[Any]] | None:
         return None
     path = _path(place, key)
     try:
-        # Every member of the archive carries a checksum, which reading it checks.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
-            arrays = {name: entry[name] for name in entry.files}
+        with zipfile.ZipFile(path) as entry:
+            arrays = {name.removesuffix(".npy"): _read(entry, name) for name in entry.namelist()}
         os.utime(path)
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+    except Exception:  # whatever makes of damage, in its names, sizes, flags or codes
         with contextlib.suppress(OSError):
             path.unlink()
         return None
     return arrays
+
+
+def _read(entry: zipfile.ZipFile, name: str) -> NDArray[Any]:
+    """Return an array; its checksum, at its end, is looked at even where its header says less."""
+    with entry.open(name) as stream:
+        array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+        if stream.read(1):
+            raise ValueError(name)
+    return array
 
 
 def store(key: str, **arrays: NDArray[Any]) -> None:
@@ -83,13 +92,12 @@ def store(key: str, **arrays: NDArray[Any]) -> None:
         return
     with contextlib.suppress(OSError):
         place.mkdir(parents=True, exist_ok=True)
-        with vanishing(place / f"{os.urandom(6).hex()}.part") as part:
-            part.touch(mode=0o600)
-            with part.open("wb") as file:
-                np.savez(file, **arrays)  # type: ignore[arg-type]
-            os.replace(part, _path(place, key))
+        look = _stored["bytes"] + size > _LOOK * LARGEST
+        with vanishing_folder(place, look) as room:
+            np.savez(room / "entry.npz", **arrays)  # type: ignore[arg-type]
+            os.replace(room / "entry.npz", _path(place, key))
         _stored["bytes"] += size
-        if _stored["bytes"] > _LOOK * LARGEST:
+        if look:
             _shrink(place)
             _stored["bytes"] = 0
 

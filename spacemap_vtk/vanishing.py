@@ -2,28 +2,39 @@
 
 A signal is answered by Python in between two of its instructions, not while VTK or ffmpeg works:
 so what takes long inside a library should be done before there is anything to be removed.
+
+A process that is killed leaves its folders. The next one that makes such a folder there removes
+them: the system tells which of them nobody holds any more. What was whole, and on its way out,
+arrives.
 """
 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import os
 import shutil
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+try:
+    import fcntl
+except ImportError:  # Windows, where nobody tells
+    fcntl = None  # type: ignore[assignment]
+
 #: By which a program is asked to end; SIGHUP by a terminal that is closed.
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 #: Seconds in which what goes must have gone.
 _PATIENCE = 10.0
+#: With which hidden folders begin, and what in them holds what was in the way of the rest.
+_NAME, _OLDER = ".spacemap-", "older"
 
 
 @contextmanager
@@ -43,27 +54,126 @@ def vanishing(path: Path) -> Iterator[Path]:
                 atexit.unregister(last)
 
 
+def hidden(place: Path) -> Path:
+    """Return a name in a folder that nobody has."""
+    return place / f"{_NAME}{os.urandom(6).hex()}"
+
+
 @contextmanager
-def vanishing_folder(place: Path) -> Iterator[Path]:
+def vanishing_folder(place: Path | None = None, look: bool = True) -> Iterator[Path]:
     """Yield a new folder that goes, with all in it, when the block ends, however it ends."""
-    with vanishing(place / f".spacemap-{os.urandom(6).hex()}") as folder:
-        folder.mkdir(mode=0o700)
+    place = Path(tempfile.gettempdir()) if place is None else place
+    if look:
+        clear(place)
+    # held until it has gone
+    with ExitStack() as held, vanishing(hidden(place)) as folder:
+        hold(folder, held)
         yield folder
+
+
+def hold(folder: Path, held: ExitStack) -> None:
+    """Make a folder that is in use for as long as this process lives, or until it is let go."""
+    while True:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        try:
+            if fcntl is None or _taken(folder, held):
+                return
+        except (BlockingIOError, FileNotFoundError):
+            pass  # another has just taken it for a dead one's
+        except OSError:
+            return  # a disk that knows no locks: there nobody clears anything
+
+
+def _taken(folder: Path, held: ExitStack) -> bool:
+    """Lock a folder, unless another process has; return whether it is there still."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    with ExitStack() as closed:
+        closed.callback(os.close, handle)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        held.push(closed.pop_all())
+    return os.path.samestat(os.fstat(handle), folder.stat())
+
+
+def clear(place: Path) -> None:
+    """Remove the folders of processes that were killed."""
+    with suppress(OSError):
+        for name in os.listdir(place) if fcntl is not None else ():
+            with suppress(OSError), ExitStack() as held:
+                folder = place / name
+                # Another user could let files appear here in this one's name.
+                if name.startswith(_NAME) and folder.lstat().st_uid == os.getuid():
+                    _taken(folder, held)
+                    if (folder / _OLDER).is_dir():
+                        move_out(folder)
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
+def move_out(folder: Path) -> None:
+    """Let what is in a folder appear beside it: all, or on a fault none, and the old is back."""
+    older = folder / _OLDER
+    files = sorted(path for path in folder.iterdir() if path != older)
+    begun = older.stat().st_mtime_ns if older.exists() else None  # by a process that was killed
+    if len(files) < 2 and begun is None:
+        for file in files:
+            os.replace(file, folder.parent / file.name)  # at no moment there is none
+        return
+    with ExitStack() as held:
+        _wait_for(folder.parent.resolve(), held)
+        older.mkdir(exist_ok=True)
+        try:
+            for file in files:
+                _exchange(file, folder.parent / file.name, older / file.name, begun)
+        except OSError:
+            for file in files:
+                if not file.exists():
+                    os.replace(folder.parent / file.name, file)
+                if (older / file.name).exists():
+                    os.replace(older / file.name, folder.parent / file.name)
+            shutil.rmtree(older)  # from now on nobody ends what was begun
+            raise
+
+
+def _exchange(file: Path, target: Path, older: Path, begun: int | None) -> None:
+    with suppress(FileNotFoundError):
+        if begun is not None and target.stat().st_mtime_ns > begun:
+            return  # somebody has made it since
+        try:
+            os.link(target, older)  # at no moment there is none
+        except FileNotFoundError:
+            raise
+        except OSError:  # a folder, or a disk without links
+            os.replace(target, older)
+    os.replace(file, target)
+
+
+def _wait_for(place: Path, held: ExitStack) -> None:
+    """Let files of several processes appear in a folder one after another."""
+    end = time.monotonic() + _PATIENCE  # whoever holds it for long does so for another reason
+    while fcntl is not None and time.monotonic() < end:
+        try:
+            _taken(place, held)
+            return
+        except BlockingIOError:
+            time.sleep(0.01)
+        except OSError:
+            return  # a disk that knows no locks
 
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Let no signal cut off what takes a moment; those that come meanwhile are lost."""
-    handlers = {}
+    """Let no signal cut off what takes a moment; one that comes meanwhile is heard afterwards."""
+    handlers, heard = {}, []
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, *ENDING):
             if signal.getsignal(number) is not None:  # set by Python, which can set it again
-                handlers[number] = signal.signal(number, signal.SIG_IGN)
+                handlers[number] = signal.signal(number, lambda number, _: heard.append(number))
     try:
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+        for number in heard[:1]:
+            signal.raise_signal(number)
 
 
 @contextmanager
@@ -89,7 +199,7 @@ def _remove(path: Path) -> None:
     end = time.monotonic() + _PATIENCE
     while True:
         shutil.rmtree(path, ignore_errors=True)
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             path.unlink()
         if not os.path.lexists(path) or time.monotonic() > end:
             return

@@ -250,7 +250,7 @@ def test_a_process_that_is_ended_leaves_no_half_entry(place):
     program += "while True: cache.store('entry', a=np.zeros(10**7))"
     with subprocess.Popen([sys.executable, "-c", program]) as process:
         end = time.monotonic() + 30
-        while not list(place.glob("*.part")):
+        while not list(place.glob(".spacemap-*/entry.npz")):
             assert time.monotonic() < end
         process.terminate()
         assert process.wait(20) in (143, -signal.SIGTERM)

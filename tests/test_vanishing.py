@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from spacemap_vtk.vanishing import undisturbed, vanishing, vanishing_folder
+from spacemap_vtk.vanishing import clear, move_out, undisturbed, vanishing, vanishing_folder
 
 _BEGIN = """
 import os, signal, sys, time
@@ -92,11 +95,110 @@ def test_another_thread_has_its_folders_too(tmp_path: Path) -> None:
 
 
 def test_nothing_is_interrupted_meanwhile() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with undisturbed():
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGTERM)
+    before, done = signal.getsignal(signal.SIGINT), []
+
+    def work() -> None:
+        with undisturbed():
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):  # heard, but not before it is done
+        work()
+    assert done == [True]
     assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", _WAIT, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"here\n"
+        (folder,) = tmp_path.iterdir()
+        (tmp_path / ".spacemap-link").symlink_to(Path(__file__).parent)
+        clear(tmp_path)
+        assert len(list(folder.iterdir())) == 2000
+        process.kill()
+    with vanishing_folder(tmp_path) as own:
+        clear(tmp_path)
+        assert sorted(tmp_path.iterdir()) == sorted([own, tmp_path / ".spacemap-link"])
+
+
+def killed_at(event: int, work: Callable[[], object]) -> bool:
+    """Carry out work in a process that is killed before so many names of files are changed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which do not matter here
+        child = os.fork()
+    if not child:
+        left = [event]
+
+        def audit(name: str, _arguments: object) -> None:
+            if name in ("os.rename", "os.link", "os.mkdir", "os.rmdir", "os.remove"):
+                left[0] -= 1
+                if left[0] < 0:
+                    os.kill(os.getpid(), signal.SIGKILL)
+
+        sys.addaudithook(audit)
+        try:
+            work()
+        finally:
+            os._exit(0)
+    return bool(os.waitpid(child, 0)[1])
+
+
+def test_of_several_files_killed_on_their_way_none_is_lost(tmp_path: Path) -> None:
+    # At every step in turn: before one of them appears all are old, from then on all get to be new.
+    old, new = [
+        {f"{name}/b": age + name, f"{name}.c": age} for name, age in (("x", "old"), ("x", "new"))
+    ]
+    old["x/gone"] = "old"
+
+    def there() -> dict[str, str]:
+        files = [
+            path for path in place.rglob("[!.]*") if path.is_file() and ".spacemap" not in str(path)
+        ]
+        return {str(path.relative_to(place)): path.read_text() for path in files}
+
+    def make(files: dict[str, str], folder: Path) -> None:
+        (folder / "x").mkdir(parents=True)
+        for name, text in files.items():
+            (folder / name).write_text(text)
+
+    def work() -> None:
+        with vanishing_folder(place) as folder:
+            make(new, folder)
+            move_out(folder)
+
+    seen = []
+    for event in range(40):
+        place = tmp_path / str(event)
+        make(old, place)
+        killed = killed_at(event, work)
+        now = there()
+        assert now["x.c"] in ("old", "new")
+        clear(place)
+        seen.append(there() == new)
+        assert there() in (old, new)
+        assert list(place.glob(".spacemap-*")) == []
+        if not killed:
+            break
+    assert not killed
+    assert seen == sorted(seen)
+    assert seen.count(True) > 5
+
+
+def test_what_was_made_since_is_not_written_over(tmp_path: Path) -> None:
+    left = tmp_path / ".spacemap-0"
+    (left / "older").mkdir(parents=True)
+    for name in ("a", "b"):
+        (left / name).write_text("new")
+    (tmp_path / "a").write_text("newer")
+    os.utime(left / "older", (1, 1))
+    clear(tmp_path)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "a": "newer",
+        "b": "new",
+    }
 
 
 def test_what_others_still_write_goes(tmp_path: Path) -> None:

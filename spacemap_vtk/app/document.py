@@ -19,7 +19,7 @@ from spacemap_vtk.app.widgets import later
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import check_output, whole_file, whole_folder
+from spacemap_vtk.io.output import check_output, whole_file, whole_folder, write
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
@@ -117,7 +117,7 @@ class Document(QObject):
             with whole_folder(target) as folder:
                 self._save_draft(target, folder)
                 self._scene = Scene(self.values, target)
-                (folder / target.name).write_text(self.text, encoding="utf-8")
+                write(folder / target.name, [self.text.encode()])
         except BaseException:
             self._parse(before.text)
             self._scene = Scene(self.values, self.base)
@@ -452,7 +452,7 @@ class Document(QObject):
         while free.exists() and free != self._saved_draft:
             free, number = beside.with_stem(f"{beside.stem}-{number}"), number + 1
         self.remember(free)
-        (folder / free.name).write_bytes(draft.read_bytes())
+        write(folder / free.name, [draft.read_bytes()])
         self._put("weave", "draft", free.name)
 
     def _move_from(self, old: Path, new: Path) -> None:

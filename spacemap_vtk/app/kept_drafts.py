@@ -7,11 +7,14 @@ import re
 import shutil
 import tempfile
 import weakref
+from contextlib import ExitStack
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.draft import Draft
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.wif_writer import format_wif
+from spacemap_vtk.vanishing import clear, hidden, hold
 
 
 class KeptDrafts:
@@ -39,12 +42,16 @@ class KeptDrafts:
     def _keep(self, data: bytes, suffix: str, told: str) -> Path:
         try:
             if self._folder is None:
-                self._folder = Path(tempfile.mkdtemp(prefix="spacemap-drafts-")).resolve()
-                weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+                place = Path(tempfile.gettempdir()).resolve()
+                clear(place)
+                self._folder, held = hidden(place), ExitStack()
+                weakref.finalize(self, held.close)
+                held.callback(shutil.rmtree, self._folder, ignore_errors=True)
+                hold(self._folder, held)
             path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
                 try:
-                    path.write_bytes(data)
+                    write(path, [data])
                 except OSError:
                     path.unlink(missing_ok=True)  # half of it would be taken for all
                     raise

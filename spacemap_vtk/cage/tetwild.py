@@ -118,7 +118,7 @@ _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or met
 
 def _run(**surface: Any) -> dict[str, NDArray[Any]]:
     """Return the arrays of the mesh that another process makes, in a folder of its own."""
-    with vanishing_folder(Path(tempfile.gettempdir())) as folder:
+    with vanishing_folder() as folder:
         np.savez(folder / "surface.npz", **surface)
         done = run_child([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():

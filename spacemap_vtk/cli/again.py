@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +16,7 @@ from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io import provenance, registry
+from spacemap_vtk.vanishing import vanishing_folder
 
 if TYPE_CHECKING:
     from spacemap_vtk.io.provenance import Record
@@ -91,8 +91,8 @@ def again(
         raise InputError(f"{target} is read for it", key="--output", cure="Choose another name.")
     for assignment in set_:
         scene.set(assignment)
-    with tempfile.TemporaryDirectory() as room:
-        made = Path(room) / file.name if check else target
+    with vanishing_folder() as room:
+        made = room / file.name if check else target
         with progress(scene, "Making", quiet) as tell:
             carry_out(Order.of(record.order, made), scene, tell)
         tell_warnings(scene, quiet)

@@ -46,7 +46,7 @@ from spacemap_vtk.parallel import core_count
 from spacemap_vtk.scenes.footprint import fits_picture, picture_bytes
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.vanishing import undisturbed
+from spacemap_vtk.vanishing import hidden, vanishing
 from spacemap_vtk.workers import EndedError, in_processes
 
 Image = NDArray[np.uint8]
@@ -167,7 +167,7 @@ class KeptFrames:
                 elif path != mark:
                     path.unlink()
             try:
-                mark.write_text(self.digest)
+                write(mark, [self.digest.encode()])
             except OSError:
                 self.remove()
                 raise
@@ -188,8 +188,9 @@ class KeptFrames:
     def remove(self) -> None:
         """Let them go."""
         if (self.folder / _MARK).is_file():
-            with undisturbed():
-                shutil.rmtree(self.folder, ignore_errors=True)
+            # At once, or who is killed meanwhile leaves frames that nobody knows.
+            with suppress(OSError), vanishing(hidden(self.folder.parent)) as gone:
+                os.replace(self.folder, gone)
 
     def _whole(self, number: int) -> bool:
         try:
@@ -210,18 +211,16 @@ def write_film(
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames where there is no format; say what was there before."""
-    with kept.held():
-        there = set(kept.open(len(job.times)))
-        try:
-            _write(file, format_, scene, job, kept, there, tell, workers)
-        except BaseException as error:
-            # A disk that is full is not left so, unless the frames were there before.
-            given_up = isinstance(error, (OSError, Cancelled)) and not there
-            if given_up or not kept.count:
-                kept.remove()
-            raise
-        kept.remove()
-        return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
+    there = set(kept.open(len(job.times)))
+    try:
+        _write(file, format_, scene, job, kept, there, tell, workers)
+    except BaseException as error:
+        # A disk that is full is not left so, unless the frames were there before.
+        given_up = isinstance(error, (OSError, Cancelled)) and not there
+        if given_up or not kept.count:
+            kept.remove()
+        raise
+    return f"{len(there)} of {len(job.times)} frames were there from before" if there else ""
 
 
 def _write(
@@ -316,7 +315,8 @@ def _drawn_by(
     prepare_offscreen()
     told = kept.folder / "job"
     # What is solved here they find in the cache.
-    told.write_bytes(pickle.dumps((job, kept, over_motion(scene, job.times, _sheet(scene, job)))))
+    extent = over_motion(scene, job.times, _sheet(scene, job))
+    write(told, [pickle.dumps((job, kept, extent))])
     tasks = [(told, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:

@@ -332,10 +332,13 @@ def _write_film(order: Order, scene: Scene, tell: Tell, whole: bool) -> str:
     _fill_background(order, scene, "frames" if order.numbered else "film")
     job = FilmJob.of(scene, (width, height), order.panels, order.place)
     kept = KeptFrames(order.output, job.digest, order.again)
-    with _file(order, whole) as file:
-        plain = order.numbered and order.output.suffix.lower() == ".png"
-        format_ = None if plain else writer(file, "frames" if order.numbered else "film")
-        return write_film(file, format_, scene, job, kept, tell, order.workers)
+    with telling_refusals(order.output, "" if whole else order.output.name), kept.held():
+        with _file(order, whole) as file:
+            plain = order.numbered and order.output.suffix.lower() == ".png"
+            format_ = None if plain else writer(file, "frames" if order.numbered else "film")
+            told = write_film(file, format_, scene, job, kept, tell, order.workers)
+        kept.remove()  # not before the film is there
+    return told
 
 
 def _fill_background(order: Order, scene: Scene, what: str) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from tempfile import TemporaryDirectory
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.vanishing import vanishing_folder
 
 #: What only pictures that are drawn have of a view.
 _DRAWN = [
@@ -134,7 +135,7 @@ def _traced(
     # LLVM 14 ends the process that lets it compile hair for AVX-512; this variant needs no compiler
     mi.set_variant("scalar_rgb")
     scale = 1e3  # millimetres: rays leave what they hit by steps that do not shrink with it
-    with TemporaryDirectory() as folder:
+    with vanishing_folder() as folder:
         shapes = _shapes(mi, curves, colors, scale, folder)
         world = mi.load_dict(
             {
@@ -156,7 +157,7 @@ def _traced(
 
 
 def _shapes(
-    mi: Any, curves: StrandCurves, colors: NDArray[np.float64], scale: float, folder: str
+    mi: Any, curves: StrandCurves, colors: NDArray[np.float64], scale: float, folder: Path
 ) -> dict[str, Any]:
     """Return curves by colour and tone."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
@@ -166,7 +167,7 @@ def _shapes(
     starts = np.cumsum(curves.counts) - curves.counts
     shapes = {}
     for number, color in enumerate(kinds):
-        which, file = np.flatnonzero(kind.reshape(-1) == number), f"{folder}/{number}.txt"
+        which, file = np.flatnonzero(kind.reshape(-1) == number), folder / f"{number}.txt"
         with open(file, "w", encoding="ascii") as out:
             for curve in which:
                 own = curves.points[starts[curve] : starts[curve] + curves.counts[curve]] * scale
@@ -175,7 +176,7 @@ def _shapes(
                 out.write("\n")
         shapes[f"fibres_{number}"] = {
             "type": "bsplinecurve",
-            "filename": file,
+            "filename": str(file),
             "bsdf": {
                 "type": "hair",
                 "longitudinal_roughness": _ALONG,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,7 +26,7 @@ from spacemap_vtk.draw.contact_sheet import contact_sheet
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.toml import format_scene
-from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder
+from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.memory import available, require
@@ -48,6 +47,7 @@ from spacemap_vtk.scenes.figure_list import (
 from spacemap_vtk.scenes.runs import Run, Sweep
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
+from spacemap_vtk.vanishing import vanishing_folder
 from spacemap_vtk.workers import in_processes, on_cluster
 
 #: What stands in the folder beside the runs.
@@ -126,8 +126,8 @@ def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
 
 
 def _picture(scene: Scene, time: float) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        order = Order("picture", Path(folder) / "picture.png", [time])
+    with vanishing_folder() as folder:
+        order = Order("picture", folder / "picture.png", [time])
         carry_out(order, scene, lambda done, of: None, whole=False)
         return order.output.read_bytes()
 
@@ -259,18 +259,18 @@ def _kept(folder: Path, run: Run) -> Result | None:
 def _write_run(folder: Path, run: Run, result: Result) -> None:
     with whole_folder(folder / f"{run.name}.json") as place:
         for path, content in zip(pictures_of(place, run), result.pictures, strict=False):
-            path.write_bytes(content)
+            write(path, [content])
         comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
         scene = format_scene(run.whole, comment)
-        (place / f"{run.name}.toml").write_text(scene, encoding="utf-8")
+        write(place / f"{run.name}.toml", [scene.encode()])
         told = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
         text = json.dumps(told, indent=1, ensure_ascii=False)
-        (place / f"{run.name}.json").write_text(text, encoding="utf-8")
+        write(place / f"{run.name}.json", [text.encode()])
 
 
 def _write(path: Path, text: str) -> None:
     with whole_file(path) as file:
-        file.write_text(text, encoding="utf-8", newline="")
+        write(file, [text.encode()])
 
 
 def _count(runs: int, memory: int, asked: int | None) -> int:

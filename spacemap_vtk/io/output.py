@@ -15,14 +15,17 @@ import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from pickle import PickleBuffer
 from typing import Any
 
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import writers
-from spacemap_vtk.vanishing import undisturbed, vanishing_folder
+from spacemap_vtk.vanishing import move_out, undisturbed, vanishing_folder
 
+#: Bytes at a file's end that are read again.
+_END = 64
 _ROOM = "Make room there, or choose a folder on another disk."
 _OTHER = "Choose another folder, or see to its permissions."
 #: Why a disk takes no file, and what helps.
@@ -65,9 +68,14 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
         raise InputError(
             f"{path}: a folder of that name is in the way", cure="Choose another name."
         )
-    if not os.access(path.parent, os.W_OK):
-        why = "is on a read-only disk" if _read_only(path.parent) else "is not writable"
-        raise InputError(f"{path}: the folder {path.parent} {why}", cure="Choose another folder.")
+    try:
+        # Tried out: root may write anywhere, by the permissions, and cannot.
+        with vanishing_folder(path.parent):
+            pass
+    except OSError as error:
+        why, cure = _REFUSALS.get(error.errno or 0, ("nothing can be made in it", _OTHER))
+        if cure != _ROOM:  # for what is small there may be
+            raise InputError(f"{path}: the folder {path.parent}: {why}", cure=cure) from None
 
 
 @contextmanager
@@ -86,11 +94,11 @@ def whole_folder(path: Path) -> Iterator[Path]:
         yield folder
         if not any(folder.iterdir()):
             raise SpacemapError(f"{path}: nothing was written")
-        for file in folder.rglob("*"):
-            if file.is_file():
-                _make_last(file)
+        for each in folder.rglob("*"):
+            _make_last(each)
         with undisturbed():
-            _move(sorted(folder.iterdir()), path.parent)
+            _move(folder)
+            _make_last(path.parent)
 
 
 @contextmanager
@@ -109,13 +117,16 @@ def telling_refusals(path: Path, name: str = "") -> Iterator[None]:
 
 
 def write(file: Path, parts: Iterable[Any]) -> None:
-    """Write a file whose content is known."""
-    size = 0
+    """Write a file whose content is known, and look whether its end is there."""
+    size, end = 0, b""
     with file.open("wb") as stream:
         for part in parts:
             size += stream.write(part)
-    if file.stat().st_size != size:
-        raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
+            end = bytes(PickleBuffer(part).raw()[-_END:]) or end  # of an array of any kind
+    with file.open("rb") as stream:
+        stream.seek(max(0, size - len(end)))
+        if stream.read(len(end) + 1) != end:
+            raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
 
 
 def require_room(path: Path, size: int, what: str) -> None:
@@ -153,42 +164,28 @@ def check_folder(file: Path) -> None:
         )
 
 
-def _read_only(folder: Path) -> bool:
-    # Windows knows neither.
-    return hasattr(os, "statvfs") and bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
-
-
-def _make_last(file: Path) -> None:
+def _make_last(path: Path) -> None:
     """Wait until the disk has a file: some tell only then that there was no room for it."""
-    with file.open("rb+") as stream:
+    # A folder, too: only then the names in it last. Windows opens none.
+    if path.is_dir() and os.name == "nt":
+        return
+    with ExitStack() as closed:
         try:
-            os.fsync(stream.fileno())
+            handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+            closed.callback(os.close, handle)
+            os.fsync(handle)
         except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # of disks that cannot be asked
+            # of disks that cannot be asked, and folders that nobody may look into
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
                 raise
 
 
-def _move(files: list[Path], target: Path) -> None:
-    """Let files appear in a folder: all, or on a fault none, and what was there is back."""
-    if len(files) < 2:
-        for file in files:
-            os.replace(file, target / file.name)  # at no moment there is none
-        return
-    for file in files:
-        if stands_in_the_way(target / file.name, file.is_dir()):
-            kind = errno.EISDIR if (target / file.name).is_dir() else errno.ENOTDIR
-            raise OSError(kind, "in the way", str(target / file.name))
-    older = files[0].with_name("older")
-    older.mkdir()
-    try:
-        for file in files:
-            with suppress(FileNotFoundError):
-                os.replace(target / file.name, older / file.name)
-            os.replace(file, target / file.name)
-    except OSError:
-        for file in files:
-            if not file.exists():
-                os.replace(target / file.name, file)
-            if (older / file.name).exists():
-                os.replace(older / file.name, target / file.name)
-        raise
+def _move(folder: Path) -> None:
+    """Let files appear beside their folder, unless one would take the place of another's."""
+    files = list(folder.iterdir())
+    for file in files if len(files) > 1 else ():
+        target = folder.parent / file.name
+        if stands_in_the_way(target, file.is_dir()):
+            kind = errno.EISDIR if target.is_dir() else errno.ENOTDIR
+            raise OSError(kind, "in the way", str(target))
+    move_out(folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -27,7 +28,7 @@ from spacemap_vtk.app.widgets import column, later, note, row
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import check_output, whole_file
+from spacemap_vtk.io.output import check_output, whole_file, write
 from spacemap_vtk.io.registry import name_filter, writer, written
 
 if TYPE_CHECKING:
@@ -302,7 +303,7 @@ def _save_frequencies(curves: Curves, path: Path) -> None:
 
 
 def _write(path: Path, head: list[str], rows: Iterable[tuple[float, ...]]) -> None:
-    with whole_file(path) as file, open(file, "w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(head)
-        writer.writerows(rows)
+    stream = io.StringIO(newline="")
+    csv.writer(stream).writerows([head, *rows])
+    with whole_file(path) as file:
+        write(file, [stream.getvalue().encode()])

@@ -71,6 +71,7 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
     rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     palette.save(
         file,
+        "GIF",
         save_all=True,
         append_images=rest,
         duration=max(20, round(100 / rate) * 10),
@@ -78,6 +79,9 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
         disposal=1,
         **about,
     )
+    with file.open("rb") as stream:
+        stream.seek(-1, 2)
+        _require_end(file, stream.read() == b";")
 
 
 def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
@@ -122,6 +126,18 @@ def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
             said.seek(0)
             why = " ".join(said.read().decode(errors="replace").split())
             raise SpacemapError(f"{file.name}: ffmpeg failed: {why[-200:]}")
+    with file.open("rb") as stream:  # boxes, each of which says how long it is; the list comes last
+        end, begin, box = file.stat().st_size, 0, b""
+        while begin < end:
+            stream.seek(begin)
+            box = stream.read(16)
+            begin += int.from_bytes(box[8:] if box[:4] == b"\0\0\0\1" else box[:4], "big") or end
+        _require_end(file, box[4:8] == b"moov" and begin == end)
+
+
+def _require_end(file: Path, there: bool) -> None:
+    if not there:
+        raise SpacemapError(f"{file.name}: the film has no end: the disk has not kept all of it")
 
 
 def _try_on(file: Path) -> None:

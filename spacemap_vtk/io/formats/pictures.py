@@ -25,12 +25,16 @@ _SEGMENT = 60_000
 @writes(".png", label="picture", holds=("picture",), alpha=True)
 def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
     """Write a picture."""
+    from io import BytesIO
+
     from PIL import Image
 
     if file.suffix.lower() == ".png" and not more:
         write_png(file, image)
     else:
-        Image.fromarray(image).save(file, **{"extra": _comments(), **more})
+        made, kind = BytesIO(), file.suffix[1:].lower().replace("jpg", "jpeg")
+        Image.fromarray(image).save(made, kind, **{"extra": _comments(), **more})
+        write(file, [made.getbuffer()])
 
 
 def write_png(file: Path, image: NDArray[np.uint8]) -> None:

@@ -31,16 +31,15 @@ _require = needs("usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or wr
 )
 def write_usd(file: Path, moving: MovingSurface) -> None:
     """Write a surface, its targets and their animations."""
-    from tempfile import TemporaryDirectory
-
     from pxr import Sdf, Tf, Usd
 
     from spacemap_vtk.io.output import write
+    from spacemap_vtk.vanishing import vanishing_folder
 
     layer = Sdf.Layer.CreateAnonymous(file.suffix)
     _fill(Usd.Stage.Open(layer), moving)
-    with TemporaryDirectory() as folder:
-        made = Path(folder) / f"made{file.suffix}"
+    with vanishing_folder() as folder:
+        made = folder / f"made{file.suffix}"
         try:
             done = layer.Export(str(made))
         except Tf.ErrorException as error:
