@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
@@ -286,8 +286,38 @@ class FilePath(Parameter[Any]):
 
     def within(self, value: Any, folder: Path) -> Any:
         """Return the path, from the folder on; the word for an automatic one is none."""
-        named = isinstance(value, str) and value and not self.is_automatic(value)
-        return folder / value if named else value
+        if not isinstance(value, str) or not value or self.is_automatic(value):
+            return value
+        require_near(value, key=self.name)
+        return folder / value
+
+
+def require_near(word: str, by: Path | None = None, key: str = "file") -> None:
+    """Refuse the word by which a file names one that another machine would be asked for.
+
+    Parameters
+    ----------
+    word : str
+        As it stands in the file.
+    by : Path, optional
+        The file; by default a scene, which the error names by its key.
+    key : str
+        Of the scene.
+
+    Raises
+    ------
+    InputError
+        If it begins with a machine's name, as in ``//machine/folder/file``.
+    """
+    # On Windows to look whether it is there is to send the user's name and the hash of the
+    # password. On all systems alike: a scene that is made here is opened there.
+    if PureWindowsPath(word).drive.startswith("\\\\"):
+        raise InputError(
+            f"{by} names {word}, on another machine" if by else "it is on another machine",
+            key=key,
+            value=None if by else word,
+            cure="Copy it beside the file that names it, and let that name the copy.",
+        )
 
 
 class Color(Parameter[Any]):

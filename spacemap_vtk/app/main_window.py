@@ -46,6 +46,7 @@ from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import Look
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.scenes.chain import sections, words_of
+from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.report import motion_told
 from spacemap_vtk.scenes.settings import View
 
@@ -132,8 +133,8 @@ class MainWindow(QMainWindow):
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: its slider would go from under the hand.
             section = error.section or ""
-            elsewhere = section in sections() and section != self.properties.section
-            if elsewhere and not self.director.held:
+            other = section in sections() and section != self.properties.section
+            if other and not self.director.held:
                 self.stages.choose(section)
             self.properties.mark(error, about)
 
@@ -309,7 +310,14 @@ class MainWindow(QMainWindow):
         self.exports.lost.connect(self._tell_lost)
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
+        document.replaced.connect(self._tell_elsewhere)
         document.uncolored.connect(self._tell_uncolored)
+
+    def _tell_elsewhere(self) -> None:
+        first, *more = [*elsewhere(self.document.scene), ""]
+        if first:
+            and_more = f", and {len(more) - 1} more" if more[1:] else ""
+            self.errors.warn(f"{first}{and_more}.", "elsewhere")
 
     def _recolor(self, color: str) -> None:
         self._try(self.document.set, "view", "color", None if color == "own" else color)

@@ -40,7 +40,7 @@ _LOOK = 0.05
 _PROGRAM = """
 import sys
 import numpy as np, pytetwild
-given = np.load("surface.npz")
+given = np.load("surface.npz", allow_pickle=False)
 try:
     vertices, tetrahedra = pytetwild.tetrahedralize(
         given["points"], given["triangles"], edge_length_abs=float(given["edge_length"]),

@@ -6,7 +6,15 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from spacemap_vtk.cli.options import Json, Quiet, Set, numbers_table, opened, print_json
+from spacemap_vtk.cli.options import (
+    Json,
+    Quiet,
+    Set,
+    numbers_table,
+    opened,
+    print_json,
+    tell_warnings,
+)
 from spacemap_vtk.cli.progress import progress
 
 #: Where no scene is named: the paper's experiment, and the same cloth of a hundred ends and picks.
@@ -43,6 +51,7 @@ def bench(
 
         with progress(chosen, "Measuring", quiet):
             found.append(step_timings(chosen, max(steps, 1)))
+        tell_warnings(chosen, quiet)
     if json_:
         print_json({"scenes": found})
         return

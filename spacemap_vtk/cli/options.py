@@ -112,7 +112,9 @@ def opened(
     signs: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
-    from spacemap_vtk.scenes.scene import Scene  # with VTK, which no command's help needs
+    # With VTK, which no command's help needs.
+    from spacemap_vtk.scenes.origin import elsewhere
+    from spacemap_vtk.scenes.scene import Scene
 
     scene = Scene.read(name)
     for assignment in assignments:
@@ -147,6 +149,8 @@ def opened(
                 value=size,
                 allowed=f"width x height, as in 1920x1080, each {side.component.allowed}",
             ) from error
+    for text in elsewhere(scene):
+        scene.warn(text)
     return scene
 
 

@@ -21,6 +21,7 @@ from spacemap_vtk.cli.options import (
     numbers_table,
     opened,
     several_times,
+    tell_warnings,
     written_to,
 )
 from spacemap_vtk.cli.progress import progress
@@ -130,6 +131,7 @@ def sweep(
     if not quiet:
         _print(asked, found)
         print(f"{output / TABLE}, {output / SHEET}")
+        tell_warnings(chosen, quiet)
         _tell_warnings(found)
     failed = [run for run in asked.runs if found[run.name].error]
     if failed:

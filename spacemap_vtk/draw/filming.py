@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import shutil
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -16,7 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Any
@@ -34,7 +33,7 @@ from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.picture import Picture, over_motion
+from spacemap_vtk.draw.picture import Extent, Picture, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
@@ -132,6 +131,11 @@ class KeptFrames:
         """Keep others that make the same file from the folder: the system tells of each alive."""
         mark = self.folder / _MARK
         while True:
+            if self.folder.is_symlink() or mark.is_symlink():
+                raise InputError(
+                    f"{self.output}: its frames would wait in {self.folder}, which leads elsewhere",
+                    cure="Remove that, or choose another name.",
+                )
             if self.folder.exists() and not mark.is_file() and any(self.folder.iterdir()):
                 raise InputError(
                     f"{self.output}: its frames would wait in {self.folder}, which is another's",
@@ -162,7 +166,7 @@ class KeptFrames:
         mark = self.folder / _MARK
         if self.again or mark.read_text() != self.digest:
             for path in self.folder.iterdir():
-                if path.is_dir():
+                if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path)
                 elif path != mark:
                     path.unlink()
@@ -313,11 +317,9 @@ def _drawn_by(
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield what reads each."""
     prepare_offscreen()
-    told = kept.folder / "job"
     # What is solved here they find in the cache.
     extent = over_motion(scene, job.times, _sheet(scene, job))
-    write(told, [pickle.dumps((job, kept, extent))])
-    tasks = [(told, number) for number in missing]
+    tasks = [(job, kept, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
         for number in missing:
@@ -333,22 +335,21 @@ def _drawn_by(
             yield partial(kept.read, number)
 
 
-def draw_frame(task: tuple[Path, int]) -> list[str]:
-    """Draw one frame of a job in a file, and return what its stages say."""
-    told, number = task
-    job, kept, picture = _begun(told)
-    kept.write(number, picture.draw(job.times[number]))
-    return picture.scene.warnings
+#: What a process draws with, by the frames that it draws.
+_begun: dict[KeptFrames, Picture] = {}
 
 
-@lru_cache(1)
-def _begun(told: Path) -> tuple[FilmJob, KeptFrames, Picture]:
-    warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
-    job: FilmJob
-    job, kept, extent = pickle.loads(told.read_bytes())
-    scene = job.scene()
-    seen = job.times, job.size, job.panels, job.place, extent
-    return job, kept, Picture(scene, *seen, clear=scene.view.transparent)
+def draw_frame(task: tuple[FilmJob, KeptFrames, Extent, int]) -> list[str]:
+    """Draw one frame of a job, and return what its stages say."""
+    job, kept, extent, number = task
+    if kept not in _begun:
+        warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
+        scene = job.scene()
+        seen = job.times, job.size, job.panels, job.place, extent
+        _begun.clear()
+        _begun[kept] = Picture(scene, *seen, clear=scene.view.transparent)
+    kept.write(number, _begun[kept].draw(job.times[number]))
+    return _begun[kept].scene.warnings
 
 
 def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:

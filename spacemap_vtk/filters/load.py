@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
+from spacemap_vtk.io.formats.toml import parsed
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.places import SIDES
@@ -416,8 +416,8 @@ def load_vectors(
 
 def _from_text(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text or '[]'}")["value"]
-    except tomllib.TOMLDecodeError as error:
+        return parsed(f"value = {text or '[]'}")["value"]
+    except ValueError as error:
         raise InputError(f"not a list of tables: {error}") from None
 
 

@@ -70,6 +70,8 @@ class Reader:
     #: Called with the path first; refuses a file that VTK's reader would crash on, or take for
     #: whole though it is truncated.
     check: Callable[[Path], None] | None = None
+    #: Returns the words by which a file names others that are read with it.
+    names: Callable[[Path], list[str]] | None = None
     #: Whether short lists name it.
     common: bool = True
     #: Whether such files hold other things as well: none is opened as a scene of its own, but they
@@ -80,9 +82,19 @@ class Reader:
 
     def read(self, path: Path) -> Any:
         """Read a file."""
+        self.named(path)
         if self.check is not None:
             self.check(path)
         return self.function(path)
+
+    def named(self, path: Path) -> list[str]:
+        """Return the words by which a file names others; refuse what no machine should ask for."""
+        from spacemap_vtk.parameters import require_near
+
+        found = [] if self.names is None else self.names(path)
+        for word in found:
+            require_near(word, path)
+        return found
 
 
 @dataclass(frozen=True)

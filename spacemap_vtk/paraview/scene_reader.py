@@ -45,13 +45,16 @@ class SceneReader(Stage):
         """The scene; read again when the file has changed."""
         # Here and not above: where ParaView brings Python 3.10 there is no tomllib, and all but
         # scenes works.
+        from spacemap_vtk.scenes.origin import elsewhere
         from spacemap_vtk.scenes.scene import Scene
 
         if self.file is None:
             raise InputError("there is no scene to read", key="file", cure="Name a .toml file.")
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         if self._kept is None or self._kept[:2] != (self.file, changed):
-            self._kept = self.file, changed, Scene.read(self.file)
+            self._kept = self.file, changed, (scene := Scene.read(self.file))
+            for text in elsewhere(scene):
+                scene.warn(text)
         return self._kept[2]
 
     def time_range(self, inputs: list[vtkInformation]) -> tuple[float, float] | None:

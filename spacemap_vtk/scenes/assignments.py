@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError, UnknownNameError, naming_section
+from spacemap_vtk.io.formats import toml
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, suggestion
 
 #: Values between two ends, both among them: evenly spaced, or each the same multiple of the last.
@@ -62,8 +62,8 @@ def parsed(assignment: str) -> tuple[str, str, str]:
 def value_of(text: str) -> Any:
     """Return a value that is written as in a scene file; quotes can be left out."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return toml.parsed(f"value = {text}")["value"]
+    except ValueError:
         return text.strip()
 
 

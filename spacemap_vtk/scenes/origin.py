@@ -12,7 +12,8 @@ from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import provenance
-from spacemap_vtk.io.formats.toml import format_scene
+from spacemap_vtk.io.formats.toml import format_scene, parsed
+from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.io.series import open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
@@ -49,6 +50,30 @@ def values_of(scene: Scene) -> dict[str, Any]:
     return values
 
 
+def elsewhere(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each file that a scene reads, and its user has not named."""
+    # A scene may name what lies beside it and below, and so may each file that it names.
+    for stage in scene.stages:
+        for key, value in stage.settings.items():
+            said = scene.file is not None and (stage.section, key) not in scene.assigned
+            for path in (one for word in paths_in(value) for one in _several(word)):
+                scenes = [scene.file] if said and scene.file else []
+                for by, other in [*((each, path) for each in scenes), *named(path)]:
+                    place = os.path.realpath(other)
+                    if not any(_is_below(place, each.parent) for each in (by, *scenes)):
+                        yield f"{by} names {place}, beyond its own folder: it is read"
+
+
+def _is_below(place: str, folder: Path) -> bool:
+    return Path(place).is_relative_to(os.path.realpath(folder))
+
+
+def _several(path: Path) -> list[Path]:
+    """Return the files that a pattern stands for."""
+    many = any(sign in path.name for sign in "*?[")
+    return list(path.parent.glob(path.name)) if many else [path]
+
+
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
     """Return the scene of a record, and its inputs in the first folder that has them unchanged."""
     # A scene that names any other file is refused: the record may be a stranger's.
@@ -60,18 +85,15 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
             cure="Put it back as it was, or say with --folder where the scene's folder is.",
         )
     folder = folders[faults.index(None)]
-    import tomllib
-
     try:
-        values = tomllib.loads(record.scene)
-    except tomllib.TOMLDecodeError as error:
+        values = parsed(record.scene)
+    except ValueError as error:
         raise InputError(f"the scene in its record is damaged: {error}") from None
     inputs = [folder / name for name in record.inputs]
     allowed = {_plain(path) for path in inputs}
     for path in paths_in(placed(values, sections(), folder)):
-        several = any(sign in path.name for sign in "*?[")
-        found = list(path.parent.glob(path.name)) if several else [path]
-        for other in found:
+        beside = (other for each in _several(path) for _, other in named(each) if other.is_file())
+        for other in [*_several(path), *beside]:
             if _plain(other) not in allowed:
                 raise InputError(
                     f"the scene in its record names {other}, which is not among the files that it "
@@ -98,12 +120,13 @@ def _digest(path: Path, _changed: int) -> str:
 
 
 def _files(value: Any, motion: bool) -> Iterator[Path]:
-    """Yield the files that are read for values, of a motion all of its steps'."""
+    """Yield the files that are read for values, those that they name with them."""
     for path in paths_in(value):
         try:
             found = open_series(path).files if motion else [path]
         except SpacemapError:
             continue  # whoever needs it says so
+        found += [other for each in found for _, other in named(each)]
         yield from (each for each in found if each.is_file())
 
 

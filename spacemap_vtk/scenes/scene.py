@@ -82,7 +82,7 @@ class Scene:
         self.title = file.stem if file else ""
         self._warnings: dict[str, None] = {}
         #: Sections and keys that `set` has changed: the file does not say these.
-        self._assigned: set[tuple[str | None, str | None]] = set()
+        self.assigned: set[tuple[str | None, str | None]] = set()
         #: What rides along for the colours, and nobody has asked for; see `_carry`.
         self._riding: list[str] = []
         #: The sections that it has; `set` adds more.
@@ -226,7 +226,7 @@ class Scene:
         part = part_of(self.parts, section)
         with naming_section(section):
             part.configure(**{key: value})
-        self._assigned.add((section, key))
+        self.assigned.add((section, key))
         self._sections.add(section)
         self._connect()
 
@@ -286,7 +286,7 @@ class Scene:
         """
         with self.naming_file():
             found = self.obstacle() if self.woven else None
-            draft = None if any(part == "weave" for part, _ in self._assigned) else self.weave.draft
+            draft = None if any(part == "weave" for part, _ in self.assigned) else self.weave.draft
             # What is too large can be drawn: in parts, or from afar.
             impossible = isinstance(found, GeometryError)
             if found is not None and impossible and (draft is None or draft != self.file):
@@ -492,7 +492,7 @@ class Scene:
         try:
             yield
         except SpacemapError as error:
-            assigned = (error.section, error.key) in self._assigned
+            assigned = (error.section, error.key) in self.assigned
             if error.file is None and self.file is not None and not assigned:
                 error.file = str(self.file)
             raise

@@ -22,6 +22,7 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parsed, value_of
 from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity, parse_quantity
 
@@ -47,6 +48,7 @@ class Session:
             section, key, text = parsed(assignment)
             self._values = _put(self._values, section, key, value_of(text))
         self.base: Path | None = scene.file
+        self._elsewhere = list(elsewhere(scene))
         self.scene = Scene(self._values, self.base)
         self.state, self.screen, self.rows = state, Screen(), ParameterRows()
         self.pipeline = Pipeline(self._started, lambda *_: None, self._progressed)
@@ -211,7 +213,7 @@ class Session:
                 self.state.failure = ""
                 self.rows.accept()
                 self.rows.found = {"modal": measures_in(frame.cage)}
-                self.state.warnings = list(frame.warnings)
+                self.state.warnings = [*self._elsewhere, *frame.warnings]
                 self._push()
             if job.coarse and not self.state.failure:
                 self._tell_time()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reads, truncated
+from spacemap_vtk.io.registry import of, reads, truncated
 
 if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
@@ -33,7 +33,7 @@ def read_exodus(path: Path) -> Any:
     return read_with_pyvista(path)
 
 
-@reads(*_ENDINGS, label="Exodus", holds="motion", check=_check)
+@reads(*_ENDINGS, label="Exodus", holds="motion", check=_check, names=of("named", "in_hdf"))
 def open_exodus(path: Path) -> MeshSeries:
     """Open all steps."""
     from vtkmodules.vtkIOExodus import vtkExodusIIReader

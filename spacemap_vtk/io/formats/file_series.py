@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_folder
 from spacemap_vtk.io.provenance import comments, recorded_at, tells, told_in_comments
-from spacemap_vtk.io.registry import reads, writer, writes
+from spacemap_vtk.io.registry import of, reads, writer, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.series import MeshSeries
 
 
-@reads(".pvd", label="ParaView collection", holds="motion")
+@reads(".pvd", label="ParaView collection", holds="motion", names=of("named", "in_xml"))
 def open_collection(file: Path) -> MeshSeries:
     """Open the files that a collection names."""
     from xml.etree import ElementTree
@@ -67,16 +68,25 @@ def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> N
 tells(".pvd")(told_in_comments)
 
 
-@reads(".series", label="ParaView file series", holds="motion")
+def _names(file: Path) -> list[str]:
+    with suppress(InputError):
+        return [name for _, name in _entries(file)]
+    return []
+
+
+@reads(".series", label="ParaView file series", holds="motion", names=_names)
 def open_file_series(file: Path) -> MeshSeries:
     """Open the files that a file series names."""
-    import json
-
     from spacemap_vtk.io.series import FileSeries
+
+    return FileSeries(file, [(time, [file.parent / name]) for time, name in _entries(file)])
+
+
+def _entries(file: Path) -> list[tuple[float, str]]:
+    import json
 
     try:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]
-        steps = [(float(entry["time"]), [file.parent / entry["name"]]) for entry in entries]
-    except (ValueError, KeyError, TypeError) as error:
+        return [(float(entry["time"]), str(entry["name"])) for entry in entries]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{file}: no file series: {error}", key="file") from None
-    return FileSeries(file, steps)

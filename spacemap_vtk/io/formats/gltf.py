@@ -14,10 +14,9 @@ if TYPE_CHECKING:
     from spacemap_vtk.io.texture_atlas import Paint, Painted
 
 
-def _check(path: Path) -> None:
-    """Refuse a file that is not whole, or whose parts beside it are not."""
+def _named(path: Path) -> list[dict[str, Any]]:
+    """Return what a file says of its parts that lie beside it."""
     import json
-    from urllib.parse import unquote
 
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
@@ -29,14 +28,23 @@ def _check(path: Path) -> None:
     try:
         described: dict[str, Any] = json.loads(content)
         named = [*described.get("buffers", []), *described.get("images", [])]
-        files = [(path.parent / unquote(part["uri"]), part) for part in named if "uri" in part]
-    except (ValueError, TypeError, AttributeError) as error:
+        return [part for part in named if not str(part.get("uri", "data:")).startswith("data:")]
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(
             f"{path}: no glTF, or cut off: {error}", key="file", cure="Write the file again, whole."
         ) from None
-    for file, part in files:
-        if str(part["uri"]).startswith("data:"):
-            continue
+
+
+def _names(path: Path) -> list[str]:
+    from urllib.parse import unquote
+
+    return [unquote(str(part["uri"])) for part in _named(path)]
+
+
+def _check(path: Path) -> None:
+    """Refuse a file that is not whole, or whose parts beside it are not."""
+    for part, name in zip(_named(path), _names(path), strict=True):
+        file = path.parent / name
         if not file.is_file():
             raise InputError(f"{path} names {part['uri']}, which is not there", key="file")
         if "byteLength" not in part:
@@ -47,7 +55,7 @@ def _check(path: Path) -> None:
             raise truncated(file)
 
 
-@reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check)
+@reads(".gltf", ".glb", label="glTF", holds="mesh", check=_check, names=_names)
 def read_gltf(path: Path) -> Painted:
     """Read a file, and its materials when they are asked for."""
     from spacemap_vtk.io.reading import leaves, vtk_reader

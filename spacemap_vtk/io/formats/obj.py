@@ -19,7 +19,27 @@ if TYPE_CHECKING:
 _WORK = 470
 
 
-@reads(".obj", label="Wavefront OBJ", holds="mesh")
+def _names(path: Path) -> list[str]:
+    """Return the libraries of materials, and the pictures that these name."""
+    from spacemap_vtk.io.named import words
+    from spacemap_vtk.parameters import require_near
+
+    found = words(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
+    for library in list(found):
+        require_near(library, path)
+        file = path.parent / library
+        if file.is_file():
+            maps = (line for line in _said(file) if line[:1] == ["map_Kd"] and line[1:])
+            found += [str(Path(library).parent / _picture(line[1:])) for line in maps]
+    return found
+
+
+def _said(library: Path) -> list[list[str]]:
+    text = library.read_text(encoding="utf-8", errors="replace")
+    return [line.split() for line in text.splitlines()]
+
+
+@reads(".obj", label="Wavefront OBJ", holds="mesh", names=_names)
 def read_obj(path: Path) -> Painted:
     """Read a file, and its materials when they are asked for."""
     from spacemap_vtk.io.reading import read_with_vtk
@@ -71,6 +91,12 @@ def _used(path: Path) -> tuple[list[str], list[str]]:
     return libraries, faces
 
 
+def _picture(words: list[str]) -> str:
+    # options such as "-s 1 1 1" stand before the name
+    name = " ".join(words) if not words[0].startswith("-") else words[-1]
+    return name.replace("\\", "/")
+
+
 def _library(path: Path, paint: Paint) -> dict[str, Material]:
     from spacemap_vtk.io.texture_atlas import Material, read_picture
 
@@ -80,19 +106,16 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
     found: dict[str, Material] = {}
     pictures: dict[Path, Any] = {}
     made = Material()
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        words = line.split()
+    for words in _said(path):
         if words[:1] == ["newmtl"]:
             made = found[" ".join(words[1:])] = Material()
         elif words[:1] == ["Kd"] and len(words) >= 4:
             try:
                 made.color = float(words[1]), float(words[2]), float(words[3])
             except ValueError:
-                paint.notes.append(f'{path}: "{line.strip()}" is no colour')
+                paint.notes.append(f'{path}: "{" ".join(words)}" is no colour')
         elif words[:1] == ["map_Kd"] and len(words) > 1:
-            # options such as "-s 1 1 1" stand before the name
-            name = " ".join(words[1:]) if not words[1].startswith("-") else words[-1]
-            file = path.parent / name.replace("\\", "/")
+            file = path.parent / _picture(words[1:])
             try:
                 if file not in pictures:
                     pictures[file] = read_picture(file)

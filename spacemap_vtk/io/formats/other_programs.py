@@ -10,6 +10,29 @@ from typing import Any
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.io.registry import endings, reads, truncated
 
+#: Where a text names others; the last word of what EnSight says is no file's often, and no matter.
+_NAMING = {
+    ".case": rb"(?m)^[^#\n]*:.*?(\S+|\"[^\"\n]*\")\s*$",
+    ".inp": rb"(?im)^\*INCLUDE\s*,.*?INPUT\s*=\s*([^,\n]*)",
+    ".nek5000": rb"(?m)^filetemplate:\s*(\S+)",
+    ".p3d": rb"\"([^\"\n]*)\"",
+    **dict.fromkeys((".mha", ".mhd"), rb"(?m)^\s*ElementDataFile\s*=(.*)$"),
+    **dict.fromkeys((".nrrd", ".nhdr"), rb"(?im)^data ?file:(.*)$"),
+}
+_XML = (".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd", ".xdmf", ".xmf", ".pvd")
+
+
+def _names(path: Path) -> list[str]:
+    from spacemap_vtk.io.named import in_hdf, in_xml, words
+
+    ending = path.suffix.lower()
+    found = words(_NAMING[ending])(path) if ending in _NAMING else []
+    if ending in _XML:
+        found = in_xml(path)
+    if ending == ".inp":  # looked for where the program runs, first
+        found += [str(Path(word).absolute()) for word in found if Path(word).is_file()]
+    return found + in_hdf(path)
+
 
 @reads(
     *(".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
@@ -21,6 +44,7 @@ from spacemap_vtk.io.registry import endings, reads, truncated
     holds="mesh",
     common=False,
     rest=True,
+    names=_names,
 )
 def read_with_pyvista(path: Path) -> Any:
     """Read a file, with errors in words in place of what pyvista and meshio print."""
@@ -38,7 +62,8 @@ def read_with_pyvista(path: Path) -> Any:
     try:
         # meshio prints, and ends the program where it cannot read
         with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
-            made = pv.read(path, **_other_format(path))
+            # Whole: of a relative one pyvista takes a first folder "~" for the user's own.
+            made = pv.read(path.absolute(), **_other_format(path))
     except InputError:
         raise
     except ImportError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,31 @@ from typing import Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import endings, reads
 
+#: Bytes of a scene, and names in one key: to take longer ones apart takes hours.
+_LONGEST, _NAMES = 2**24, 16
+
+
+def parsed(text: str) -> dict[str, Any]:
+    """Return what a text in TOML says; a ValueError says what ails it."""
+    import tomllib  # Python 3.10, which some ParaViews bring, has none
+
+    name = r"""(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')"""
+    if re.search(rf"(?<![\w\"'-])(?:{name}[ \t]*\.[ \t]*){{{_NAMES}}}", text):
+        raise ValueError(f"a key of more than {_NAMES} names")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("brackets in brackets, too deep") from None
+
 
 @reads(".toml", label="Space mapping scene", holds="scene", rest=True)
 def read_scene(path: Path) -> dict[str, Any]:
     """Return a scene's values as its file has them."""
-    import tomllib  # Python 3.10, which some ParaViews bring, has none
-
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        if path.stat().st_size > _LONGEST:
+            raise ValueError(f"it has more than {_LONGEST} bytes")
+        return parsed(path.read_text(encoding="utf-8"))
+    except ValueError as error:
         if path.suffix.lower() != ".toml":
             raise InputError(
                 f"{path}: neither a scene nor a draft nor a mesh, by its ending",

@@ -29,12 +29,12 @@ _MOVING = ("Points", "PointData/", "CellData/")
 _require = needs("h5py", "h5py", "Run: pip install 'spacemap_vtk[hdf5]', or write a .pvd.")
 
 
-reads(".vtkhdf", label="VTK HDF5", holds="mesh")(
+reads(".vtkhdf", label="VTK HDF5", holds="mesh", names=of("named", "in_hdf"))(
     of("reading", "read_with_vtk", "vtkIOHDF", "vtkHDFReader")
 )
 
 
-@reads(".vtkhdf", label="VTK HDF5", holds="motion")
+@reads(".vtkhdf", label="VTK HDF5", holds="motion", names=of("named", "in_hdf"))
 def open_hdf(path: Path) -> MeshSeries:
     """Open all steps."""
     from vtkmodules.vtkIOHDF import vtkHDFReader

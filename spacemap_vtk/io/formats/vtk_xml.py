@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import check_folder
 from spacemap_vtk.io.provenance import NAME, comments, recorded, tells, told, told_in_comments
-from spacemap_vtk.io.registry import reads, writes
+from spacemap_vtk.io.registry import of, reads, writes
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
@@ -27,7 +27,12 @@ _READERS = {
 }
 
 
-@reads(*list(_READERS)[2:], label="Other VTK XML", holds="mesh", common=False)
+#: Of these VTK reads what they name.
+_NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp")
+
+
+@reads(*_NAMING, label="VTK XML in files", holds="mesh", common=False, names=of("named", "in_xml"))
+@reads(".vts", ".vtr", ".vti", label="Other VTK XML", holds="mesh", common=False)
 @reads(".vtu", ".vtp", label="VTK XML", holds="mesh")
 def read_xml(path: Path) -> Any:
     from spacemap_vtk.io.reading import read_with_vtk

@@ -1,0 +1,104 @@
+"""The files that a file names, and that are read with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from xml.parsers import expat
+
+from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.io import registry
+
+#: How often a file names one that names one.
+_DEEPEST = 8
+#: In attributes of VTK's files and XDMF's.
+_ATTRIBUTES = ("file", "source", "filename", "href")
+
+
+def words(pattern: bytes) -> Callable[[Path], list[str]]:
+    """Return what finds in a file the names that are a pattern's only group."""
+
+    def found(path: Path) -> list[str]:
+        raw = re.findall(pattern, path.read_bytes())
+        return [word.decode("utf-8", "replace").strip(" \t\r\"'") for word in raw]
+
+    return found
+
+
+def in_xml(path: Path) -> list[str]:
+    """Return the files that a file names in its attributes, or as "mesh.h5:/points" between."""
+    found: list[str] = []
+
+    def begin(_tag: str, given: dict[str, str]) -> None:
+        said = {key.lower(): value for key, value in given.items()}
+        found.extend(said[key] for key in _ATTRIBUTES if key in said)
+
+    def between(text: str) -> None:
+        found.extend(word.rpartition(":")[0] for word in re.findall(r"\S+:/\S*", text))
+
+    def refuse(name: str, *_: object) -> None:
+        raise InputError(f"{path}: it declares an entity, {name}: no mesh has one", key="file")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler, parser.CharacterDataHandler = begin, between
+    # What ails it its reader says, which reads no further either.
+    with path.open("rb") as file, suppress(expat.ExpatError):
+        parser.ParseFile(file)
+    return found
+
+
+def in_hdf(path: Path) -> list[str]:
+    """Return the files that a file in HDF5 links to, or has its numbers in; none without h5py."""
+    with path.open("rb") as file:
+        if file.read(8) != b"\x89HDF\r\n\x1a\n":
+            return []
+    try:
+        import h5py
+    except ImportError:
+        return []
+    found: list[str] = []
+
+    def look(place: str, link: object) -> None:
+        if isinstance(link, h5py.ExternalLink):
+            found.append(link.filename)
+        elif isinstance(link, h5py.HardLink) and isinstance(table := made[place], h5py.Dataset):
+            found.extend(str(each[0]) for each in table.external or ())
+            if table.is_virtual:
+                found.extend(each.file_name for each in table.virtual_sources())
+
+    with suppress(OSError, RuntimeError, ValueError, KeyError), h5py.File(path) as made:
+        made.visititems_links(look)
+    return found
+
+
+def named(path: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the files that a mesh or motion names, and they in turn, each after who names it."""
+    # What cannot be read names none: its reader says why.
+    seen, wait = {path}, [path]
+    for _ in range(_DEEPEST):
+        by, wait = wait, []
+        for one in by:
+            for other in _of(one):
+                if other not in seen:
+                    seen.add(other)
+                    wait.append(other)
+                    yield one, other
+
+
+def _of(path: Path) -> tuple[Path, ...]:
+    with suppress(OSError, SpacemapError):
+        state = path.stat()
+        return _read(path, state.st_mtime_ns, state.st_size)
+    return ()
+
+
+@lru_cache(10_000)
+def _read(path: Path, _changed: int, _size: int) -> tuple[Path, ...]:
+    found = {kind: registry.reader(path, kind) for kind in ("motion", "mesh")}
+    names = (word for each in found.values() if each for word in each.named(path))
+    return tuple(dict.fromkeys(path.parent / word for word in names))

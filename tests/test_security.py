@@ -1,0 +1,172 @@
+"""What a stranger's files may make the program do: read what lies beside them, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+from pathlib import Path
+
+import pytest
+from test_layers import PACKAGE
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.io import registry
+from spacemap_vtk.io.named import named
+from spacemap_vtk.scenes.origin import elsewhere
+from spacemap_vtk.scenes.scene import Scene
+
+#: Who may unpickle: what comes through the pipe of a process that it has started itself.
+PIPES = {"workers"}
+FORBIDDEN = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
+
+
+#: Only modules that say one of these are parsed.
+_DOUBTFUL = re.compile(
+    rf"(import|from) ({'|'.join(sorted(FORBIDDEN))})|shell=|np\.load|os\.(system|popen)|mktemp"
+    r"|\b(eval|exec)\(|(?<!re\.)\bcompile\("
+)
+
+
+def _runs_what_it_reads(module: str, node: ast.AST) -> bool:
+    if isinstance(node, (ast.Import, ast.ImportFrom)):
+        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        return module not in PIPES and bool({n.partition(".")[0] for n in names} & FORBIDDEN)
+    if not isinstance(node, ast.Call):
+        return False
+    given = {word.arg: ast.unparse(word.value) for word in node.keywords}
+    called = ast.unparse(node.func)
+    return (
+        called in ("eval", "exec", "compile", "os.system", "os.popen", "tempfile.mktemp")
+        or given.get("shell", "False") != "False"
+        or (called == "np.load" and given.get("allow_pickle") != "False")
+    )
+
+
+def test_nothing_unpickles_evaluates_or_hands_words_to_a_shell():
+    read = {file: file.read_text(encoding="utf-8") for file in PACKAGE.rglob("*.py")}
+    found = [
+        f"{file}:{node.lineno}: {ast.unparse(node)}"
+        for file, text in read.items()
+        if _DOUBTFUL.search(text)
+        for node in ast.walk(ast.parse(text))
+        if _runs_what_it_reads(file.stem, node)
+    ]
+    assert found == []
+    for text in ("import pickle", "eval(x)", "run(x, shell=True)", "np.load(x)"):
+        assert _DOUBTFUL.search(text)
+        assert any(_runs_what_it_reads("io", node) for node in ast.walk(ast.parse(text)))
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """The folder of a scene, beside another one with files that are no matter of the scene's."""
+    for folder in ("scene/below", "other"):
+        (tmp_path / folder).mkdir(parents=True)
+    for place in ("scene/near.wif", "scene/below/deep.wif", "other/far.wif"):
+        text = "[WIF]\nVersion=1.1\n[WEAVING]\nShafts=2\nTreadles=2\n[WARP]\nThreads=2\n[WEFT]\n"
+        text += "Threads=2\n[THREADING]\n1=1\n2=2\n[TREADLING]\n1=1\n2=2\n[TIEUP]\n1=1\n2=2\n"
+        (tmp_path / place).write_text(text)
+    (tmp_path / "scene/link.wif").symlink_to(tmp_path / "other/far.wif")
+    (tmp_path / "scene/folder").symlink_to(tmp_path / "other")
+    return tmp_path / "scene"
+
+
+def _scene(home: Path, text: str) -> Scene:
+    (home / "a.toml").write_text(text)
+    return Scene.read(home / "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "far"),
+    [
+        *(("near.wif", False), ("below/deep.wif", False), ("below/../near.wif", False)),
+        *(("../other/far.wif", True), ("link.wif", True), ("folder/far.wif", True)),
+        *(("ABOVE/other/far.wif", True), ("ABOVE/scene/near.wif", False)),
+        # Plain names, whatever a shell would make of them.
+        *(("~/far.wif", False), ("$HOME/far.wif", False), ("https://a.example/far.wif", False)),
+    ],
+)
+def test_a_file_beyond_the_scenes_folder_is_told(home, name, far, capsys):
+    above = home.parent.as_posix()
+    scene = _scene(home, f'[weave]\ndraft = "{name.replace("ABOVE", above)}"\n')
+    told = list(elsewhere(scene))
+    assert len(told) == far
+    if far:
+        assert str(home.parent / "other/far.wif") in told[0]
+        with pytest.raises(SystemExit, match="0"):
+            main(["validate", str(home / "a.toml")])
+        assert told[0] in capsys.readouterr().err
+    # What the command line names is the user's own word.
+    scene.set(f"weave.draft={home.parent / 'other/far.wif'}")
+    assert list(elsewhere(scene)) == []
+    assert list(elsewhere(Scene({"weave": {"draft": home.parent / "other/far.wif"}}))) == []
+
+
+_XML = '<?xml version="1.0"?><VTKFile>{}</VTKFile>'
+#: Files that name others: the file's name, its text, and what is read with it.
+NAMING = [
+    ("a.vtm", _XML.format('<DataSet index="0" file="{}"/>')),
+    ("a.pvtu", _XML.format('<Piece Source="{}"/>')),
+    ("a.pvtk", '<File><Piece fileName="{}"/></File>'),
+    ("a.pvd", _XML.format('<DataSet timestep="0" file="{}"/>')),
+    ("a.vtu.series", '{{"files": [{{"name": "{}", "time": 0}}]}}'),
+    ("a.gltf", '{{"buffers": [{{"uri": "{}", "byteLength": 4}}]}}'),
+    ("a.obj", "v 0 0 0\rmtllib {}\r\n"),
+    ("a.xdmf", "<Xdmf><DataItem>\n{}:/points\n</DataItem></Xdmf>"),
+    ("b.xdmf", '<Xdmf xmlns:x="http://www.w3.org/2001/XInclude"><x:include href="{}"/></Xdmf>'),
+    ("a.case", "FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: 1 {}\n"),
+    ("a.inp", "*NODE\n*Include, input={}\n"),
+    ("a.mha", "NDims = 3\nElementDataFile = {}\n"),
+    ("a.nrrd", "NRRD0004\ndata file: {}\n"),
+]
+
+
+@pytest.mark.parametrize(("file", "text"), NAMING)
+def test_what_a_file_names_is_known(home, file, text):
+    """Far ones are told, and none is asked of another machine: there Windows would log in."""
+    path = home / file
+    for word in ("near.dat", "../other/far.dat"):
+        path.write_text(text.format(word))
+        os.utime(path, ns=(0, len(word)))  # as if time had gone by
+        assert [other for _, other in named(path)][-1] == home / word
+    scene = _scene(home, f'[object]\nfile = "{file}"\n')
+    (told,) = elsewhere(scene)
+    assert told.startswith(f"{path} names {home.parent / 'other/far.dat'}")
+    path.write_text(text.format("//host/share/x"))
+    reader = registry.reader(path, "motion") or registry.reader(path, "mesh")
+    assert reader is not None
+    with pytest.raises(InputError, match="on another machine"):
+        reader.read(path)
+
+
+def test_what_named_files_name_is_known(home):
+    (home / "a.obj").write_text("mtllib below/a.mtl\n")
+    (home / "below/a.mtl").write_text("newmtl a\nmap_Kd -s 1 1 1 ../../other/a.png\n")
+    (home / "a.pvd").write_text(_XML.format('<DataSet timestep="0" file="a.vtm"/>'))
+    (home / "a.vtm").write_text(_XML.format('<DataSet file="a.vtm"/><DataSet file="/x.vtp"/>'))
+    for file, far in (("a.obj", home.parent / "other/a.png"), ("a.pvd", Path("/x.vtp"))):
+        scene = _scene(home, f'[object]\nfile = "{file}"\n')
+        (told,) = elsewhere(scene)
+        assert str(far) in told
+
+
+def test_links_of_hdf5_are_known(home):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(home / "a.vtkhdf", "w") as made:
+        made["VTKHDF/Points"] = h5py.ExternalLink("link.h5", "/x")
+        made.create_dataset("raw", (4,), "u1", external=[("/etc/passwd", 0, 4)])
+        layout = h5py.VirtualLayout((4,), "u1")
+        layout[:] = h5py.VirtualSource("virtual.h5", "x", (4,))
+        made.create_virtual_dataset("virtual", layout)
+    found = {str(other) for _, other in named(home / "a.vtkhdf")}
+    assert found == {str(home / "link.h5"), "/etc/passwd", str(home / "virtual.h5")}
+
+
+@pytest.mark.parametrize("word", ["//host/share/a.wif", r"\\host\share\a.wif", r"\\?\UNC\h\s\a"])
+def test_a_scene_asks_no_other_machine(tmp_path, word):
+    with pytest.raises(InputError, match="it is on another machine"):
+        WeaveSource.parameters["draft"].within(word, tmp_path)
