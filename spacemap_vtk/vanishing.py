@@ -103,7 +103,8 @@ def clear(place: Path) -> None:
                 # Another user could let files appear here in this one's name.
                 if name.startswith(_NAME) and folder.lstat().st_uid == os.getuid():
                     _taken(folder, held)
-                    if (folder / _OLDER).is_dir():
+                    # Of an unpacked archive's it may be a link: nothing is put elsewhere.
+                    if (older := folder / _OLDER).is_dir() and not older.is_symlink():
                         move_out(folder)
                     shutil.rmtree(folder, ignore_errors=True)
 

@@ -11,15 +11,19 @@ import pytest
 from test_layers import PACKAGE
 
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.draw.filming import KeptFrames
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.named import named
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.vanishing import vanishing_folder
 
 #: Who may unpickle: what comes through the pipe of a process that it has started itself.
 PIPES = {"workers"}
+#: A view of memory, and no more.
+HARMLESS = {"pickle.PickleBuffer"}
 FORBIDDEN = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}
 
 
@@ -32,9 +36,9 @@ _DOUBTFUL = re.compile(
 
 def _runs_what_it_reads(module: str, node: ast.AST) -> bool:
     if isinstance(node, (ast.Import, ast.ImportFrom)):
-        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        return module not in PIPES and bool({n.partition(".")[0] for n in names} & FORBIDDEN)
+        of = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+        names = {of + alias.name for alias in node.names} - HARMLESS
+        return module not in PIPES and any(n.partition(".")[0] in FORBIDDEN for n in names)
     if not isinstance(node, ast.Call):
         return False
     given = {word.arg: ast.unparse(word.value) for word in node.keywords}
@@ -170,3 +174,25 @@ def test_links_of_hdf5_are_known(home):
 def test_a_scene_asks_no_other_machine(tmp_path, word):
     with pytest.raises(InputError, match="it is on another machine"):
         WeaveSource.parameters["draft"].within(word, tmp_path)
+
+
+def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
+    """As that of a killed process would look, and as that of a film's frames."""
+    other = home.parent / "other"
+    (home / ".spacemap-0123456789ab").mkdir()
+    (home / ".spacemap-0123456789ab/older").symlink_to(other)
+    for place in (home, home / ".spacemap-0123456789ab"):
+        (place / "planted").write_text("x")
+        os.utime(place / "planted", (0, 0))
+    (home / "film.gif.frames").mkdir()
+    (home / "film.gif.frames/of.txt").symlink_to(other / "far.wif")
+    before = {path.name: path.read_bytes() for path in other.iterdir()}
+    with vanishing_folder(home):
+        pass
+    with (
+        pytest.raises(InputError, match="leads elsewhere"),
+        KeptFrames(home / "film.gif", "digest").held(),
+    ):
+        pass
+    assert {path.name: path.read_bytes() for path in other.iterdir()} == before
+    assert not (home / ".spacemap-0123456789ab").exists()
