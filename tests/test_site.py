@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -21,6 +22,14 @@ def test_the_tests_that_the_verification_names_are_there() -> None:
     # Each line of its tables names one.
     lines = [line for line in text.splitlines() if line.startswith("|")]
     assert all("::" in line or line.startswith(("|--", "| what")) for line in lines)
+
+
+def test_what_the_page_of_promises_says_is_so(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    counts = importlib.import_module("counts")
+    assert counts.stale() == [], "python docs/counts.py counts anew"
+    for name in re.findall(r"`(\w+\.py)`", counts.PAGE.read_text("utf-8")):
+        assert (ROOT / "tests" / name).is_file(), name
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
