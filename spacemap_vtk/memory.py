@@ -157,13 +157,13 @@ class Recycler:
 
     def _take(self, size: int) -> memoryview:
         self._collect()
-        # blocks of another size will hardly be asked for again
-        self.free = [block for block in self.free if block.nbytes == size][: self._keep]
         try:
-            return self.free.pop()
-        except IndexError:  # another thread may just have taken the last
+            while (block := self.free.pop()).nbytes != size:
+                pass  # blocks of another size will hardly be asked for again
+        except IndexError:
             # np.empty asks for huge pages where the system grants them; bytearray would clear it
             return np.empty(size, np.uint8).data
+        return block
 
     def _collect(self) -> None:
         """Take back what nobody holds any more."""
@@ -172,4 +172,6 @@ class Recycler:
                 watch = self._left.popleft()
             except IndexError:  # another thread was quicker
                 return
-            self.free.append(self._lent.pop(id(watch))[1])
+            block = self._lent.pop(id(watch))[1]
+            if len(self.free) < self._keep:
+                self.free.append(block)

@@ -68,8 +68,10 @@ class Processes:
     @classmethod
     def of(cls, piece: Piece) -> Processes | None:
         """Return the processes that run together to make all pieces."""
+        if piece.of == 1:
+            return None
         controller = vtkMultiProcessController.GetGlobalController()
-        if controller is None or piece.of == 1:
+        if controller is None:
             return None
         made = cls(controller)
         return made if (piece.number, piece.of) == (made.rank, made.size) else None

@@ -86,6 +86,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     InputType: str = ""
     OutputType: str = ""
 
+    #: Whether any stage has kept an error, ever.
+    failed: ClassVar[bool] = False
+
     _executions: int
     _warnings: list[str]
     _said: set[str]
@@ -94,6 +97,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     _piece: Piece = WHOLE
     _processes: Processes | None = None
     _untold: BaseException | None = None
+    #: What there is to say of parameters that count for nothing, as they are set now.
+    _idle: list[str] | None = None
 
     def __init__(self, **values: Any) -> None:
         VTKPythonAlgorithmBase.__init__(
@@ -242,7 +247,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 # The others would wait for this process in vain: it is told when all run.
                 self._untold = error
                 return 1
-            self._error = error
+            self._error, Algorithm.failed = error, True
             # Without this mark the next update would hand out the empty output as a good one.
             out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
             return 0
@@ -318,11 +323,15 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         if self._untold is not None:
             raise self._untold
         self._run_blocks(inputs, output, time)
-        for name, value in self._values.items():
-            # A zero, or what is off, contradicts nothing.
-            if value and (why := self.idle(name)):
-                counts = self.parameter(name).counts
-                self.warn(f"{self.section}.{name} does not count: {why}; it does where {counts}")
+        if self._idle is None:
+            self._idle = [
+                f"{self.section}.{name} does not count: {why}; it does where "
+                f"{self.parameter(name).counts}"
+                for name, value in self._values.items()
+                # A zero, or what is off, contradicts nothing.
+                if value and (why := self.idle(name))
+            ]
+        self._warnings += self._idle
         if self.replicated and self._piece.of > 1:
             mark_owner(output, self._piece)
         self._issue()
@@ -380,6 +389,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         return _piece_of(info) if PIECE[1].Has(info) else WHOLE
 
     def _parameter_changed(self) -> None:
+        self._idle = None
         self.Modified()
 
 

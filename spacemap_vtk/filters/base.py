@@ -66,7 +66,7 @@ class Stage(Algorithm):
     #: Set by a stage below that takes the stretch of turning out of a motion, for the next run.
     turned: bool = False
     #: When this stage and those above it changed last, as they were found to be connected.
-    _connected: Sequence[int] = ()
+    _connected: int = -1
 
     def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
         """State what an input port takes: composite data, too, where VTK's own way fails."""
@@ -183,10 +183,10 @@ class Stage(Algorithm):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
-        stages = list(self.upstream())
-        changed = [stage.GetMTime() for stage in stages]
-        if changed != self._connected:
-            for stage in stages:
+        executive = self.GetExecutive()
+        executive.UpdatePipelineMTime()  # the latest change of all above
+        if (changed := executive.GetPipelineMTime()) != self._connected:
+            for stage in self.upstream():
                 _check_connected(stage)
             self._connected = changed
         self._vtk_messages.clear()
@@ -208,11 +208,12 @@ class Stage(Algorithm):
             elif piece is not None:
                 done = self.UpdatePiece(*piece)
             else:
-                done = self.GetExecutive().Update()
+                done = executive.Update()
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
-        for stage in reversed(stages):
+        # Someone else's update may have failed; where none ever has, nobody looks.
+        for stage in reversed(list(self.upstream())) if Algorithm.failed else ():
             if isinstance(stage, Stage) and stage._error is not None:
                 error, stage._error = stage._error, None
                 raise error

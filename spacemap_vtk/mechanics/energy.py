@@ -54,6 +54,8 @@ class Account:
         #: Of each start of a piece: time, state and the work done until then.
         self._marks, self._states = [0.0], [first]
         self._works = [float(_stored(motion, first))]
+        #: The piece that was asked for last, its load at its start, and the slope.
+        self._last: tuple[int, FloatArray, FloatArray] | None = None
         self._lossless = not motion.half.any()
         functions = [drive.function for drive in motion.drives]
         #: Pieces that start in a second.
@@ -77,8 +79,10 @@ class Account:
         work = self._works[k]
         if time > self._marks[k]:
             begin, end = np.array([self._marks[k]]), np.array([time])
+            if self._last is None or self._last[0] != k:
+                self._last = k, *self._load(begin)
             now = np.array([state[:2]])
-            work += float(self._work(begin, end, self._states[k][None], now)[0])
+            work += float(self._work(begin, end, self._states[k][None], now, *self._last[1:])[0])
         # The balance is exact, so what is not there any more was lost.
         lost = 0.0 if self._lossless else max(0.0, work - kinetic - strain)
         return Energy(kinetic, strain, lost, work)
@@ -108,35 +112,45 @@ class Account:
                 before = after - np.stack([motion.jump(float(end)) for end in ends])
             begins = np.array([self._marks[-1], *ends[:-1]])
             states = np.concatenate([self._states[-1][None], after[:-1]])
-            gained = self._work(begins, ends, states, before)
+            gained = self._work(begins, ends, states, before, *self._load(begins))
             # A base that jumps does work at once.
             gained = gained + _stored(motion, after) - _stored(motion, before)
             self._works += list(self._works[-1] + gained.cumsum())
             self._marks += ends.tolist()
             self._states += list(after)
 
-    def _work(
-        self, begins: FloatArray, ends: FloatArray, firsts: FloatArray, lasts: FloatArray
-    ) -> FloatArray:
-        """Return the work of the loads over spans in which no piece starts, (p,)."""
-        # The states at their ends, (p, 2, n), are those before a jump that happens there.
-        motion = self._motion
-        shape = len(begins), len(motion.stiffness)
+    def _load(self, begins: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the piecewise linear load, and its slope, where spans begin, (p, n)."""
+        shape = len(begins), len(self._motion.stiffness)
         load, slope = np.zeros(shape), np.zeros(shape)
-        for drive in motion.drives:
+        for drive in self._motion.drives:
             function = drive.function
             if isinstance(function, Pieces) and not drive.moves_base:
                 load += np.array([[function.value(t)] for t in begins]) * drive.gain
                 slope += np.array([[function.slope(t)] for t in begins]) * drive.gain
+        return load, slope
+
+    def _work(
+        self,
+        begins: FloatArray,
+        ends: FloatArray,
+        firsts: FloatArray,
+        lasts: FloatArray,
+        load: FloatArray,
+        slope: FloatArray,
+    ) -> FloatArray:
+        """Return the work of the loads over spans in which no piece starts, (p,)."""
+        # The states at their ends, (p, 2, n), are those before a jump that happens there.
+        motion = self._motion
         spans = (ends - begins)[:, None]
         sines = [
             (phasor * np.exp(1j * sine.omega * begins)[:, None], sine.omega)
             for phasor, sine in motion.sines
         ]
-        work = (load + slope * spans) * lasts[:, 0] - load * firsts[:, 0]
+        work = load * (lasts[:, 0] - firsts[:, 0])
         spells = _Spells(motion, spans, firsts, lasts, load, slope, sines)
         if slope.any():
-            work -= slope * spells.integral()
+            work += slope * (spans * lasts[:, 0] - spells.integral())
         for phasor, omega in sines:
             at_end = (phasor * np.exp(1j * omega * spans)).imag
             whole = (phasor * (1j * omega) * spells.transform(omega)).imag

@@ -100,6 +100,12 @@ def strain_products(
     return (total + total.T) / 2
 
 
+#: From a stress to what von Mises squares: differences of the normal ones by √½, shears by √3.
+_MISES = np.zeros((6, 6))
+_MISES[:3, :3] = 0.5**0.5 * (np.eye(3) - np.roll(np.eye(3), 1, axis=0))
+_MISES[3:, 3:] = 3**0.5 * np.eye(3)
+
+
 def von_mises(stress: FloatArray) -> FloatArray:
     """Return the von Mises stress.
 
@@ -113,9 +119,8 @@ def von_mises(stress: FloatArray) -> FloatArray:
     ndarray of float64, shape (T,)
         In Pa.
     """
-    x, y, z, yz, zx, xy = stress.T
-    normal = (x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2
-    return np.asarray(np.sqrt(0.5 * normal + 3.0 * (yz**2 + zx**2 + xy**2)))
+    parts = stress @ _MISES
+    return np.asarray(np.sqrt(np.einsum("ti,ti->t", parts, parts)))
 
 
 def symmetric_tensors(components: FloatArray, *, engineering: bool) -> FloatArray:

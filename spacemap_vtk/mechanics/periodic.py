@@ -51,8 +51,10 @@ class Linear:
         jumps: FloatArray | None,
         start: FloatArray,
     ) -> None:
-        self._stiffness, self._half, self._times = stiffness, half, times
+        self._stiffness, self._half, self._times = stiffness, half, times.tolist()
         self._values, self._slopes, self._gains = values, slopes, gains
+        #: The piece that was asked for last, and its load.
+        self._last: tuple[int, FloatArray, FloatArray] | None = None
         count, size = len(times), len(stiffness)
         self._starts = np.empty((count, 2, size))
         self._starts[0] = start if jumps is None else start + jumps[0]
@@ -72,8 +74,10 @@ class Linear:
         k = bisect_right(self._times, time) - 1
         if time == self._times[k]:
             return self._starts[k]
+        if self._last is None or self._last[0] != k:
+            self._last = k, *self._load(k)
         kernel = kernels(self._stiffness, self._half, time - self._times[k])
-        return propagate(kernel, self._stiffness, self._starts[k], *self._load(k))
+        return propagate(kernel, self._stiffness, self._starts[k], *self._last[1:])
 
 
 class Repeated:
