@@ -196,3 +196,12 @@ def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
         pass
     assert {path.name: path.read_bytes() for path in other.iterdir()} == before
     assert not (home / ".spacemap-0123456789ab").exists()
+
+
+def test_a_title_is_neither_markup_nor_what_terminals_obey(home, capsys):
+    title = r"[/end] \u001b]0;theirs\u0007[red]"
+    scene = _scene(home, f'title = "{title}"\n[weave]\nends = 3\npicks = 3\n')
+    assert scene.title == "[/end]  ]0;theirs [red]"
+    with pytest.raises(SystemExit, match="0"):
+        main(["info", str(home / "a.toml")])
+    assert "[/end]  ]0;theirs [red]" in capsys.readouterr().out

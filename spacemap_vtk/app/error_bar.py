@@ -30,6 +30,8 @@ class ErrorBar(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.label = QLabel()
         self.label.setWordWrap(True)
+        # What a file says is quoted here: of <img src=…> Qt would read the picture.
+        self.label.setTextFormat(Qt.TextFormat.PlainText)
         self.label.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         #: Goes on with a run that was cancelled.
         self.run = QPushButton("Run")

@@ -457,7 +457,8 @@ class MainWindow(QMainWindow):
         count = sum(surface.GetNumberOfCells() for surface in drawn if surface is not None)
         # The words of a cure are the click that does it.
         self.told.tell(f"{count:,} facets{note}", "a section [rotation]", "rotation")
-        self.told.setToolTip(warnings)
+        # Tips are plain text where nothing looks like a tag: what a file says is no page.
+        self.told.setToolTip(warnings.replace("<", "‹"))
 
     def _pull(self, pull: Pull | None) -> None:
         if pull is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,8 @@ class PullTab(QWidget):
         self.map = PullMap()
         self.hint = note(_NONE[0])
         self.told = note(name="told")
+        for line in (self.hint, self.told):  # all of it is the program's own words
+            line.setTextFormat(Qt.TextFormat.RichText)
         self.told.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.told.setFixedHeight(_LINES * self.told.fontMetrics().lineSpacing() + 2)
         self.back = QPushButton("Back to the motion")
@@ -101,7 +104,7 @@ class PullTab(QWidget):
                 found = stretch_map(self._crossings)
                 hint = _HINT + _OF[stage.inextensible]
             except SpacemapError as error:
-                hint = f"There is no map: {error}"
+                hint = f"There is no map: {html.escape(str(error))}"
         self.hint.setText(hint)
         self.map.show_map(found)
         if found is None:

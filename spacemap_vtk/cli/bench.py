@@ -57,7 +57,7 @@ def bench(
         return
     from rich.console import Console
 
-    console = Console()
+    console = Console(markup=False)
     for figures in found:
         console.print(_table(figures))
 

@@ -86,7 +86,7 @@ def modes(
             mode["regime"],
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
-    Console().print(table)
+    Console(markup=False).print(table)
     told = (*sheet_figures(figures), *hung_figures(figures["hung"]))
     print_labelled((figure.label, figure.told) for figure in told)
     tell_warnings(chosen, quiet)

@@ -23,7 +23,7 @@ def tell_object(scene: Scene, json: bool, quiet: bool) -> None:
     if json:
         print_json(figures)
         return
-    Console().print(scene.title, highlight=False)
+    Console(markup=False).print(scene.title, highlight=False)
     print_labelled(_rows(figures))
     tell_warnings(scene, quiet)
 

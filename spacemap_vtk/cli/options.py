@@ -191,7 +191,12 @@ def tell_warnings(scene: Scene, quiet: bool) -> None:
     """Print what the stages say of their trustworthiness."""
     if not quiet:
         for text in scene.warnings:
-            print(f"spacemap: warning: {text}", file=sys.stderr)
+            print(f"spacemap: warning: {printable(text)}", file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    """Return what a stranger's file says without what terminals obey."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:
@@ -214,7 +219,7 @@ def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
     table = Table.grid(padding=(0, 2))
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 def print_json(figures: Any) -> None:

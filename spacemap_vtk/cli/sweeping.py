@@ -145,7 +145,6 @@ def sweep(
 def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
     """Print the values and those figures that differ, as many as there is room for."""
     from rich.console import Console
-    from rich.markup import escape
 
     from spacemap_vtk.draw.study import table
 
@@ -159,7 +158,7 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
         if len({row[k] for row in rows if not row[-1]}) > 1
     ]
     first = [k for name in _FIRST for k in differ if headings[k].startswith(name)]
-    console = Console()
+    console = Console(markup=False)
     room = console.width - 2
     shown = []
     for k in (*columns, last, *dict.fromkeys((*first, *differ))):
@@ -167,11 +166,9 @@ def _print(sweep: Sweep, found: Mapping[str, Result]) -> None:
         if room > 0 or k in columns or k == last:
             shown.append(k)
     shown.sort()
-    told = numbers_table(
-        (escape("\n".join(_wrapped(headings[k]))) for k in shown), title=escape(sweep.title)
-    )
+    told = numbers_table(("\n".join(_wrapped(headings[k])) for k in shown), title=sweep.title)
     for row in rows:
-        cells = [escape(row[k]) or "–" for k in shown]
+        cells = [row[k] or "–" for k in shown]
         told.add_row(*cells[:-1], "failed" if row[-1] else cells[-1])
     console.print(told)
 

@@ -18,6 +18,7 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
+    printable,
     tell_warnings,
 )
 from spacemap_vtk.cli.progress import progress
@@ -76,7 +77,7 @@ def info(
         table.add_column(heading, justify="right" if heading else "left")
     for warp, weft in figure_list.yarn_figures(figures):
         table.add_row(warp.label, warp.told, weft.told)
-    Console().print(table)
+    Console(markup=False).print(table)
     print_labelled((figure.label, figure.told) for figure in figure_list.cloth_figures(figures))
     tell_warnings(chosen, quiet)
 
@@ -95,9 +96,9 @@ def _told_origin(file: Path, json_: bool) -> bool:
     if not json_:
         from spacemap_vtk.cli.again import told
 
-        print("\n".join(told(record, file)))
+        print(printable("\n".join(told(record, file))))
         if not opens:
-            print(f"\n{record.scene}", end="")
+            print(f"\n{printable(record.scene)}", end="")
     elif not opens:
         print_json(asdict(record))
     return not opens
@@ -193,7 +194,7 @@ def materials(*, json_: Json = False) -> None:
             *(f"{1e3 * length:.0f}" for length in lengths),
             f"{1e3 * fabric.plate:.2f}",
         )
-    Console().print(table)
+    Console(markup=False).print(table)
     for name, fabric in FABRICS.items():
         print(f"{name}: {fabric.use} ({fabric.sample})")
     print(

@@ -95,7 +95,7 @@ class Scene:
                 if name != "title":
                     self._configure(name, value)
                 elif isinstance(value, str):
-                    self.title = value
+                    self.title = "".join(c if c.isprintable() else " " for c in value)
                 else:
                     raise InputError("not a string", key="title", value=value)
         self._connect()
