@@ -70,7 +70,9 @@ def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert cage["largest_distance"] == pytest.approx(x.max() - 0.4, abs=1e-6)
     assert cage["volume"] == pytest.approx(0.8 * 1.2 * 1.2)
     assert cage["pieces"] == [40]
-    assert f"{cage['points_outside']}, by up to 99.267 mm" in info(capsys, str(scene))
+    share = cage["points_outside"] / len(x)
+    told = f"{cage['points_outside']} ({100 * share:.3g} %), by up to 99.267 mm"
+    assert told in info(capsys, str(scene))
 
 
 def test_no_modes_are_solved(tmp_path: Path) -> None:

@@ -157,3 +157,29 @@ def parts(tetrahedra: Cells) -> tuple[list[int], int]:
         labels.append(sparse.csgraph.connected_components(has @ has.T, directed=False)[1])
     by_faces, by_vertices = labels
     return np.sort(np.bincount(by_faces))[::-1].tolist(), int(by_vertices.max()) + 1
+
+
+def bodies(points: NDArray[np.float64], triangles: Cells) -> int:
+    """Return how many bodies a closed surface bounds from outside.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        In m.
+    triangles : (F, 3) int
+        All turned the same way. Those round cavities do not count.
+
+    Returns
+    -------
+    int
+        Pieces of the surface that enclose something.
+    """
+    from scipy import sparse
+
+    edges = triangles.ravel(), np.roll(triangles, 1, axis=1).ravel()
+    graph = sparse.csr_matrix((np.ones(triangles.size), edges), shape=(len(points),) * 2)
+    count, body = sparse.csgraph.connected_components(graph, directed=False)
+    a, b, c = (points - points.mean(axis=0))[triangles].transpose(1, 0, 2)
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+    whole = np.bincount(body[triangles[:, 0]], volumes, count)
+    return int(np.count_nonzero(whole * volumes.sum() > 0.0))

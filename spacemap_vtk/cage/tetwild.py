@@ -18,7 +18,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from spacemap_vtk.vanishing import vanishing_folder
 
 #: How far the mesh may leave the surface, as a share of the diagonal. fTetWild's own thousandth
 #: makes ten times as many tetrahedra near flat faces as a cage needs.
-_EPSILON = 4e-3
+EPSILON = 4e-3
 
 #: Seconds between looks: in between them the waiting thread can be stopped.
 _LOOK = 0.05
@@ -54,9 +54,7 @@ np.savez("mesh.npz", vertices=vertices, tetrahedra=tetrahedra)
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
-def filled(
-    points: NDArray[np.float64], triangles: NDArray[np.int64], edge_length: float
-) -> tuple[Mesh, bool]:
+def filled(points: NDArray[np.float64], triangles: NDArray[np.int64], edge_length: float) -> Mesh:
     """Return tetrahedra inside a surface.
 
     Parameters
@@ -70,10 +68,8 @@ def filled(
 
     Returns
     -------
-    mesh : tuple of (V, 3) float64 and (T, 4) int64
+    tuple of (V, 3) float64 and (T, 4) int64
         Vertices in m, tetrahedra.
-    known : bool
-        Whether it came from the cache.
 
     Raises
     ------
@@ -87,30 +83,55 @@ def filled(
             'method "tetwild" needs the package pytetwild',
             cure='Run "pip install pytetwild", or use method = "carved".',
         )
-    digest = hashlib.sha256()
     from importlib.metadata import version  # with the parts of email and socket that it brings
 
-    settings = edge_length, _EPSILON, version("pytetwild")
-    for part in (points.tobytes(), triangles.tobytes(), repr(settings).encode()):
-        digest.update(hashlib.sha256(part).digest())
+    def make() -> dict[str, NDArray[Any]]:
+        # Near the origin and of unit size: fTetWild's own tolerances are relative, its files
+        # float32.
+        middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+        made = _run(
+            points=(points - middle) / size,
+            triangles=triangles.astype(np.int32),
+            edge_length=np.float64(edge_length / size),
+            epsilon=np.float64(EPSILON),
+        )
+        if len(made["tetrahedra"]) == 0:
+            raise GeometryError("the surface encloses no volume", cure=_CURE)
+        return {
+            "vertices": made["vertices"].astype(np.float64) * size + middle,
+            "tetrahedra": made["tetrahedra"].astype(np.int64),
+        }
+
+    mesh = kept(make, points, triangles, edge_length, EPSILON, version("pytetwild"))
+    return mesh["vertices"], mesh["tetrahedra"]
+
+
+def kept(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDArray[Any]]:
+    """Return a mesh from the cache, or make it and keep it there.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the arrays of a mesh, ``vertices`` and ``tetrahedra`` among them.
+    *of : array_like or number or str
+        All that it depends on.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        What it has returned, now or before.
+    """
+    digest = hashlib.sha256()
+    settings = tuple(part for part in of if not isinstance(part, np.ndarray))
+    arrays = [part.tobytes() for part in of if isinstance(part, np.ndarray)]
+    for text in (*arrays, repr(settings).encode()):
+        digest.update(hashlib.sha256(text).digest())
     key = f"tetwild-{digest.hexdigest()[:40]}"
     entry = cache.load(key)
-    if entry is not None and entry.keys() >= {"vertices", "tetrahedra"}:
-        return (entry["vertices"], entry["tetrahedra"]), True
-    # Near the origin and of unit size: fTetWild's own tolerances are relative, its files float32.
-    middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    made = _run(
-        points=(points - middle) / size,
-        triangles=triangles.astype(np.int32),
-        edge_length=np.float64(edge_length / size),
-        epsilon=np.float64(_EPSILON),
-    )
-    vertices = made["vertices"].astype(np.float64) * size + middle
-    tetrahedra = made["tetrahedra"].astype(np.int64)
-    if len(tetrahedra) == 0:
-        raise GeometryError("the surface encloses no volume", cure=_CURE)
-    cache.store(key, vertices=vertices, tetrahedra=tetrahedra)
-    return (vertices, tetrahedra), False
+    if entry is None or not entry.keys() >= {"vertices", "tetrahedra"}:
+        entry = make()
+        cache.store(key, **entry)
+    return entry
 
 
 _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or method = "carved"'

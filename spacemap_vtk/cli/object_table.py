@@ -51,11 +51,13 @@ def _rows(figures: dict[str, Any]) -> list[tuple[str, str]]:
     if cage:
         sizes = cage["pieces"]
         listed = ", ".join(map(str, sizes[:_MOST_PIECES])) + ", ..." * (len(sizes) > _MOST_PIECES)
-        distance = f", by up to {_length(cage['largest_distance'])}"
+        percent = f" ({100 * cage['points_outside'] / figures['points']:.3g} %)"
+        distance = f"{percent}, by up to {_length(cage['largest_distance'])}"
+        share = f", {100 * cage['filled']:.3g} % of it filled" * (cage["filled"] != 1.0)
         kind = "quadratic " if cage["quadratic"] else ""
         rows += [
             ("cage", f"{cage['vertices']} vertices, {cage['tetrahedra']} {kind}tetrahedra"),
-            ("volume", f"{cage['volume']:.5g} m³"),
+            ("volume", f"{cage['volume']:.5g} m³" + share),
             ("pieces", f"{len(sizes)}" + (f" (tetrahedra: {listed})" if len(sizes) > 1 else "")),
             (
                 "points outside",

@@ -17,6 +17,8 @@ from spacemap_vtk.errors import GeometryError
 _NAME = "bounds_of_piece_and_whole"
 #: Of the field array of an object, and of its cage: the unit vector that points up.
 UP = "up"
+#: Of the field array of a cage: how much of it the material of the object fills.
+FILLED = "filled"
 #: Share of its height in which an object stands, and by how much its foot must be the broader.
 _FOOT, _BROADER = 0.05, 0.03
 #: An axis is the longer one where it is so many times as long.
@@ -70,6 +72,12 @@ def up_axis(data: vtkDataSet) -> int | None:
     """Return which axis is up in an object, or in its cage; None of a cloth."""
     array = data.GetFieldData().GetArray(UP)
     return None if array is None else max(range(3), key=array.GetValue)
+
+
+def filled_share(cage: vtkDataSet) -> float:
+    """Return how much of a cage is filled by its material, which is spread over all of it."""
+    share = cage.GetFieldData().GetArray(FILLED)
+    return 1.0 if share is None else float(share.GetValue(0))
 
 
 def upright(points: NDArray[Any]) -> int:

@@ -22,6 +22,7 @@ from spacemap_vtk.cage.split_quadratic import (
     split_triquadratic,
 )
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.extent import FILLED
 from spacemap_vtk.errors import GeometryError
 
 Cells = NDArray[np.integer[Any]]
@@ -132,6 +133,8 @@ def tetrahedral(data: vtkPointSet, what: str) -> Volume:
         if array is not None and array.GetName():
             values = vtk_to_numpy(array)
             grid.GetPointData().AddArray(to_array(values[kept], array.GetName()))
+    if (share := data.GetFieldData().GetArray(FILLED)) is not None:
+        grid.GetFieldData().AddArray(share)
     if len(kept) < len(vertices):
         add_array(grid.GetPointData(), "original_point", kept)
     return Volume(grid, kept, notes)

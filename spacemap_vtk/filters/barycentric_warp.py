@@ -190,8 +190,9 @@ class BarycentricWarp(Stage):
             if where.outside:
                 room = format_quantity(float(f"{1.2 * where.largest_distance:.2g}"), "m")
                 note = (
-                    f"{where.outside} of {count} points lie outside the cage, "
-                    f"by up to {format_quantity(where.largest_distance, 'm')}; "
+                    f"{where.outside} of {count} points ({100 * where.outside / count:.3g} %) "
+                    "lie outside the cage, by up to "
+                    f"{format_quantity(where.largest_distance, 'm')}; "
                     + {"extrapolate": "they are extrapolated", "clamp": "they are clamped"}[
                         self.outside
                     ]

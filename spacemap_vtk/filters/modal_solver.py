@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import cloth_of
-from spacemap_vtk.datasets.extent import up_axis
+from spacemap_vtk.datasets.extent import filled_share, up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, attach
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Provided
@@ -81,7 +81,9 @@ class ModalSolver(FittedCage):
     ``density_factor``; ``nodal_mass`` (kg) are the row sums of M. Its field array
     ``eigenvalue_rounding`` estimates which share of each eigenvalue is rounding. Of a sheet the
     measures in force are field arrays, too, named as the parameters: ``bending_length`` and so on,
-    in SI, of two values that of the warp first.
+    in SI, of two values that of the warp first. Of a cage with a field array ``filled``, as
+    TetraCage makes it round an object's surface, modulus and density are those shares of what is
+    given: it weighs as much as what it encloses.
 
     Examples
     --------
@@ -172,7 +174,9 @@ class ModalSolver(FittedCage):
         extent, layers = float(np.ptp(vertices[:, 2])), proportions_of(vertices, elements).layers
         material: FloatArray | Plate
         if sheet is None:
-            material, density = self.constants(extent)
+            filled = filled_share(grid)
+            elasticity, density = self.constants(extent)
+            material, density = filled * elasticity, filled * density
         else:
             material, mass = self._plate(grid, sheet)
             density, layers = mass / sheet.thickness, 1.0

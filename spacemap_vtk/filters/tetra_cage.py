@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -17,13 +18,14 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
-from spacemap_vtk.cage.split import mended, parts
-from spacemap_vtk.cage.tetwild import filled
-from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.cage.split import bodies, mended, parts
+from spacemap_vtk.cage.tetwild import EPSILON, filled, kept
+from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth
-from spacemap_vtk.datasets.extent import UP, bounds_of_whole
+from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
+from spacemap_vtk.embedding.holding import holding, share_filled, volumes_of
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth
@@ -36,8 +38,12 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.units import format_quantity
 
-#: Distance of the envelope of an object that falls apart, as a share of its diagonal.
-_ENVELOPE = 0.02
+#: Distances of the envelope of an object that falls apart, as shares of its diagonal.
+_ENVELOPES = (0.01, 0.02)
+#: Points further away than so many of fTetWild's tolerances are no matter of these.
+_FURTHEST = 2.0
+#: Of a cage that is larger by this than what it is made for, that is told.
+_LARGER = 1.1
 #: Hexahedra along the longest side of an object's box.
 _ALONG = 8
 #: Of a cloth that goes by its yarns: crossings of those that are made together, a yarn of how many
@@ -58,7 +64,9 @@ class TetraCage(Stage):
     -----
     After section 3 of Furukawa, Kitagawa and Shimizu, "Deformation of Flexible Objects Based on
     Space Mapping". How many points of the object lie outside, and how far, is told by
-    BarycentricWarp, which finds their places.
+    BarycentricWarp, which finds their places. Cages by fTetWild are moved outward where points are
+    before them; of one on the object's own surface the field array ``filled`` tells how much of its
+    volume that encloses.
 
     Examples
     --------
@@ -133,9 +141,12 @@ class TetraCage(Stage):
     )
     file = FilePath(None, "A volume mesh to read.", automatic="no file", when={"method": ("file",)})
 
+    #: How much of the cage is what the object's surface encloses.
+    _filled_share = 1.0
+
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
-        self.in_use = {}
+        self.in_use, self._filled_share = {}, 1.0
         if self.method == "file":
             self._from_file(output)
         else:
@@ -146,6 +157,8 @@ class TetraCage(Stage):
             output.GetFieldData().AddArray(mass)
         if (up := inputs[0].GetFieldData().GetArray(UP)) is not None:
             output.GetFieldData().AddArray(up)
+        if self._filled_share != 1.0:
+            add_array(output.GetFieldData(), FILLED, np.array([self._filled_share]))
 
     def _round(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
@@ -235,8 +248,10 @@ class TetraCage(Stage):
             return self._filled(envelope(low, high, touch, self.inflate), diagonal)
         points, triangles = outline(data, polygons_of(data))
         touch = partial(touched, points, triangles)
+        tolerance = EPSILON * diagonal
         if self.inflate > 0.0:
-            return self._filled(envelope(low, high, touch, self.inflate), diagonal)
+            made = self._filled(envelope(low, high, touch, self.inflate), diagonal)
+            return holding(points, *made, _FURTHEST * tolerance), made[1]
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
             raise GeometryError(
@@ -254,22 +269,52 @@ class TetraCage(Stage):
                 "own judgement: compare the cage, or give it an envelope (cage.inflate)"
             )
         vertices, tetrahedra = self._filled((points, triangles), diagonal)
+        inside = float(volumes_of(vertices, tetrahedra).sum())
         sizes, loose = parts(tetrahedra)
-        if len(sizes) == loose:
-            return vertices, tetrahedra
-        # Nothing holds a part that can turn about an edge or a vertex: no solver could go on.
-        distance = _ENVELOPE * diagonal
-        self.warn(
-            f"what the object's surface encloses falls into {len(sizes)} parts, some of which hang "
-            "on an edge or a vertex alone: the cage fills an envelope at "
-            f"{format_quantity(float(f'{distance:.3g}'), 'm')} from it (cage.inflate sets another)"
-        )
-        return self._filled(envelope(low, high, touch, distance), diagonal)
+        if len(sizes) > loose:
+            # Nothing holds a part that can turn about an edge or a vertex: no solver could go on.
+            join = partial(self._joined, partial(envelope, low, high, touch), diagonal)
+            length = self.edge_length or diagonal / 10
+            mesh = kept(join, points, triangles, length, _ENVELOPES, EPSILON)
+            vertices, tetrahedra = mesh["vertices"], mesh["tetrahedra"]
+            distance = format_quantity(float(f"{float(mesh['distance']):.3g}"), "m")
+            self.warn(
+                f"what the object's surface encloses falls into {len(sizes)} parts, some of which "
+                f"hang on an edge or a vertex alone: the cage fills an envelope at {distance} "
+                "from it (cage.inflate sets another)"
+            )
+        vertices = holding(points, vertices, tetrahedra, _FURTHEST * tolerance)
+        volume = float(volumes_of(vertices, tetrahedra).sum())
+        closed = triangles[: 0 if open_ else None]
+        self._filled_share = share_filled(points, closed, inside, volume, tolerance)
+        if self._filled_share * _LARGER < 1.0:
+            self.warn(
+                f"the cage is {1 / self._filled_share:.2g} times as large as what the object's "
+                "surface encloses: the material is spread over all of it, which weighs as much "
+                "and bends less easily"
+            )
+        return vertices, tetrahedra
+
+    def _joined(self, around: Callable[[float], Outline], diagonal: float) -> dict[str, Any]:
+        """Return the mesh of the least envelope that joins all that the widest one does."""
+        most = bodies(*around(_ENVELOPES[-1] * diagonal))
+        for share in _ENVELOPES:
+            skin = around(share * diagonal)
+            if bodies(*skin) <= most:
+                vertices, tetrahedra = self._filled(skin, diagonal)
+                sizes, loose = parts(tetrahedra)
+                if len(sizes) == loose <= most:
+                    break
+        return {
+            "vertices": vertices,
+            "tetrahedra": tetrahedra,
+            "distance": np.array(share * diagonal),
+        }
 
     def _filled(
         self, surface: Outline, diagonal: float
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        (vertices, made), _ = filled(*surface, self.edge_length or diagonal / 10)
+        vertices, made = filled(*surface, self.edge_length or diagonal / 10)
         tetrahedra, _, flat = mended(vertices, made)
         if not len(tetrahedra):
             raise GeometryError(

@@ -16,7 +16,9 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk.cage.split import parts
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
+from spacemap_vtk.datasets.extent import filled_share
 from spacemap_vtk.datasets.outline import edge_faults, outline
+from spacemap_vtk.embedding.holding import volumes_of
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.scenes.scene import Scene
@@ -65,14 +67,13 @@ def body(scene: Scene) -> dict[str, Any]:
 
 def _cage(grid: vtkUnstructuredGrid, points: NDArray[np.float64]) -> dict[str, Any]:
     vertices, tetrahedra = points_of(grid).astype(np.float64), tetrahedra_of(grid)
-    corners = vertices[tetrahedra]
-    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
     where = locate(points, vertices, tetrahedra)
     return {
         "vertices": len(vertices),
         "tetrahedra": len(tetrahedra),
         "quadratic": grid.GetCells().GetMaxCellSize() > 4,
-        "volume": float(volumes.sum()),
+        "volume": float(np.abs(volumes_of(vertices, tetrahedra)).sum()),
+        "filled": filled_share(grid),
         "pieces": parts(tetrahedra)[0],
         "points_outside": where.outside,
         "largest_distance": where.largest_distance,

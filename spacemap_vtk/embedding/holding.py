@@ -1,0 +1,128 @@
+"""Cages round an object's surface that hold its points, and how much of them it fills.
+
+fTetWild leaves the surface by a tolerance, and its faces are chords: of what is round, most points
+lie just outside. So the vertices of the faces before them go outward, by the least that takes them
+in. Such a cage is as much too large as a polyhedron round a ball is: its material is spread over
+all of it, and it weighs as much as the object.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.embedding.locate import locate
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.integer[Any]]
+
+#: Steps that go some share of the way: what a vertex does for one point, it does for others. The
+#: last ones go all of it, and a little more.
+_STEPS = (0.6,) * 6 + (1.02,) * 4
+#: No tetrahedron keeps less of its volume.
+_LEAST = 0.2
+
+
+def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -> Floats:
+    """Return the vertices of a cage, some of them moved outward so that it holds points.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        What it is to hold, in m.
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Of positive volume, and so they stay.
+    reach : float
+        Points further away than this, in m, are left outside.
+
+    Returns
+    -------
+    (V, 3) float64
+        In m. Those that no point outside asks to move stay where they are.
+
+    Notes
+    -----
+    A point at :math:`g` from the nearest place :math:`\\sum_i w_i v_i` of the cage lies on it when
+    :math:`\\sum_i w_i d_i = g`, of which :math:`d_i = w_i g / \\sum_j w_j^2` is the least. Each
+    vertex follows the point that asks most of it.
+    """
+    volumes = volumes_of(vertices, tetrahedra)
+    for share in _STEPS:
+        where = locate(points, vertices, tetrahedra, "clamp")
+        out = np.flatnonzero(where.is_outside)
+        corners, weights = tetrahedra[where.tetrahedron[out]], where.weights[out]
+        gaps = points[out] - np.einsum("ni,nij->nj", weights, vertices[corners])
+        near = np.linalg.norm(gaps, axis=1) <= reach
+        if not near.any():
+            break
+        corners, weights, gaps = corners[near], weights[near], gaps[near]
+        asked = (weights / (weights**2).sum(axis=1)[:, None])[:, :, None] * gaps[:, None]
+        order = np.argsort((asked**2).sum(axis=2).ravel())  # the last one is kept
+        moves = np.zeros_like(vertices)
+        moves[corners.ravel()[order]] = share * asked.reshape(-1, 3)[order]
+        while (bad := volumes_of(vertices + moves, tetrahedra) < _LEAST * volumes).any():
+            moves[np.unique(tetrahedra[bad])] *= 0.5
+        vertices = vertices + moves
+    return vertices
+
+
+def share_filled(
+    points: Floats, triangles: Cells, inside: float, volume: float, tolerance: float
+) -> float:
+    """Return how much of a cage is what the object's surface encloses.
+
+    Parameters
+    ----------
+    points : (N, 3) float64
+        In m.
+    triangles : (F, 3) int
+        A closed surface's; none of an open one.
+    inside : float
+        Volume of the tetrahedra that were made inside the surface, in m³.
+    volume : float
+        Of the cage, in m³.
+    tolerance : float
+        How far those may be from the surface, in m.
+
+    Returns
+    -------
+    float
+        1 where both are as large.
+
+    Notes
+    -----
+    The divergence theorem knows the volume, but counts twice where a surface crosses itself:
+    there it is further from the tetrahedra's than their tolerance explains, and theirs is taken.
+    """
+    if len(triangles):
+        a, b, c = (points - points[triangles[0, 0]])[triangles].transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        enclosed = abs(float(np.einsum("ij,ij->", a, normals))) / 6.0
+        area = float(np.linalg.norm(normals, axis=1).sum()) / 2.0
+        if abs(enclosed - inside) <= tolerance * area:
+            inside = enclosed
+    return inside / volume
+
+
+def volumes_of(vertices: Floats, tetrahedra: Cells) -> Floats:
+    """Return the volumes of tetrahedra.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    (T,) float64
+        In m³; negative of inverted ones.
+    """
+    a, b, c = (vertices[tetrahedra[:, i]] - vertices[tetrahedra[:, 0]] for i in (1, 2, 3))
+    volumes: Floats = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
+    return volumes
