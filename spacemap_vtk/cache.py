@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -56,15 +57,19 @@ def folder() -> Path | None:
     return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "spacemap_vtk"
 
 
-def load(key: str) -> dict[str, NDArray[Any]] | None:
-    """Return the arrays of an entry."""
+def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
+    """Return an entry's arrays: all, or some if they are of these shapes; -1 is any length."""
     place = folder()
     if place is None:
         return None
     path = _path(place, key)
     try:
-        with zipfile.ZipFile(path) as entry:
-            arrays = {name.removesuffix(".npy"): _read(entry, name) for name in entry.namelist()}
+        with zipfile.ZipFile(path) as entry, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of an entry by another program
+            if sum(member.file_size for member in entry.infolist()) > LARGEST:
+                raise ValueError(path)
+            every = {name.removesuffix(".npy"): None for name in entry.namelist()}
+            arrays = {name: _read(entry, name, shape) for name, shape in (shapes or every).items()}
         os.utime(path)
     except FileNotFoundError:
         return None
@@ -75,13 +80,18 @@ def load(key: str) -> dict[str, NDArray[Any]] | None:
     return arrays
 
 
-def _read(entry: zipfile.ZipFile, name: str) -> NDArray[Any]:
+def _read(entry: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None) -> NDArray[Any]:
     """Return an array; its checksum, at its end, is looked at even where its header says less."""
-    with entry.open(name) as stream:
+    with entry.open(f"{name}.npy") as stream:
         array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-        if stream.read(1):
+        if stream.read(1) or not (shape is None or _fits(array, shape)):
             raise ValueError(name)
     return array
+
+
+def _fits(array: NDArray[Any], shape: tuple[int, ...]) -> bool:
+    known = array.dtype in (np.float64, np.int64) and array.ndim == len(shape)
+    return known and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
 
 
 def store(key: str, **arrays: NDArray[Any]) -> None:

@@ -57,12 +57,12 @@ class SpacemapError(Exception):
         if where and self.message.startswith(where):
             where = ""  # a mesh in place of a scene: nobody has written the key
         elif self.key is not None:
-            where += f"{self.section}.{self.key}" if self.section else self.key
+            where += _cut(f"{self.section}.{self.key}" if self.section else self.key, 160)
             where += ": " if self.value is None else f" = {shown(self.value)}: "
-        text = where + self.message
+        text = where + _cut(self.message, 1000)
         if self.allowed:
             text += f"; allowed: {self.allowed}"
-        return f"{text}. {self.cure}" if self.cure else text
+        return _plain(f"{text}. {self.cure}" if self.cure else text)
 
 
 class InputError(SpacemapError, ValueError):
@@ -176,8 +176,19 @@ def shown(value: object) -> str:
     """
     if isinstance(value, Path):
         return f'"{value}"'
-    text = _written(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return _cut(_written(value), 80)
+
+
+def _cut(text: str, most: int) -> str:
+    text = _plain(text[: most + 1])
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
+def _plain(text: str) -> str:
+    # Of what stands in a file: line ends hide what follows, and terminals obey other characters.
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def _written(value: object) -> str:

@@ -34,6 +34,11 @@ __all__ = [
 ]
 
 
+#: Of a number in SI. What is drawn is in single precision, which knows none beyond 3e38; products
+#: of a few such do not leave double precision.
+_LARGEST = 1e36
+
+
 class Real(Parameter[Any]):
     """A finite number, with a unit and a range.
 
@@ -80,10 +85,15 @@ class Real(Parameter[Any]):
             value, (int, float, np.integer, np.floating)
         ):
             raise InputError("not a number")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # an integer of hundreds of digits
+            number = math.inf
         if not math.isfinite(number):
             raise InputError("not a finite number")
         self._check_range(number)
+        if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
+            raise InputError(f"nothing is computed beyond {_LARGEST:g}, nor nearer to 0 than 1e-36")
         return number
 
     def _check_range(self, number: float) -> None:

@@ -72,14 +72,16 @@ UNITS: dict[str, dict[str, float]] = {
 #: Of one unit: a power or a product may be written in several ways.
 _SPELLINGS = str.maketrans({"²": "2", "³": "3", "^": "", "μ": "µ", "·": ".", "⋅": ".", "*": "."})
 
+# What follows the number takes whatever is there: of a long text that does not match there would be
+# many ways to try.
 _QUANTITY = re.compile(
-    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*?)\s*"
+    r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)\s*(.*)", re.DOTALL
 )
 
 
 def parse_quantity(text: str, unit: str) -> float:
     """Read a number with an optional unit."""
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text.strip())
     known = UNITS.get(unit, {})
     if match is None:
         raise InputError("not a number", value=text, allowed=_example(unit))

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from queue import Empty, SimpleQueue
@@ -25,6 +25,8 @@ from urllib.parse import urlsplit
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
 from spacemap_vtk.parallel import core_count
 
+#: The variable by which a process knows that it is one of these.
+EXPENDABLE = "SPACEMAP_EXPENDABLE"
 #: Seconds after which Ctrl-C is looked for: on Windows it does not end a wait.
 _PATIENCE = 0.5
 #: Seconds for a scheduler's answer.
@@ -51,18 +53,10 @@ def in_processes(
     count = max(1, min(count, len(tasks)))
     # Software OpenGL takes as many threads as there are cores, in each process.
     threads = str(max(1, core_count() // count))
-    paths = os.pathsep.join(path for path in sys.path if path)
-    environment = {"LP_NUM_THREADS": threads, **os.environ, "PYTHONPATH": paths}
 
     def started() -> subprocess.Popen[bytes]:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "spacemap_vtk.workers", function],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-        )
-        children.append(child)
-        return child
+        children.append(start(function, {"LP_NUM_THREADS": threads, **os.environ}))
+        return children[-1]
 
     def serve() -> None:
         child: subprocess.Popen[bytes] | None = None
@@ -76,10 +70,10 @@ def in_processes(
                 except OSError as error:
                     done.put((number, SpacemapError(f"no process could be started: {error}")))
                     continue
-            result, child = _ask(child, task)
+            result, child = ask(child, task)
             done.put((number, result))
         if child is not None:
-            _end(child)
+            end(child)
 
     servers = [threading.Thread(target=serve, daemon=True) for _ in range(count)]
     for server in servers:
@@ -148,7 +142,19 @@ def on_cluster(
             client.cancel(list(futures))
 
 
-def _ask(
+def start(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
+    """Start a process that answers with what "module:name" makes of the tasks that it is sent."""
+    paths = os.pathsep.join(path for path in sys.path if path)
+    return subprocess.Popen(
+        [sys.executable, "-m", "spacemap_vtk.workers", function],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**environment, "PYTHONPATH": paths, EXPENDABLE: "1"},
+        **more,
+    )
+
+
+def ask(
     child: subprocess.Popen[bytes], task: Any
 ) -> tuple[Any | Exception, subprocess.Popen[bytes] | None]:
     """Return what a process makes of a task, and the process if it lives."""
@@ -159,13 +165,13 @@ def _ask(
         child.stdin.flush()
         return pickle.load(child.stdout), child
     except (EOFError, OSError, pickle.UnpicklingError):
-        _end(child)
+        end(child)
         code = child.returncode
         why = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
         return EndedError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
 
 
-def _end(child: subprocess.Popen[bytes]) -> None:
+def end(child: subprocess.Popen[bytes]) -> None:
     """Let a process go: it ends when nobody asks it any more."""
     for stream in (child.stdin, child.stdout):
         assert stream is not None

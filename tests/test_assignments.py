@@ -52,6 +52,10 @@ def test_values_stand_between_commas(said: str, values: list[Any]) -> None:
         ("weave.ends=linspace(3,6,3)", "weave.ends = 4.5: not a whole number"),
         ("weave.warp_spacing=linspace(0.4 kg,1,3)", 'unit "kg" is not known'),
         ("modal.youngs_modulus=geomspace(0,1,3)", "no values between two ends"),
+        ("weave.ends=linspace(3,6," + "9" * 5000 + ")", "no values between two ends"),
+        ("weave.ends=" + "9" * 5000, "not a finite number"),
+        ("weave.ends=" + "[" * 5000, "not a number"),
+        ("weave." + "\x1b[2J\n" * 500 + "=3", "x1b.2J.*: WeaveSource has no parameter"),
         ("weave.pattern=linspace(1,2,3)", "no values between two ends"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import signal
 import subprocess
@@ -255,6 +256,36 @@ def test_a_process_that_is_ended_leaves_no_half_entry(place):
         process.terminate()
         assert process.wait(20) in (143, -signal.SIGTERM)
     assert [path.suffix for path in place.glob("*")] in ([], [".npz"])
+
+
+def test_what_another_program_put_there_is_missing(place):
+    """Found by fuzzing: each was an error of numpy's, zlib's or tokenize's, or believed."""
+
+    def packed(compress=False, **arrays):
+        file = io.BytesIO()
+        (np.savez_compressed if compress else np.savez)(file, **arrays)
+        return file.getvalue()
+
+    good = packed(a=np.zeros((2, 3)))
+    alone = io.BytesIO()
+    np.save(alone, np.zeros((2, 3)))
+    deflated = packed(compress=True, a=np.arange(600.0).reshape(-1, 3))
+    wrong = [
+        alone.getvalue(),
+        good.replace(b"(2, 3)", b"(2, 3 "),
+        deflated[:250] + bytes([deflated[250] ^ 255]) + deflated[251:],
+        packed(a=np.zeros((2, 2))),
+        packed(a=np.array([["x"] * 3] * 2)),
+        packed(b=np.zeros((2, 3))),
+        packed(compress=True, a=np.zeros((2, 3)), more=np.zeros(cache.LARGEST, np.uint8)),
+    ]
+    cache.store("entry", a=np.zeros((2, 3)))
+    (file,) = place.iterdir()
+    assert cache.load("entry", a=(-1, 3)) is not None
+    for content in wrong:
+        file.write_bytes(content)
+        assert cache.load("entry", a=(-1, 3)) is None
+        assert not file.exists()
 
 
 def test_cancelling_works_on_a_cached_solution(place):

@@ -297,7 +297,7 @@ def test_an_orthotropic_cage_that_keeps_its_volume_warns():
     assert made.warnings == ()
 
 
-@pytest.mark.parametrize("density", [1e-300, 1e300])
+@pytest.mark.parametrize("density", [1e-35, 1e35])
 def test_what_floats_cannot_hold_is_refused(density):
     with pytest.raises(InputError, match=r"modal\.density = .*1e-30 to 1e\+30 kg/m³"):
         solver(density=density).update()

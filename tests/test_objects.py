@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,8 @@ from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.io.draft_file import read_draft
+from spacemap_vtk.io.texture_atlas import read_picture
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.scene import Scene
 
@@ -303,6 +307,44 @@ def test_bad_files_are_refused_in_words(tmp_path: Path) -> None:
     refused(tmp_path, b"x", ".unknown")
     with pytest.raises(InputError, match="no file is named"):
         ObjectSource().update()
+
+
+REFUSED = r"a\.png.*(no picture|too large|memory)"
+
+
+@pytest.mark.parametrize(
+    ("place", "put"),
+    [(0, b"no picture"), (16, b"\0\0\xff\xff"), (33, b"\xff\0\0\0"), (43, b"\xff" * 8)],
+    ids=["name", "size", "length", "data"],
+)
+def test_a_damaged_picture_is_refused(tmp_path: Path, place: int, put: bytes) -> None:
+    """Found by fuzzing: lengths and sizes that a picture only claims were taken for memory."""
+    Image.fromarray(np.eye(40, dtype=bool)).save(tmp_path / "whole.png")
+    content = bytearray((tmp_path / "whole.png").read_bytes())
+    content[place : place + len(put)] = put
+    file = tmp_path / "a.png"
+    file.write_bytes(content)
+    tracemalloc.start()
+    for read in (read_draft, read_picture):
+        # Of a single chunk Pillow needs no length: but it would ask for 4 GiB to read that.
+        whole = nullcontext() if place == 33 else pytest.raises(InputError, match=REFUSED)
+        with whole:
+            read(file)
+    assert tracemalloc.get_traced_memory()[1] < 2**27
+    tracemalloc.stop()
+
+
+def test_a_library_in_c_prints_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Found by fuzzing: libtiff wrote on standard error."""
+    Image.fromarray(np.eye(8, dtype=bool)).save(
+        tmp_path / "a.tif", compression="tiff_adobe_deflate"
+    )
+    content = (tmp_path / "a.tif").read_bytes()
+    at = content.index(b"x\x9c")
+    (tmp_path / "a.tif").write_bytes(content[:at] + b"zz" + content[at + 2 :])
+    with pytest.raises(InputError, match="no picture, or a damaged one"):
+        read_draft(tmp_path / "a.tif")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_points_that_are_not_finite_are_refused(tmp_path: Path) -> None:

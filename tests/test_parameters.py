@@ -79,6 +79,10 @@ def test_a_setter_that_changes_nothing_calls_no_hook() -> None:
         ("length", 1.5, "at most 1 m"),
         ("length", math.nan, "not a finite number"),
         ("length", "inf", "not a finite number"),
+        ("length", 10**400, "not a finite number"),
+        ("length", "1e-40 mm", "nearer to 0 than 1e-36"),
+        ("push", (0, 0, 1e37), "nothing is computed beyond 1e+36"),
+        ("length", "9" * 5000 + "\n" * 5000 + "x", "not known here"),  # in no time
         ("length", "2 furlongs", 'unit "furlongs" is not known'),
         ("length", "2 kg", 'unit "kg" is not known'),
         ("length", "long", "not a number"),

@@ -128,10 +128,18 @@ def kept(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDA
         digest.update(hashlib.sha256(text).digest())
     key = f"tetwild-{digest.hexdigest()[:40]}"
     entry = cache.load(key)
-    if entry is None or not entry.keys() >= {"vertices", "tetrahedra"}:
+    if entry is None or not _is_mesh(entry):
         entry = make()
         cache.store(key, **entry)
     return entry
+
+
+def _is_mesh(entry: dict[str, NDArray[Any]]) -> bool:
+    points, cells = (entry.get(name, np.empty(0)) for name in ("vertices", "tetrahedra"))
+    if (points.dtype, cells.dtype) != (np.float64, np.int64) or not cells.size:
+        return False
+    known = points.shape[1:] == (3,) and cells.shape[1:] == (4,) and np.isfinite(points).all()
+    return bool(known and cells.min() >= 0 and cells.max() < len(points))
 
 
 _CURE = 'Close its holes, or give the cage an envelope: inflate = "1 mm", or method = "carved"'

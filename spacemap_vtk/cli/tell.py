@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import textwrap
 import tomllib
 from dataclasses import asdict
@@ -86,7 +87,7 @@ def _told_origin(file: Path, json_: bool) -> bool:
     """Print where a file comes from, if it says so; return whether that is all there is to say."""
     opens = registry.kind_of(file) is not None
     try:
-        record = provenance.record_in(file) if file.is_file() else None
+        record = provenance.record_in(file) if os.path.isfile(file) else None
     except MissingLibraryError:  # which only the record is read by
         if not opens:
             raise

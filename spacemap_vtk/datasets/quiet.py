@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,24 @@ _HARMLESS = "InformationKey"
 
 
 @contextmanager
+def quiet_stderr() -> Iterator[None]:
+    """Let what libraries in C print of a damaged file go nowhere: it is told in words."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # a window without a console
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+@contextmanager
 def quiet_vtk(path: Path) -> Iterator[None]:
     """Turn what VTK prints as an error while a file is read into an exception."""
     window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
@@ -23,13 +42,17 @@ def quiet_vtk(path: Path) -> Iterator[None]:
     vtkOutputWindow.SetInstance(window)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
     try:
-        yield
+        with quiet_stderr():
+            yield
     finally:
         vtkOutputWindow.SetInstance(usual)
         vtkLogger.SetStderrVerbosity(verbosity)
+    output = window.GetOutput()
+    if isinstance(output, bytes):  # it quotes what is no UTF-8
+        output = output.decode("utf-8", "replace")
     errors = [
         " ".join(text.split("):")[-1].split())
-        for text in re.split(r"(?=ERROR: In |Warning: In )", window.GetOutput())
+        for text in re.split(r"(?=ERROR: In |Warning: In )", output)
         if text.startswith("ERROR") and _HARMLESS not in text
     ]
     # The first reader knows why; those above it only that it failed, at length.

@@ -172,18 +172,12 @@ def static_displacements(
     result, rounding = np.empty(forces.shape), np.empty(len(keys))
     missing = []
     for column, key in enumerate(keys):
-        entry = cache.load(key) or {}
-        kept, share = entry.get("displacement"), entry.get("rounding")
-        if (
-            kept is None
-            or share is None
-            or kept.shape != (len(forces),)
-            or share.shape != (1,)
-            or not kept.dtype == share.dtype == np.float64
-        ):
+        entry = cache.load(key, displacement=(len(forces),), rounding=(1,))
+        if entry is None or not np.isfinite(entry["displacement"]).all():
             missing.append(column)
         else:
-            result[:, column], rounding[column] = kept / model.modulus, share[0]
+            result[:, column] = entry["displacement"] / model.modulus
+            rounding[column] = entry["rounding"][0]
     if missing:
         result[:, missing], rounding[missing] = model.statics(forces[:, missing])
         for column in missing:

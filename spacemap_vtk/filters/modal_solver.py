@@ -54,8 +54,8 @@ _QUICK, _PAUSE = 0.05, 1.0
 #: Eigenvalues are warned of where rounding is more than this share of them.
 ROUNDING = 1e-4
 
-#: Names of the arrays that are kept on disk.
-_STORED = ("eigenvalues", "shapes", "rounding")
+#: The arrays that are kept on disk, and their shapes.
+_STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 
 FloatArray = NDArray[np.float64]
 
@@ -278,15 +278,10 @@ class ModalSolver(FittedCage):
         digest = digest_of(model.digest, load / model.modulus)
 
         def solve() -> list[FloatArray]:
-            entry = cache.load(f"hung-{digest}") or {}
-            kept, share = entry.get("displacement"), entry.get("critical")
-            if (
-                kept is not None
-                and share is not None
-                and (kept.shape, share.shape) == (model.points.shape, (1,))
-                and np.isfinite(kept).all()
-            ):
-                return [kept, share]
+            shapes = {"displacement": model.points.shape, "critical": (1,)}
+            entry = cache.load(f"hung-{digest}", **shapes)
+            if entry is not None and np.isfinite(entry["displacement"]).all():
+                return list(entry.values())
             require(
                 model.estimate_bytes(layers),
                 f"the equilibrium of {model.pencil.size} degrees of freedom",
@@ -447,17 +442,9 @@ def _rounded(times: float) -> str:
 
 def _read(digest: str, count: int, vertices: int) -> Solution | None:
     """Return modes from disk; None if there are none, too few, or not what they should be."""
-    entry = cache.load(f"modes-{digest}") or {}
-    values, shapes, rounding = (entry.get(name) for name in _STORED)
-    if (
-        values is None
-        or shapes is None
-        or rounding is None
-        or values.ndim != 1
-        or len(values) < count
-        or shapes.shape != (len(values), vertices, 3)
-        or rounding.shape != values.shape
-        or not all(a.dtype == np.float64 and np.isfinite(a).all() for a in entry.values())
-    ):
+    entry = cache.load(f"modes-{digest}", **_STORED)
+    if entry is None or not all(np.isfinite(array).all() for array in entry.values()):
         return None
-    return values, shapes, rounding
+    values, shapes, rounding = entry.values()
+    fits = shapes.shape[:2] == (len(values), vertices) and rounding.shape == values.shape
+    return (values, shapes, rounding) if fits and len(values) >= count else None

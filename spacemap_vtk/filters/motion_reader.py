@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from bisect import bisect_right
 from typing import Any, ClassVar
 
@@ -112,7 +113,11 @@ class MotionReader(Stage):
     def _series(self) -> MeshSeries:
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=kinds())
-        state = (self.file, self.file.stat().st_mtime_ns) if self.file.is_file() else (self.file, 0)
+        state = (
+            (self.file, self.file.stat().st_mtime_ns)
+            if os.path.isfile(self.file)
+            else (self.file, 0)
+        )
         if self._opened is None or self._opened[0] != state:
             self._first = None
             with naming("file"):

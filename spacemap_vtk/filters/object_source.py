@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -100,7 +101,7 @@ class ObjectSource(Stage):
         """
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
-        if not self.file.is_file():
+        if not os.path.isfile(self.file):
             self._kept = None
             with naming("file"):
                 read_blocks(self.file)  # says what is wrong
@@ -122,7 +123,9 @@ class ObjectSource(Stage):
         return self._kept[1].picture if self._kept else None
 
     def _state(self) -> _State:
-        files = [file for file in (self.file, self.texture) if file is not None and file.is_file()]
+        files = [
+            file for file in (self.file, self.texture) if file is not None and os.path.isfile(file)
+        ]
         states = [(file, file.stat()) for file in files]
         return tuple((file, state.st_mtime_ns, state.st_size) for file, state in states)
 

@@ -245,8 +245,9 @@ class TransientResponse(LoadedCage):
                 fittings,
             )
         key = f"hung-{digest_of(model.digest, load / model.modulus)}"
-        found = (cache.load(key) or {}).get("displacement")
-        if found is None or found.shape != model.points.shape or not np.isfinite(found).all():
+        entry = cache.load(key, displacement=model.points.shape)
+        found = None if entry is None else entry["displacement"]
+        if found is None or not np.isfinite(found).all():
             found, _ = model.hung(load, lambda share: self.report(share, "hanging"))
             cache.store(key, displacement=found)
         return found if model.displacement is None else found + model.displacement
@@ -266,10 +267,9 @@ def _read(digest: str) -> list[FloatArray]:
     """Return the states on disk, by entries."""
     found: list[FloatArray] = []
     while not found or len(found[-1]) == _CHUNK:
-        rows = (cache.load(f"steps-{digest}-{len(found)}") or {}).get("rows")
-        if rows is None or rows.ndim != 2 or rows.dtype != np.float64 or len(rows) == 0:
+        shape = (-1, found[0].shape[1] if found else -1)
+        entry = cache.load(f"steps-{digest}-{len(found)}", rows=shape)
+        if entry is None or not entry["rows"].size or not np.isfinite(entry["rows"]).all():
             break
-        if found and rows.shape[1] != found[0].shape[1]:
-            break
-        found.append(rows)
+        found.append(entry["rows"])
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import fields
 from typing import Any, ClassVar
 
@@ -218,9 +219,9 @@ class WeaveSource(WeaveParameters):
                 value=self.pattern,
                 cure=f"Leave out the pattern, or the draft {self.draft}",
             )
-        if not self.draft.is_file():
+        if not os.path.isfile(self.draft):
             raise InputError(
-                "a folder" if self.draft.is_dir() else "no such file",
+                "a folder" if os.path.isdir(self.draft) else "no such file",
                 key="draft",
                 value=self.draft,
                 allowed=read_words("draft"),
@@ -232,7 +233,7 @@ class WeaveSource(WeaveParameters):
     @property
     def _stamp(self) -> tuple[Any, ...]:
         """The draft's file, when it was written, and whether it is trimmed."""
-        there = self.draft is not None and self.draft.is_file()
+        there = self.draft is not None and os.path.isfile(self.draft)
         return self.draft, self.draft.stat().st_mtime_ns if there else 0, self.trim
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-import zlib
 from dataclasses import replace
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from spacemap_vtk.fabric.drawdown import rows
 from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.draft_bytes import LOOSE, check_size, content, loose_notes, unreadable
+from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.io.wif import parse_wif, read_wif
 from spacemap_vtk.io.wif_text import MAX_LENGTH
 
@@ -133,19 +133,12 @@ def _lines(text: str) -> list[tuple[int, str]]:
 def read_picture(path: Path) -> Draft:
     """Read a drawdown from a black-and-white picture, a pixel for each crossing."""
     try:
-        from PIL import Image, UnidentifiedImageError
+        from PIL import Image
     except ImportError:
         raise MissingLibraryError(
             f"{path}: pictures need Pillow, which is not installed", cure='Try "pip install pillow"'
         ) from None
-    try:
-        with Image.open(path) as picture:
-            check_size(*picture.size)
-            seen = picture.convert("RGBA")
-    except UnidentifiedImageError:
-        raise InputError("not a picture", cure="Save it as PNG") from None
-    except OSError as error:
-        raise unreadable(error) from None
+    seen = decoded(content(path), check_size).convert("RGBA")
     white = Image.new("RGBA", seen.size, "white")
     gray = np.asarray(Image.alpha_composite(white, seen).convert("L"))
     between = np.count_nonzero((gray > 16) & (gray < 239))
@@ -170,12 +163,14 @@ def read_zipped(path: Path) -> Draft:
             name = next(name for name in archive.namelist() if name.lower() == _INSIDE)
             with archive.open(name) as stream:
                 return parse_wif(stream.read(MAX_LENGTH + 1))
-    except (BadZipFile, StopIteration, NotImplementedError, RuntimeError, zlib.error) as error:
+    except InputError:
+        raise
+    except OSError as error:
+        raise unreadable(error) from None
+    except Exception as error:  # what zipfile and its decoders raise, they do not list
         raise InputError(
             f"there is no {_INSIDE} in it", allowed="a .twa of TempoWeave", cure="Export it as WIF"
         ) from error
-    except OSError as error:
-        raise unreadable(error) from None
 
 
 def format_rows(draft: Draft) -> bytes:

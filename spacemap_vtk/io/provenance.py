@@ -117,7 +117,7 @@ def record_in(path: Path) -> Record | None:
     except (SpacemapError, PermissionError):
         raise
     # What is not as ours: of another's file. A SyntaxError is Pillow's.
-    except (OSError, ValueError, KeyError, TypeError, SyntaxError):
+    except (OSError, ValueError, LookupError, TypeError, SyntaxError, RecursionError):
         return None
     return None if text is None else _parsed(text, path)
 
@@ -133,7 +133,14 @@ def _parsed(text: str, path: Path) -> Record:
         version, scene, file = words
         times = tuple(float(time) for time in given["times"])
         return Record(version, dict(given["order"]), scene, file, times, inputs)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (
+        ArithmeticError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         raise InputError(
             f"{path}: the record of how it was made is damaged: {error}"[:300], key="file"
         ) from None

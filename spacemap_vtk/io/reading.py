@@ -25,6 +25,7 @@ from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
+from spacemap_vtk.io.trial import tried
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
@@ -86,6 +87,7 @@ def read_with_vtk(path: Path, module: str, name: str) -> Any:
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
     """Return a reader of VTK's that has read a file."""
+    tried(path, f"{__name__}:read_with_vtk", module, name)
     # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
     # harmless message.
     with quiet_vtk(path):
@@ -150,8 +152,13 @@ def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
     else:
         return
     count = block.GetNumberOfPoints()
-    for part in parts:
+    for part in (part for part in parts if part is not None):
         numbers = vtk_to_numpy(part.GetConnectivityArray())
+        offsets = vtk_to_numpy(part.GetOffsetsArray())
+        if len(offsets) and (
+            offsets[-1] != len(numbers) or (np.diff(offsets, prepend=0) < 0).any()
+        ):
+            raise GeometryError(f"{path}: its cells do not have the corners that it says")
         if len(numbers) and (numbers.min() < 0 or numbers.max() >= count):
             wrong = numbers.min() if numbers.min() < 0 else numbers.max()
             raise GeometryError(

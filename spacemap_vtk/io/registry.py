@@ -15,6 +15,7 @@ Where such a function would only import and call another, `of` stands for it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -315,8 +316,8 @@ def name_filter(label: str, endings: Iterable[str]) -> str:
 
 def existing(path: Path, allowed: str | None = None) -> Path:
     """Refuse a file that is not there, or has nothing in it."""
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "no such file"
+    if not os.path.isfile(path):
+        what = "a folder" if os.path.isdir(path) else "no such file"
         raise InputError(f"{path}: {what}", key="file", allowed=allowed)
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty", key="file")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -17,6 +19,7 @@ from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import merged, read_blocks
+from spacemap_vtk.io.trial import tried
 
 
 class MeshSeries(ABC):
@@ -49,7 +52,7 @@ class FileSeries(MeshSeries):
         super().__init__(file, [time for time, _ in steps])
         self._paths = [paths for _, paths in steps]
         for path in (path for paths in self._paths for path in paths):
-            if not path.is_file():
+            if not os.path.isfile(path):  # not so for a name that no file can have
                 raise InputError(f"{file} names {path}, which is not there", key="file")
             self.files.append(path)
 
@@ -67,6 +70,7 @@ class ReaderSeries(MeshSeries):
     """One file with all steps, and VTK's reader for it."""
 
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
+        tried(file, f"{__name__}:open_series")
         self._reader = reader
         with quiet_vtk(file):
             reader.SetFileName(str(file))
@@ -81,6 +85,7 @@ class ReaderSeries(MeshSeries):
         super().__init__(file, list(info.Get(key)) if info.Has(key) else [0.0])
 
     def read(self, step: int) -> vtkPointSet:
+        tried(self.file, f"{__name__}:read_step", step)
         with quiet_vtk(self.file):
             self._reader.UpdateTimeStep(self.times[step])
         made = self._reader.GetOutputDataObject(0)
@@ -104,8 +109,21 @@ def open_series(file: Path) -> MeshSeries:
     return FileSeries(file, [(0.0, [file])]) if reader is None else reader.read(file)
 
 
+def read_step(file: Path, step: int) -> vtkPointSet:
+    """Return the mesh of a step of a time series."""
+    return open_series(file).read(step)
+
+
+def named_like(file: Path) -> list[Path]:
+    """Return the files of a folder that are named by a pattern."""
+    try:  # not by glob, whose ** goes through all folders below
+        return [file.parent / name for name in fnmatch.filter(os.listdir(file.parent), file.name)]
+    except (OSError, ValueError):  # of a name with a null character
+        return []
+
+
 def _pattern(file: Path) -> MeshSeries:
-    paths = sorted(file.parent.glob(file.name), key=lambda p: _numbers(p.name))
+    paths = sorted(named_like(file), key=lambda p: _numbers(p.name))
     if not paths:
         raise InputError(f"{file}: no file is named like that", key="file")
     steps = []

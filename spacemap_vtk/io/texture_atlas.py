@@ -7,8 +7,10 @@ coordinates are changed to suit.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +23,8 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from spacemap_vtk.datasets.arrays import add_array, to_array
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.formats.pictures import decoded
+from spacemap_vtk.memory import require
 
 Pixels = NDArray[np.uint8]  # (height, width, 3 or 4), the lowest row first
 
@@ -65,23 +69,24 @@ class Painted(NamedTuple):
 
 def read_picture(path: Path) -> Pixels:
     """Read a picture file."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"{path}: no such file", key="texture")
-    try:
-        from PIL import Image
-    except ImportError:  # ParaView's own Python
+    if find_spec("PIL") is None:  # ParaView's own Python
         return _read_with_vtk(path)
     try:
-        with Image.open(path) as image:
-            kind = "RGBA" if "A" in image.getbands() or "transparency" in image.info else "RGB"
-            return np.asarray(image.convert(kind))[::-1]
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(
-            f"{path}: no picture, or a damaged one",
-            key="texture",
-            allowed="a .png, .jpg, .bmp, .tif or other picture",
-            cure="Save it again.",
-        ) from error
+        image = decoded(path.read_bytes(), _check_size)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}", key="texture") from None
+    except InputError as error:
+        error.key, error.message = "texture", f"{path}: {error.message}"
+        raise
+    kind = "RGBA" if "A" in image.getbands() or "transparency" in image.info else "RGB"
+    return np.asarray(image.convert(kind))[::-1]
+
+
+def _check_size(width: int, height: int) -> None:
+    # Twice four bytes: as it is decoded, and as it is kept.
+    require(8 * width * height, f"a picture of {width} x {height} pixels", cure="Make it smaller.")
 
 
 def _read_with_vtk(path: Path) -> Pixels:

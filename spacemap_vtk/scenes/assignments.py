@@ -133,7 +133,7 @@ def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
         value=word,
         allowed=f"{match[1]}(first, last, count) of a number, with a count from 2 to {_MOST}",
     )
-    if not isinstance(number, Real) or len(ends) != 3 or not ends[2].isdecimal():
+    if not isinstance(number, Real) or len(ends) != 3 or not re.fullmatch(r"\d{1,9}", ends[2]):
         raise refused
     count = int(ends[2])
     first, last = (Real(None, "", unit=number.unit).check(value_of(end)) for end in ends[:2])

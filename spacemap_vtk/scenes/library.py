@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -42,16 +43,16 @@ def kinds() -> dict[str, list[str]]:
 def find(scene: str | Path) -> Path:
     """Return the file that a user's word stands for."""
     path = Path(scene)
-    if path.is_file():
+    if os.path.isfile(path):
         return path
     named = folder() / f"{scene}.toml"
-    if str(scene) == path.name and named.is_file():
+    if str(scene) == path.name and os.path.isfile(named):
         return named
     # Only for its message: numpy comes along.
     from spacemap_vtk.parameters import suggestion
 
     raise InputError(
-        f"{path}: {'a folder' if path.is_dir() else 'no such file'}",
+        f"{path}: {'a folder' if os.path.isdir(path) else 'no such file'}",
         allowed=f"{registry.opened_words()}, or one of {', '.join(names())}",
         cure=suggestion(str(scene), names()),
     )

@@ -15,7 +15,7 @@ from spacemap_vtk.io import provenance
 from spacemap_vtk.io.formats.toml import format_scene, parsed
 from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
-from spacemap_vtk.io.series import open_series
+from spacemap_vtk.io.series import named_like, open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.chain import sections
@@ -71,7 +71,7 @@ def _is_below(place: str, folder: Path) -> bool:
 def _several(path: Path) -> list[Path]:
     """Return the files that a pattern stands for."""
     many = any(sign in path.name for sign in "*?[")
-    return list(path.parent.glob(path.name)) if many else [path]
+    return named_like(path) if many else [path]
 
 
 def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
@@ -92,8 +92,8 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
     inputs = [folder / name for name in record.inputs]
     allowed = {_plain(path) for path in inputs}
     for path in paths_in(placed(values, sections(), folder)):
-        beside = (other for each in _several(path) for _, other in named(each) if other.is_file())
-        for other in [*_several(path), *beside]:
+        beside = (other for each in _several(path) for _, other in named(each))
+        for other in [*_several(path), *filter(os.path.isfile, beside)]:
             if _plain(other) not in allowed:
                 raise InputError(
                     f"the scene in its record names {other}, which is not among the files that it "
@@ -107,7 +107,7 @@ def _fault(record: Record, folder: Path) -> str | None:
     """Return what is wrong with a record's inputs in a folder; None if they are as they were."""
     for name, was in record.inputs.items():
         path = folder / name
-        if not path.is_file():
+        if not os.path.isfile(path):
             return f"{path}, which was read for it, is not there"
         if _digest(path, path.stat().st_mtime_ns) != was:
             return f"{path}, which was read for it, has changed since"
@@ -127,7 +127,7 @@ def _files(value: Any, motion: bool) -> Iterator[Path]:
         except SpacemapError:
             continue  # whoever needs it says so
         found += [other for each in found for _, other in named(each)]
-        yield from (each for each in found if each.is_file())
+        yield from filter(os.path.isfile, found)
 
 
 def _said(part: Parameterised, folder: Path, of_object: bool = False) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,7 +69,7 @@ class Run:
         told = [__version__, self.whole, self.times]
         found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
         for path in sorted(set(paths_in(self.whole))):
-            if path.is_file():
+            if os.path.isfile(path):
                 found.update(path.read_bytes())
         return found.hexdigest()[:32]
 

@@ -29,9 +29,6 @@ BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Black": ("#000000", "#000000"),
 }
 
-#: A vector that is no longer points nowhere, as far as rounding leaves it a length.
-_SHORTEST = 1e-100
-
 #: Where the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
 
@@ -42,7 +39,7 @@ class Direction(Vector):
     def convert(self, value: Any) -> tuple[Any, ...]:
         """Return three numbers."""
         found = super().convert(value)
-        if not sum(c * c for c in found) > _SHORTEST**2:
+        if not any(found):
             raise InputError("no direction: its length is zero")
         return found
 

@@ -59,14 +59,14 @@ def is_cut_off(path: Path) -> bool:
         if magic[:3] != b"CDF" or magic[3:] not in (b"\x01", b"\x02", b"\x05"):
             return False
         try:
-            return _Header(file, magic[3]).end() > size
-        except EOFError:
+            return _Header(file, magic[3], size).end() > size
+        except (EOFError, IndexError):  # an axis that is not there
             return True
 
 
 class _Header:
-    def __init__(self, file: BinaryIO, version: int) -> None:
-        self.file = file
+    def __init__(self, file: BinaryIO, version: int, size: int) -> None:
+        self.file, self.size = file, size
         self.count_bytes = 8 if version == 5 else 4
         self.offset_bytes = 4 if version == 1 else 8
 
@@ -80,9 +80,10 @@ class _Header:
         return self.number(self.count_bytes)
 
     def skip(self, size: int) -> None:
-        padded = -(-size // 4) * 4
-        if len(self.file.read(padded)) < padded:
+        end = self.file.tell() + -(-size // 4) * 4
+        if end > self.size:
             raise EOFError
+        self.file.seek(end)
 
     def attributes(self) -> None:
         self.number()

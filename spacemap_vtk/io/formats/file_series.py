@@ -88,5 +88,5 @@ def _entries(file: Path) -> list[tuple[float, str]]:
     try:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]
         return [(float(entry["time"]), str(entry["name"])) for entry in entries]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (ArithmeticError, ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(f"{file}: no file series: {error}", key="file") from None

@@ -158,5 +158,6 @@ def told_in_glb(path: Path) -> str | None:
 
     with path.open("rb") as stream:
         head = stream.read(20)
-        text = stream.read(int.from_bytes(head[12:16], "little")) if head[:4] == b"glTF" else b"{}"
+        length = min(int.from_bytes(head[12:16], "little"), path.stat().st_size)
+        text = stream.read(length) if head[:4] == b"glTF" else b"{}"
     return json.dumps(json.loads(text)["asset"]["extras"][NAME])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,17 +43,21 @@ def _names(path: Path) -> list[str]:
     return [unquote(str(part["uri"])) for part in _named(path)]
 
 
+def _number(said: Any) -> float:
+    return said if isinstance(said, int) else math.inf
+
+
 def _check(path: Path) -> None:
     """Refuse a file that is not whole, or whose parts beside it are not."""
     for part, name in zip(_named(path), _names(path), strict=True):
         file = path.parent / name
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise InputError(f"{path} names {part['uri']}, which is not there", key="file")
         if "byteLength" not in part:
             from spacemap_vtk.io.texture_atlas import read_picture
 
             read_picture(file)
-        elif file.stat().st_size < part["byteLength"]:
+        elif file.stat().st_size < _number(part["byteLength"]):
             raise truncated(file)
 
 

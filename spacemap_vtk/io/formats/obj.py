@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,7 +101,7 @@ def _picture(words: list[str]) -> str:
 def _library(path: Path, paint: Paint) -> dict[str, Material]:
     from spacemap_vtk.io.texture_atlas import Material, read_picture
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         paint.notes.append(f"{path}, which has the materials, is not there: drawn without")
         return {}
     found: dict[str, Material] = {}

@@ -51,6 +51,7 @@ def read_with_pyvista(path: Path) -> Any:
     import io
 
     from spacemap_vtk.datasets.quiet import quiet_vtk
+    from spacemap_vtk.io.trial import tried
 
     try:
         import pyvista as pv
@@ -58,6 +59,7 @@ def read_with_pyvista(path: Path) -> Any:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
+    tried(path, f"{__name__}:read_with_pyvista")
     said = io.StringIO()
     try:
         # meshio prints, and ends the program where it cannot read

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
+    from PIL.Image import Image as PillowImage
 
 #: Of zlib. Of a picture of yarns, 6 makes files a tenth smaller, in more than twice the time.
 _COMPRESSION = 3
@@ -84,12 +86,40 @@ def add_record(png: bytes) -> list[bytes]:
     return [png[:33], *_text_chunk(), png[33:]]
 
 
+def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
+    """Return a picture's pixels, once its width and height have been checked."""
+    import warnings
+    from io import BytesIO
+
+    from PIL import Image
+
+    from spacemap_vtk.datasets.quiet import quiet_stderr
+
+    # From memory, which gives no more than it has: Pillow believes a length that a file says.
+    try:
+        with warnings.catch_warnings(), quiet_stderr(), Image.open(BytesIO(content)) as picture:
+            warnings.simplefilter("ignore")  # of what a camera has added
+            check(*picture.size)
+            picture.load()
+            return picture
+    except InputError:
+        raise
+    except Exception:  # what its decoders raise of damaged files, they do not list
+        raise InputError(
+            "no picture, or a damaged one",
+            allowed="a .png, .jpg, .bmp, .tif or other picture",
+            cure="Save it again, as PNG.",
+        ) from None
+
+
 @tells(".png", ".jpg", ".jpeg")
 def told_in_picture(path: Path) -> str | None:
     """Find the record among a picture's texts."""
+    from io import BytesIO
+
     from PIL import Image
 
-    with Image.open(path) as image:  # of its pixels nothing is read
+    with Image.open(BytesIO(path.read_bytes())) as image:  # of its pixels nothing is read
         if path.suffix.lower() == ".png":
             return getattr(image, "text", {}).get(NAME)
         begin = f"{NAME}\0".encode()

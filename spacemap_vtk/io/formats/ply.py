@@ -6,6 +6,7 @@ file in memory.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,11 +45,24 @@ def _check(path: Path) -> None:
         )
     # how many of each, and the types of its properties: of a list two
     elements: list[tuple[int, list[list[str]]]] = []
+    named: list[tuple[str, ...]] = []
     for words in lines:
-        if words[:1] == ["element"] and words[-1].isdigit():
-            elements.append((int(words[-1]), []))
+        if words[:1] == ["element"]:
+            known = len(words) == 3 and re.fullmatch("[0-9]{1,18}", words[2])
+            elements.append((int(words[2]) if known else -1, []))
+            named.append(tuple(words[1:2]))
         elif words[:1] == ["property"] and elements:
-            elements[-1][1].append(words[2:4] if words[1] == "list" else words[1:2])
+            elements[-1][1].append(words[2:-1] if words[1:2] == ["list"] else words[1:-1])
+            named.append((*named[-1][:1], *words[-1:]))
+    for count, properties in elements:
+        kinds = [len(each) in (1, 2) and _TYPES.keys() >= set(each) for each in properties]
+        if count < 0 or not kinds or not all(kinds) or len(set(named)) < len(named):
+            raise InputError(
+                f"{path}: no PLY file: its header has an element without its number or properties, "
+                "or one twice",
+                key="file",
+                cure="Write the file again, whole.",
+            )
     if ["format", "ascii", "1.0"] in lines:
         short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
             count for count, _ in elements
@@ -66,7 +80,7 @@ def _ply_end(body: bytes, elements: list[tuple[int, list[list[str]]]], order: st
 
     at = 0
     for count, properties in elements:
-        types = [[np.dtype(order + _TYPES.get(t, "u1")) for t in kinds] for kinds in properties]
+        types = [[np.dtype(order + _TYPES[t]) for t in kinds] for kinds in properties]
         left = count
         while left:
             size, counts = _ply_row(body, at, types)
@@ -98,8 +112,11 @@ def _ply_row(
             text = body[at + size : at + size + width]
             if len(text) < width:
                 return len(body) + 1, []
+            length = np.frombuffer(text, kinds[0])[0]
+            if not 0 <= length <= len(body):  # not so for NaN
+                return len(body) + 1, []
             counts.append((size, width))
-            size += width + int(np.frombuffer(text, kinds[0])[0]) * kinds[1].itemsize
+            size += width + int(length) * kinds[1].itemsize
         else:
             size += kinds[0].itemsize
     return size, counts

@@ -50,7 +50,7 @@ def _columns(path: Path, count: int, allowed: str) -> tuple[tuple[float, ...], .
         if whole:
             rows.append(row)
         elif not heading or line[0] in "+-.0123456789":
-            raise InputError(f'line {number} of {path}: "{line}"', key="file", allowed=allowed)
+            raise InputError(f'line {number} of {path}: "{line[:80]}"', key="file", allowed=allowed)
         heading = False
     if not rows:
         raise InputError(f"{path} has no numbers", key="file", allowed=allowed)

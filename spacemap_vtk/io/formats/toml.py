@@ -26,6 +26,10 @@ def parsed(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("brackets in brackets, too deep") from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # Python's advice is for programs
+        raise ValueError("a number of thousands of digits") from None
 
 
 @reads(".toml", label="Space mapping scene", holds="scene", rest=True)

@@ -1,0 +1,100 @@
+"""Files are read first by a process that may die.
+
+VTK's readers believe what a file says: of a damaged one they run into wild memory, take all that
+there is, or never end. What has killed one process is refused in this one, and what it has read is
+noted in the cache (`spacemap_vtk.cache`), so that an unchanged file is tried once.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from spacemap_vtk import cache, workers
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.memory import available
+
+#: Seconds of the processor's time that a file may take, and more for each byte of it.
+_SECONDS, _EACH = 10, 1e-6
+
+_lock = threading.Lock()
+_children: list[subprocess.Popen[bytes]] = []
+_sound: set[str] = set()
+
+
+def tried(path: Path, function: str, *more: Any) -> None:
+    """Let another process call "module:name" with a path and more; refuse what ends that."""
+    # ParaView has its readers' faults anyway, and no interpreter to start.
+    if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
+        return
+    try:
+        state = path.stat()
+    except OSError:
+        return  # whoever reads it says so
+    told = str(path.absolute()), state.st_size, state.st_mtime_ns, function, more
+    key = f"sound-{hashlib.sha256(repr(told).encode()).hexdigest()[:40]}"
+    if key in _sound or cache.load(key) is not None:
+        return
+    allowed = int(_SECONDS + _EACH * state.st_size), available()
+    with _lock:
+        answer = _asked((function, path, *more), *allowed)
+    if isinstance(answer, workers.EndedError):
+        raise InputError(
+            f"{path}: damaged, or too large: what reads it ends by {answer.message.split()[-1]}",
+            key="file",
+            cure="Write the file again, whole.",
+        )
+    if isinstance(answer, InputError):
+        raise answer
+    if answer is None:
+        _sound.add(key)
+        cache.store(key)
+
+
+def _asked(task: Any, *limits: int | None) -> Any:
+    if not _children:
+        quiet = subprocess.DEVNULL  # what libraries print of damaged files
+        # The GNU C library fills memory with that: what is wild kills, and is not 0 by chance.
+        environment = {**os.environ, "MALLOC_PERTURB_": "85"}
+        try:
+            _children.append(workers.start(f"{__name__}:attempt", environment, stderr=quiet))
+        except OSError:
+            return None
+    try:
+        answer, left = workers.ask(_children[0], (task, limits))
+    except BaseException:  # Ctrl-C: its answer to this would be taken for one to the next
+        _children.pop().kill()
+        raise
+    if left is None:
+        _children.clear()
+    return answer
+
+
+@atexit.register
+def _leave() -> None:
+    for child in _children:
+        workers.end(child)
+
+
+def attempt(task: tuple[Any, tuple[int, int | None]]) -> None:
+    """Read a file, within limits of time and memory."""
+    (function, *arguments), (seconds, free) = task
+    with suppress(ImportError, ValueError, OSError):
+        import resource  # not on Windows
+
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        spent = int(used.ru_utime + used.ru_stime)
+        most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+        resource.setrlimit(resource.RLIMIT_CPU, (spent + seconds, most))
+        if free is not None:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            most = resource.getrlimit(resource.RLIMIT_AS)[1]
+            resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + free, most))
+    workers.named(function)(*arguments)

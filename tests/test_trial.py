@@ -1,0 +1,79 @@
+"""Files of which VTK's readers die: another process reads first. All were found by fuzzing."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.io import trial
+from spacemap_vtk.io.reading import read_object
+
+VTU = b"""<VTKFile type="UnstructuredGrid"><UnstructuredGrid>
+<Piece NumberOfPoints="99999999999999" NumberOfCells="0"><Points>
+<DataArray type="Float32" NumberOfComponents="3" format="ascii">0 0 0</DataArray>
+</Points></Piece></UnstructuredGrid></VTKFile>"""
+PVTU = b"""<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid GhostLevel="0"><PPoints>
+<PDataArray type="Float32" NumberOfComponents="-3"/></PPoints><Piece Source="a.vtu"/>
+</PUnstructuredGrid></VTKFile>"""
+PLY = b"""ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y
+property float z\nelement face 1\nproperty int vertex_indices\nend_header\n0 0 0\n3 0 0 0\n"""
+VTK = b"# vtk DataFile Version 3.0\na\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n"
+OFFSETS = b"OFFSETS vtktypeint64\n0 99999 2\nCONNECTIVITY vtktypeint64\n0 0\n"
+OBJ = b"v 0 0 0\nf 2/1 3/2 4/3\n"
+
+
+@pytest.mark.parametrize(
+    ("ending", "content"),
+    [
+        (".obj", OBJ),
+        (".vtu", VTU),
+        pytest.param(".ply", PLY, marks=pytest.mark.nightly),
+        pytest.param(".pvtu", PVTU, marks=pytest.mark.nightly),
+        pytest.param(".vtk", VTK + b"POLYGONS 1 2\n99999 0\n", marks=pytest.mark.nightly),
+    ],
+)
+def test_what_kills_a_reader_is_refused(tmp_path: Path, ending: str, content: bytes) -> None:
+    file = tmp_path / f"a{ending}"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"damaged, or too large: .* SIG(SEGV|ABRT|BUS)"):
+        read_object(file)
+
+
+def test_offsets_that_leave_the_corners_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.vtk"
+    file.write_bytes(VTK.replace(b"3.0", b"5.1") + b"POLYGONS 3 2\n" + OFFSETS)
+    with pytest.raises(GeometryError, match="do not have the corners"):
+        read_object(file)
+
+
+def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(trial, "_SECONDS", 1)
+    with pytest.raises(InputError, match="SIGXCPU"):
+        trial.tried(tmp_path, f"{__name__}:busy")
+
+
+def busy(path: Path) -> None:
+    while time.process_time():
+        pass
+
+
+def test_a_file_is_tried_once_and_again_when_it_has_changed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
+    asked = []
+    monkeypatch.setattr(trial, "_asked", lambda task, *limits: asked.append(task))
+    file = tmp_path / "a.obj"
+    file.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    for known in ({"this process"}, {"the cache"}):
+        trial._sound.clear()
+        assert read_object(file).data.GetNumberOfPoints() == 3
+        assert read_object(file).data.GetNumberOfPoints() == 3
+        assert len(asked) == 1, known
+    os.utime(file, (1, 1))
+    read_object(file)
+    assert [task[1] for task in asked] == [file, file]
