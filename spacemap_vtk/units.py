@@ -18,12 +18,18 @@ _GF, _LBF = 1e-3 * GRAVITY, 0.45359237 * GRAVITY
 
 #: For each SI unit that a parameter may have: the units a user may write, and their size in SI.
 UNITS: dict[str, dict[str, float]] = {
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": _INCH, "inch": _INCH},
-    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm2": 1e6, "psi": 6894.757293168361},
+    "m": {
+        **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9, "km": 1e3},
+        **{"in": _INCH, "inch": _INCH},
+    },
+    "Pa": {
+        **{"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "TPa": 1e12},
+        **{"N/mm2": 1e6, "psi": 6894.757293168361},
+    },
     "kg/m": {"kg/m": 1.0, "tex": 1e-6, "dtex": 1e-7, "den": 1e-6 / 9},
     "1/m": {"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
     "1/s": {"1/s": 1.0, "Hz": 1.0},
     "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},
     "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": GRAVITY},
@@ -123,9 +129,9 @@ def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     """Write a rounded value in the unit that gives it one to three digits before the point."""
     value = float(f"{value:.{digits}g}")
     scales = {
-        "m": ("µm", "mm", "m"),
-        "Pa": ("Pa", "kPa", "MPa", "GPa"),
-        "s": ("ms", "s"),
+        "m": ("nm", "µm", "mm", "m", "km"),
+        "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
+        "s": ("ns", "µs", "ms", "s"),
         "kg/m": ("dtex", "tex"),
         "1/m": ("/m", "/cm"),
         "N/m": ("N/m", "kN/m"),

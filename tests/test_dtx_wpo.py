@@ -244,6 +244,9 @@ def test_what_a_dtx_cannot_hold_is_told() -> None:
     assert "a .dtx has no thickness: that of the warp is lost" in told
     assert "a .dtx gives every thread a spacing; here 2.12 mm (weft)" in told
     np.testing.assert_array_equal(read(format_dtx(draft), ".dtx").drawdown, draft.drawdown)
+    vast = Draft(loom.drawdown(), loom, DraftThreads(spacing=1e6))
+    assert "rounded" in " ".join(losses(vast))
+    assert read(format_dtx(vast), ".dtx").size == vast.size
 
 
 def wpo(kind: int, shafts: int, treadles: int, version: int = 7, metric: bool = True) -> bytes:

@@ -299,9 +299,9 @@ def test_an_orthotropic_cage_that_keeps_its_volume_warns():
 
 @pytest.mark.parametrize("density", [1e-35, 1e35])
 def test_what_floats_cannot_hold_is_refused(density):
-    with pytest.raises(InputError, match=r"modal\.density = .*1e-30 to 1e\+30 kg/m³"):
+    with pytest.raises(InputError, match=r"modal\.density = .*1e-50 to 1e\+50 kg/m³"):
         solver(density=density).update()
-    with pytest.raises(InputError, match=r"modal\.youngs_modulus = .*1e-30 to 1e\+30 Pa"):
+    with pytest.raises(InputError, match=r"modal\.youngs_modulus = .*1e-50 to 1e\+50 Pa"):
         solver(youngs_modulus=density).update()
     with pytest.raises(InputError, match=r"modal\.thickness = .*1e-09 to 1e\+09 m"):
         solver(material="denim", thickness=density).update()

@@ -298,7 +298,7 @@ def test_a_sine_from_rest_against_mpmath(eigenvalue, ratio, omega, time, detunin
     assert abs(got.rate[0] - v) <= bound * max(time, abs(v))
 
 
-@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, 1e200])
 def test_a_time_is_a_finite_number(time):
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [Drive(GAIN, FUNCTIONS["step"])])
     with pytest.raises(InputError, match=r"time = .*a finite number of seconds"):

@@ -440,3 +440,20 @@ def test_a_very_thin_cage_says_how_many_digits_hold(length: float, few: bool) ->
     response.SetInputConnection(modal.GetOutputPort())
     response.update(0.0)
     assert not any("at rest hold" in text for text in response.warnings)
+
+
+@pytest.mark.parametrize("damped", [True, False])
+def test_at_a_huge_time_a_damped_motion_rests_and_an_undamped_one_says_what_is_lost(damped):
+    chain = Chain(alpha=2.0 if damped else 0.0, loads=[{"pressure": "0.2 Pa", "on": "+z"}])
+    chain.at(1e3)
+    assert not chain.response.warnings
+    late = chain.at(1e12)
+    lost = [text for text in chain.response.warnings if "nobody knows where in theirs" in text]
+    assert len(lost) == (not damped)
+    assert np.isfinite(late).all()
+    if damped:
+        chain.response.configure(initial="equilibrium")
+        np.testing.assert_allclose(late, chain.at(0.0), rtol=1e-9, atol=1e-12 * abs(late).max())
+    else:  # a swing about the shape at rest goes no further than there and back
+        most = abs(Chain(loads=chain.response.loads, initial="equilibrium").at(0.0)).max()
+        assert abs(late).max() < 3 * most

@@ -102,7 +102,7 @@ class TimeBar(QWidget):
     def adopt(self, animation: Animation, at: float | None = None) -> None:
         """Take range, frames and speed from a scene."""
         speed = f"{animation.speed:g} ×"
-        span = (animation.start, max(animation.stop, animation.start + 1e-9))
+        span = animation.span
         if at is not None or span != (self._start, self._stop):
             self._start, self._stop = span
             if self.speed.findText(speed) < 0:

@@ -276,11 +276,10 @@ class View3D(QWidget):
 
     def _placed(self, cut: Cut | None) -> Cut | None:
         """Let the mouse take hold of a plane; return where it stands."""
-        points = self._extent
-        if cut is not None and points is not None:
+        if cut is not None and self._extent is not None:
             self.last_cut = cut
             self.handle = self.handle or self._made_handle()
-            self.handle.place(cut, points, self.plotter.devicePixelRatioF())
+            self.handle.place(cut, self._extent, self.plotter.devicePixelRatioF())
             cut = self.handle.cut
         if self.handle is not None:
             self.handle.show(cut is not None)
@@ -305,9 +304,8 @@ class View3D(QWidget):
         self.scene_view.cut_open(cut)
         # To six digits, if it is not where it was.
         normal, origin = (tuple(float(f"{part:.6g}") for part in vector) for vector in cut)
-        if done and (
-            self.last_cut is None or not np.allclose((normal, origin), self.last_cut, 1e-5, 1e-9)
-        ):
+        was, far = self.last_cut or np.inf, self.plotter.camera.distance
+        if done and abs(np.subtract((normal, origin), was) / [[1.0], [far]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
 
     def render(self) -> None:

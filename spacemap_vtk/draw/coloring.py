@@ -21,10 +21,10 @@ SHOWN = "shown"
 
 #: The units of scales, the smallest first.
 _SCALES = {
-    "m": ("µm", "mm", "m"),
+    "m": ("nm", "µm", "mm", "m", "km"),
     "m/s": ("mm/s", "m/s"),
     "m/s2": ("mm/s2", "m/s2"),
-    "Pa": ("Pa", "kPa", "MPa", "GPa"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
     "N": ("µN", "mN", "N"),
     "": ("", "%"),
 }

@@ -30,6 +30,7 @@ from spacemap_vtk.io.output import (
 )
 from spacemap_vtk.io.provenance import Record, recorded, recorded_at
 from spacemap_vtk.io.registry import DATA, writer, writers, written
+from spacemap_vtk.units import format_quantity
 from spacemap_vtk.vanishing import ended_by_exceptions
 
 if TYPE_CHECKING:
@@ -420,8 +421,7 @@ def _write_moving(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Los
     count = len(made.targets)
     words = [_several(count, "target")] if count else []
     if "largest_error" in made.about:
-        error = made.about["largest_error"]
-        near = f"{1e6 * error:.3g} µm" if error < 1e-3 else f"{1e3 * error:.3g} mm"
+        near = format_quantity(made.about["largest_error"], "m", 3)
         words.append(f"{made.about['frames']} frames, each within {near}")
     return ", ".join([*words, f"{size / 1e6:.3g} MB"])
 

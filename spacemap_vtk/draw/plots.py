@@ -138,9 +138,9 @@ def _energy_over_time(panel: Axes, times: FloatArray, energies: FloatArray) -> N
 
 def handy(unit: str, largest: float) -> tuple[str, float]:
     """Return a unit in which a value is no tiny number."""
-    for prefix, size in (("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9), ("p", 1e-12)):
-        if largest >= 0.1 * size:
-            return prefix + unit, size
+    for power, prefix in zip((9, 6, 3, 0, -3, -6, -9, -12), "GMk mµnp", strict=True):
+        if largest >= (0.1 if power <= 0 else 10.0) * 10.0**power:
+            return prefix.strip() + unit, 10.0**power
     return unit, 1.0
 
 

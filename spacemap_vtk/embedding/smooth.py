@@ -82,7 +82,7 @@ class SmoothInterpolation(Riding):
         self._slopes = vertex_gradients(vertices, tetrahedra)
         columns = count + 3 * cells[:, :, None] + np.arange(3)
         self._wide = np.concatenate((cells, columns.reshape(-1, 12)), axis=1)
-        self._rows = self._interpolation(rows.sum(axis=0))
+        self._rows = self._interpolation(rows[0] if len(rows) == 1 else rows.sum(axis=0))
         self._along: list[Interpolation] = []
 
     def _interpolation(self, rows: NDArray[np.float64]) -> Interpolation:

@@ -178,8 +178,15 @@ class BarycentricWarp(Stage):
             # Quadratic ones are straight-sided: their corners alone say where a point lies.
             corners = elements[:, :4]
             count = points.GetNumberOfPoints()
+            riding = [
+                data.GetArray(name).GetNumberOfComponents()
+                for data in (cage.GetPointData(), cage.GetCellData())
+                for name in self.carried.replace(",", " ").split()
+                if data.HasArray(name)
+            ]
+            single = points_of(points).dtype.itemsize == 4
             require(
-                estimate_bytes(count, elements.shape[1], self.smooth),
+                estimate_bytes(count, elements.shape[1], self.smooth, sum(riding), single),
                 f"to carry {count} points along",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
@@ -248,8 +255,8 @@ def estimate_bytes(
     int
         Bytes.
     """
-    # Place and displacement; tetrahedron; arrays in both precisions.
-    size = points * (2 * (12 if single else 24) + 4 + 12 * columns)
+    # Place and displacement; tetrahedron; arrays, and one of them, of six, in double precision.
+    size = points * (2 * (12 if single else 24) + 4 + 4 * columns + 8 * min(columns, 6))
     if nodes > 4 or smooth:
         # Whether outside; weights of the corners, and those of all nodes, or of values and
         # gradients at the corners.

@@ -100,6 +100,11 @@ class ModalResponse(LoadedCage):
         displacement, velocity, acceleration = motion.at(time, state)
         for text in motion.warnings:
             self.warn(text)
+        if lost := motion.lost_phases(time, state):
+            self.warn(
+                f"so many periods have passed that nobody knows where in theirs {lost} modes are, "
+                "for want of digits of their frequencies; take an earlier time, or damp them"
+            )
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
         gradients = modes.gradient.of(moved)

@@ -311,7 +311,7 @@ class ModalSolver(FittedCage):
 
         dof = model.pencil.size
         require(
-            estimate_bytes(dof, count, layers),
+            estimate_bytes(dof, count, layers, model.pencil.surface is not None),
             f"solving {count} modes of {dof} degrees of freedom",
             key="modes",
             value=self.modes,

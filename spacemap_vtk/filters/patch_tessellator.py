@@ -211,9 +211,10 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
     """
     samples, polygons = patches * (subdivisions + 1) ** 2, patches * subdivisions**2
     # Positions, normals and what is carried over in float32; four point numbers, an offset, yarn,
-    # family and colour of each polygon; where the control points of each patch are.
+    # family and colour of each polygon; of each patch where its control points are, what it is
+    # labelled with, and where fibres would run.
     number = 8 if 4 * polygons >= 2**31 else 4
-    return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 16 * 2
+    return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 180
 
 
 class _Patches:

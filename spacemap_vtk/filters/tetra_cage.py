@@ -199,7 +199,8 @@ class TetraCage(Stage):
             bounds += np.array([-1, 1]) * self.margin * step[:, None]
             divisions = divisions + 2 * self.margin
         require(
-            estimate_bytes(divisions.tolist()) * (1 if self.order == 1 else 5),
+            # To number the edges of quadratic ones takes more than they do.
+            round(estimate_bytes(divisions.tolist()) * (1.1 if self.order == 1 else 10.5)),
             "this cage",
             key="divisions",
             value=list(chosen),

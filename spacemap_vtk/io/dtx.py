@@ -230,7 +230,7 @@ def losses(draft: Draft) -> list[str]:
 
 
 def _units(spacing: Lengths) -> NDArray[np.int64]:
-    return np.maximum(np.rint(np.asarray(spacing) / UNIT).astype(np.int64), 1)
+    return np.clip(np.rint(np.asarray(spacing) / UNIT), 1, MAX_NUMBER).astype(np.int64)
 
 
 def format_dtx(draft: Draft) -> bytes:

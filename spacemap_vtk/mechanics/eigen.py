@@ -19,7 +19,7 @@ from scipy import linalg as la
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.lanczos import BLOCK, lowest_modes
+from spacemap_vtk.mechanics.lanczos import lowest_modes
 from spacemap_vtk.mechanics.multifrontal import negative_eigenvalues
 from spacemap_vtk.mechanics.pencil import Pencil
 
@@ -91,7 +91,7 @@ def lowest(pencil: Pencil, count: int, progress: Progress | None = None) -> Mode
     return Modes(eigenvalues, shapes.reshape(len(eigenvalues), -1, 3), rounding)
 
 
-def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
+def estimate_bytes(dof: int, count: int, layers: float | None = None, sheet: bool = False) -> int:
     """Estimate the memory that `lowest` takes, to refuse in time.
 
     Parameters
@@ -103,28 +103,27 @@ def estimate_bytes(dof: int, count: int, layers: float | None = None) -> int:
     layers : float, optional
         Cells through the thickness of a slab. Without it, or infinite, the mesh is taken for a
         cube, which needs most.
+    sheet : bool, optional
+        Whether it is a sheet, whose strains are made, too.
 
     Returns
     -------
     int
-        Bytes, matrices and results included. Measured with 30 modes, above the matrices: 0.8 GB
-        for a cube of 89,280 dof (estimate 1.4), 0.5 GB for a slab of 99,630 in four layers
-        (estimate 1.3).
+        Bytes, matrices and results included.
     """
     count = min(count, dof)
     if _is_dense(dof, count):
-        return 8 * (4 * dof**2 + 4 * dof * count)
+        return 50 * dof**2
     # Entries of the factors: those of a cube grow as the power 4/3, those of a sheet as A log A
     # with a dense block for each of the A columns of vertices across it.
     entries = 13.1 * dof ** (4 / 3)
     if layers is not None:
         column = 3 * (layers + 1)
-        entries = min(entries, 2.3 * dof * column * math.log2(max(2.0, dof / column)))
+        entries = min(entries, 1.45 * dof * column * math.log2(max(2.0, dof / column)))
     if importlib.util.find_spec("pymetis") is None:
         entries *= 2.4
-    vectors = 8 * dof * (7 * count + 20 * BLOCK)
     # 8 bytes an entry, and as much for what waits on the fronts' borders.
-    return int(16 * entries + 12 * 240 * dof + vectors)
+    return int(17 * entries + dof * (210 + 62 * count + 6000 * sheet))
 
 
 def _is_dense(dof: int, count: int) -> bool:
@@ -140,19 +139,29 @@ def _of_components(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return λ of the lowest modes of all components, these, (N, n), and their rounding."""
     total = pencil.size
-    rows, solved, done = [], [], 0
-    for component in pencil.components:
+    rows, solved, done, top = [], [], 0, math.inf
+    for component in sorted(pencil.components, key=lambda each: -each.size):
 
         def part(share: float, done: int = done, size: int = component.size) -> None:
             report((done + share * size) / total)
 
-        modes = _of_component(component, min(count, component.size), part)
+        # A sheet's thickness, its smallest part, has thousands of modes close together, which take
+        # long to tell apart, above all that are wanted.
+        few = min(count, component.size)
+        if math.isfinite(top) and not _is_dense(component.size, few):
+            beyond = component.stiffness - 1.01 * top * component.mass
+            few = min(few, negative_eigenvalues(beyond, component.analysis))
+        done += component.size
+        if not few:
+            continue
+        modes = _of_component(component, few, part)
         rows.append(component.rows)
         solved.append([found[..., :count] for found in _evaluated(component, modes)])
-        done += component.size
+        found = np.sort(np.concatenate([values for values, *_ in solved]))
+        top = found[count - 1] if len(found) >= count else math.inf
     eigenvalues, rounding = (np.concatenate([each[k] for each in solved]) for k in (0, 2))
     lowest = np.argsort(eigenvalues, kind="stable")[:count]
-    if len(solved) == 1:
+    if len(pencil.components) == 1:
         return eigenvalues[lowest], solved[0][1], rounding[lowest]
     modes = np.zeros((total, len(lowest)))
     first = 0
@@ -273,6 +282,8 @@ def _told_by_strains(
     others = modes[:, ~lowest]
     both = np.concatenate([low, others], axis=1)
     springs = component.strain_products(_fields(component, both))
+    if (np.diag(springs) <= 0.0).any():
+        return np.concatenate([motions, both], axis=1)  # strains that no digit holds
     size = np.diag(springs) ** -0.5
     inertia = both.T @ (mass @ both)
     scale = np.outer(size, size)

@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 #: Moduli [Pa] and densities [kg/m³] that can be calculated with: their ratios and squares are
 #: numbers, too, and neither infinite nor zero.
-SIZES = (1e-30, 1e30)
+SIZES = (1e-50, 1e50)
 
 
 def isotropic(youngs_modulus: float, poissons_ratio: float) -> FloatArray:

@@ -45,7 +45,7 @@ MADE = 12
 #: before is as well below the other share: it shows rounding.
 LAST, LOST = 1e-10, 1e-6
 
-#: A correction that moves less than this [m] is the last one, too.
+#: A correction that moves less than this share of the body's size is the last one, too.
 LEAST = 1e-15
 
 
@@ -95,7 +95,8 @@ class Midpoint:
         #: What a change of rate in a step resists with, over the mean rate less that of the start.
         self._heavy = self.mass if late is None else self.mass @ sp.diags(1 / (1 + self._late))
         self._kept: tuple[float, sp.csr_matrix] = (0.0, self.mass)
-        self._least = LEAST * math.sqrt(float(mass.diagonal().sum()))
+        size = float(np.linalg.norm(np.ptp(body.start, axis=0)))
+        self._least = LEAST * size * math.sqrt(float(mass.diagonal().sum()))
 
     def at(self, position: FloatArray) -> list[Part]:
         """Return strains and stresses at q."""

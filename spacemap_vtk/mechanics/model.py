@@ -374,7 +374,7 @@ class Model:
         strains *= 4 if self.cells.shape[1] == 10 else 1
         each = 8 * (strains * (nodes**2 + 6 * nodes) + 5 * (3 * nodes) ** 2)
         cells = len(self.pencil.surface.quads) if self.pencil.surface else len(self.cells)
-        return each * cells + estimate_bytes(self.pencil.size, 8, layers)
+        return round(1.8 * each * cells) + estimate_bytes(self.pencil.size, 8, layers)
 
     def strained(self, moved: FloatArray, large: bool = False) -> tuple[FloatArray, FloatArray]:
         """Return strain and stress of each tetrahedron, where vertices move from the equilibrium.

@@ -11,7 +11,6 @@ derivative leave behind.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,6 +22,8 @@ from spacemap_vtk.mechanics.oscillator import FloatArray
 from spacemap_vtk.mechanics.periodic import Linear, Repeated
 from spacemap_vtk.mechanics.timefunctions import Pieces, Sine, TimeFunction
 
+#: Its third power, as a load has that rises for ever, is a number still [s].
+LATEST = 1e100
 #: Share of the largest modal load that rounding may leave on a rigid mode.
 BALANCED = 1e-10
 
@@ -92,10 +93,9 @@ class ModalMotion:
 
     def at(self, time: float) -> State:
         """Return the motion at a time, after a jump that happens just then; at rest before 0."""
-        if not math.isfinite(time):
-            raise InputError(
-                "not a time", key="time", value=time, allowed="a finite number of seconds"
-            )
+        if not abs(time) <= LATEST:
+            allowed = f"a finite number of seconds, up to {LATEST:g}"
+            raise InputError("not a time", key="time", value=time, allowed=allowed)
         q, rate = self.state(max(time, 0.0))
         if time < 0.0:  # the displacement is constant there
             return State(q, np.zeros_like(q), np.zeros_like(q))

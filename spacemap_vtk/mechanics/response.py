@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 #: A static shape is warned of where rounding is more than this share of it.
 ROUNDING = 1e-4
+#: Of h t: what is left of a free swing then, 1e-3 of it, is nothing.
+_STILL = 7.0
 
 #: Share of the movable mass that the kept modes should hold along an axis with a load.
 ENOUGH = 0.9
@@ -176,6 +178,29 @@ class Response(Motion):
         """Return the motion of the vertices at a time; before 0 they rest in the initial state."""
         state = self.modal.at(time) if state is None else state
         return self._fields(state, self._shapes, self.rest, time)
+
+    def lost_phases(self, time: float, state: State) -> int:
+        """Return how many modes still swing whose phase is rounding.
+
+        Parameters
+        ----------
+        time : float
+            In s.
+        state : State
+            Of the modal coordinates at that time.
+
+        Returns
+        -------
+        int
+            A frequency has so many digits, and so has the time: after as many periods none is left.
+        """
+        count = len(self.modes.eigenvalues)
+        omega, half = np.sqrt(self.modal.stiffness[:count]), self.modal.half[:count]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            swing = np.hypot(state.rate[:count], state.acceleration[:count] / omega)
+        wrong = omega * time * (self.modes.eigenvalue_rounding / 2 + 2.0**-53) > 1.0
+        wrong &= (half * time < _STILL) & (swing > 0.01 * np.nanmax(swing, initial=0.0))
+        return int(wrong.sum())
 
     def energy(self, time: float, state: State | None = None) -> Energy:
         """Return the energies at a time [J], as `Account.at` does.

@@ -320,7 +320,7 @@ class Stepped(Motion):
                 step = span / 2
                 continue
             error = min(found.error, self._missed(found.position - q - guess, span))
-            share = SAFETY * (self.tolerance / max(error, 1e-30)) ** (1 / 3)
+            share = SAFETY * max(error / self.tolerance, 1e-30) ** (-1 / 3)
             if share >= SAFETY or shortest:
                 break
             step = span * max(share, CUT)

@@ -207,7 +207,8 @@ def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
     if not found:
         return Figure(key, label, UNKNOWN, None, "m")
     # what rounding leaves of touching is no overlap
-    distance = found["distance"] if abs(found["distance"]) > 1e-12 else 0.0
+    touching = 1e-8 * min(figures[family]["diameter"] for family in FAMILIES)
+    distance = found["distance"] if abs(found["distance"]) > touching else 0.0
     place = ", ".join(_cell(x, "m") for x in found["place"])
     names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
     told = f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"

@@ -34,6 +34,8 @@ _GHOST, _NUMBER, _CLEARANCE, _CUT = 45, 8, 170, 35
 #: and a crossing then.
 _TEXELS, _SHEET, _MOVED, _CROSSED = 40, 167_000_000, 70_000_000, 800
 _TILES, _MEASURED = 350_000_000, 240
+#: What rides along with three numbers a point.
+_VECTORS = ("velocity", "acceleration", "equilibrium", "linear_displacement")
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
 _MARGIN = 1.1
 
@@ -155,5 +157,5 @@ def _require_picture(scene: Scene, pixels: int, frames: int, pieces: int) -> Non
 
 def _columns(carried: str) -> int:
     """Return how many numbers ride along at each point, at most."""
-    sizes = {"velocity": 3, "von_mises": 1}
+    sizes = {"von_mises": 1, "strain": 6, "stress": 6, **dict.fromkeys(_VECTORS, 3)}
     return sum(sizes.get(name, 9) for name in carried.replace(",", " ").split())

@@ -188,6 +188,11 @@ class Animation(Parameterised):
     frames_per_second = Real(25.0, "Frames for each second of the film.", above=0.0, maximum=1000.0)
     speed = Real(1.0, "Seconds of motion in a second of film.", above=0.0)
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """When it starts and ends, a little later if there is nothing to show."""
+        return self.start, max(self.stop, self.start * (1 + 1e-9))
+
     def frame_times(self) -> list[float]:
         """Return the time of each frame."""
         span = self.stop - self.start

@@ -174,7 +174,7 @@ class PlotsTab(QWidget):
 
     def wish(self) -> Wish:
         animation = self._document.scene.animation
-        start, stop = animation.start, max(animation.stop, animation.start + 1e-9)
+        start, stop = animation.span
         points = tuple(pick.rest for pick in self.points)
         key = repr((moving(self._document), points, start, stop))
         return Wish(key, points, start, stop)

@@ -232,7 +232,8 @@ class Session:
         now, span = time.perf_counter(), self.scene.animation
         at, self._clock = self._time + (now - self._clock) * span.speed, now
         if at > span.stop:
-            at = span.start + (at - span.start) % max(span.stop - span.start, 1e-9)
+            start, stop = span.span
+            at = start + (at - start) % (stop - start)
         self._time = at
         self.ask(coarse=True)
 
@@ -309,7 +310,8 @@ class Session:
 
     def _tell_time(self) -> None:
         span = self.scene.animation
-        share = (self._time - span.start) / max(span.stop - span.start, 1e-9)
+        start, stop = span.span
+        share = (self._time - start) / (stop - start)
         self.state.step = round(min(max(share, 0.0), 1.0) * TIME_STEPS)
         self.state.time = _seconds(self._time)
         self.state.stop = _seconds(span.stop)

@@ -121,10 +121,11 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
     """Return what a person may want to know."""
     import numpy as np
 
-    from spacemap_vtk.units import format_quantity
+    from spacemap_vtk.units import UNITS, format_quantity
 
     lengths = np.ptp(moving.points, axis=0)
-    unit, size = ("m", 1.0) if lengths.max() >= 1.0 else ("mm", 1e-3)
+    unit = format_quantity(float(lengths.max()), "m").split()[-1]
+    size = UNITS["m"][unit]
     found = [" × ".join(f"{length / size:.3g}" for length in lengths) + f" {unit}"]
     if moving.curves is not None:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
