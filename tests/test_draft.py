@@ -29,6 +29,8 @@ def test_plain() -> None:
     assert weave[0, 0]
     assert draft.rows(weave)[:2] == ["1010101", "0101010"]
     assert draft.floats(weave) == (1, 1)
+    assert draft.mean_floats(weave) == (1, 1)
+    assert draft.mean_floats([[1, 0]]) == (None, 1)  # no end changes side
     assert draft.repeat(weave) == (2, 2)
 
 
@@ -40,6 +42,7 @@ def test_twill(over: int, under: int, direction: str) -> None:
     assert weave[0, 0]
     assert (weave[:size].sum(axis=0) == over).all()
     assert draft.floats(weave) == (max(over, under),) * 2
+    assert draft.mean_floats(weave) == (size / 2, size / 2)
     assert draft.repeat(weave) == (size, size)
     # a pick later the pattern stands one end further to the side it rises to
     step = 1 if direction == "right" else -1
@@ -52,6 +55,7 @@ def test_twill(over: int, under: int, direction: str) -> None:
 def test_satin(shafts: int, step: int) -> None:
     weave = draft.satin(shafts, step, 2 * shafts, 2 * shafts)
     assert draft.floats(weave) == (shafts - 1, shafts - 1)
+    assert draft.mean_floats(weave) == (shafts / 2, shafts / 2)
     assert draft.repeat(weave) == (shafts, shafts)
     unit = ~draft.satin(shafts, step)
     assert (unit.sum(axis=0) == 1).all()

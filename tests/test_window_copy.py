@@ -115,6 +115,15 @@ def test_the_figures_are_those_of_the_command_line_and_follow_the_cloth(open_sce
         return {name: cells for name, *cells in (line.split("\t") for line in lines)}
 
     wait_until(lambda: rows().get("least clearance [mm]", [""])[0])  # it comes last
+    drawn = window.figures.sections.picture
+    wait_until(lambda: not drawn.pixmap().isNull())
+    image = drawn.pixmap().toImage()
+    width, height = image.width(), image.height()
+    seen = {image.pixelColor(x, y).name() for x in range(width) for y in range(20, height, 8)}
+    paper, share = np.full(3, 255), 0.38  # of a yarn's colour, for lines to be seen on it
+    for yarns in window.document.scene.weave.cloth.threads:
+        tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
+        assert "#{:02x}{:02x}{:02x}".format(*tint) in seen
     found, told = report.fabric(Scene.read("twill_2_2")), rows()
     assert float(told["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
     crimp = [100 * found[family]["crimp"] for family in ("warp", "weft")]

@@ -43,7 +43,7 @@ class Walk:
         self.name, self.window, self.look = file.stem, window, look
         self._pictures, self._each = pictures, each
         self._deeds = list(self._read(file.read_text("utf-8")))
-        self._at, self._begun, self._pause = 0, 0.0, 0
+        self._at, self._begun, self._stirred, self._pause = 0, 0.0, 0.0, 0
         self._error: BaseException | None = None
         self._loop = QEventLoop()
         #: Whether the mouse is in the midst of something: nothing else is done meanwhile.
@@ -71,6 +71,7 @@ class Walk:
         words, waits, find, act = self._deeds[self._at]
         try:
             if waits and not self._rests():
+                self._stirred = time.monotonic()
                 raise NotSeen("the window is not at rest")
             found = find()
         except NotSeen as error:
@@ -129,8 +130,8 @@ class Walk:
                 yield (name, True, self._painted, lambda _, n=name: self._shoot(n))
 
     def _painted(self) -> None:
-        if time.monotonic() < self._begun + 0.15:
-            raise NotSeen("a menu takes a while to go")
+        if time.monotonic() < max(self._begun, self._stirred) + 0.15:
+            raise NotSeen("a menu takes a while to go, and what is drawn to reach the screen")
 
     def _deeds_of(self, step: str) -> Iterator[Any]:
         end = 0

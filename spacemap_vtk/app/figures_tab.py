@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QGuiApplication, QShowEvent
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QGuiApplication, QImage, QPixmap, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
+    QFrame,
     QHeaderView,
+    QLabel,
     QPushButton,
+    QScrollArea,
+    QSplitter,
     QTableWidget,
     QTableWidgetItem,
     QWidget,
@@ -21,6 +26,9 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.widgets import column, later, note
 from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.page import Paper, page
+from spacemap_vtk.draw.section_drawing import Colors, section_tile
+from spacemap_vtk.fabric.cross_section import CrossSection, cross_section
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.figure_list import Figure, cloth_figures, with_unit, yarn_figures
 from spacemap_vtk.scenes.scene import Scene
@@ -29,6 +37,8 @@ from spacemap_vtk.units import UNITS
 _SIDE = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 #: Milliseconds without another change until they are computed.
 _REST = 250
+#: Dots an inch of a drawing, and the least pixels that its words and dimensions need.
+_DPI, _NARROWEST = 100.0, 240
 #: Of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
@@ -46,6 +56,7 @@ _TIPS = {
     "mean_crimp": "By how much the yarns are longer than the cloth",
     "height": "By which the yarn's axis rises or falls where it changes side",
     "cover": "Share of the plane that yarns cover: K = width / p, together K1 + K2 - K1 K2",
+    "mean_float": "Crossings that a yarn passes on average until it changes side",
     "longest_float": "Most crossings in a row that a yarn passes on the same side",
     "yarn_length": "All yarns as built, with what stands over at the edges",
     "thickness": "From the lowest to the highest place of the yarns",
@@ -61,6 +72,8 @@ class _Told(NamedTuple):
     known: Any
     figures: dict[str, Any]
     whole: bool
+    cuts: Sequence[CrossSection] = ()
+    colors: Colors = ()
 
 
 def _figures(
@@ -69,9 +82,62 @@ def _figures(
     """Find all but the least clearance, or that."""
     yield
     if figures is None:
-        return _Told(known, report.cloth(scene), False)
+        figures, cloth = report.cloth(scene), scene.weave.cloth
+        yield
+        ways = range(2 if figures["thickness"] is not None else 0)
+        cuts, colors = [cross_section(cloth, n) for n in ways], [t.colors for t in cloth.threads]
+        return _Told(known, figures, False, cuts, colors)
     yield from report.clearance(scene, figures)
     return _Told(known, figures, True)
+
+
+class _Sections(QScrollArea):
+    """Peirce's drawing of the cloth along an end and along a pick, as wide as there is room."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setWidgetResizable(True)
+        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        self.picture = QLabel(alignment=Qt.AlignmentFlag.AlignTop)
+        self.setWidget(self.picture)
+        self._cuts: Sequence[CrossSection] = ()
+        self._colors: Colors = ()
+        self._soon = later(self, self._draw, 60)
+
+    def show_cuts(self, cuts: Sequence[CrossSection] = (), colors: Colors = ()) -> None:
+        self._cuts, self._colors = cuts, colors
+        self.setVisible(bool(cuts))
+        self._soon.start()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if event.size().width() != event.oldSize().width():
+            self._soon.start()
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._soon.start()
+
+    def _draw(self) -> None:
+        if not self._cuts or not self.isVisible():
+            return
+        ratio = self.devicePixelRatioF()
+        paper = Paper(
+            width=max(self.viewport().width(), _NARROWEST) * 25.4 / _DPI,
+            dpi=_DPI * ratio,
+            dark=self.palette().window().color().lightness() < 128,
+            transparent=True,
+        )
+        tiles = [replace(section_tile(c, self._colors), lettered=False) for c in self._cuts]
+        canvas: Any = page([[tile] for tile in tiles], paper).canvas
+        canvas.draw()
+        width, height = canvas.get_width_height()
+        image = QImage(bytes(canvas.buffer_rgba()), width, height, QImage.Format.Format_RGBA8888)
+        drawn = QPixmap.fromImage(image)
+        drawn.setDevicePixelRatio(ratio)
+        self.picture.setPixmap(drawn)
 
 
 class FiguresTab(QWidget):
@@ -94,7 +160,13 @@ class FiguresTab(QWidget):
         self.copied = QPushButton("Copy")
         self.copied.setToolTip("The table, for a spreadsheet: numbers in columns, units beside")
         self.copied.clicked.connect(self._copy)
-        column(self, self.hint, (self.table, 1), self.copied, margins=(6, 6, 6, 6))
+        self.sections = _Sections()
+        parts = QSplitter(Qt.Orientation.Vertical)
+        parts.addWidget(self.table)
+        parts.addWidget(self.sections)
+        parts.setSizes([420, 350])
+        parts.setChildrenCollapsible(False)
+        column(self, self.hint, (parts, 1), self.copied, margins=(6, 6, 6, 6))
         self._rows: list[tuple[Figure, ...]] = []
         #: Of which cloth: asked for, and whether that is all there.
         self._asked: Any = None
@@ -115,6 +187,7 @@ class FiguresTab(QWidget):
         """Show nothing: what is shown is another scene's."""
         self._asked, self._whole, self._drawn = None, False, None
         self._show([])
+        self.sections.show_cuts()
 
     def follow(self, frame: Frame) -> None:
         """Ask for the figures, if another cloth is drawn."""
@@ -149,6 +222,7 @@ class FiguresTab(QWidget):
         self._whole = result.whole
         cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
         if not result.whole:
+            self.sections.show_cuts(result.cuts, result.colors)
             cloth = [f._replace(told="…") if f.key == "least_clearance" else f for f in cloth]
         self._show([*yarn_figures(result.figures), *((f,) for f in cloth)])
         if not result.whole:

@@ -57,8 +57,11 @@ class ResponsePlot(QWidget):
     def follow(self, frame: Frame) -> None:
         """Ask for the response, if what moves is another."""
         if frame.swing is None:
+            before = self._drawn
             self._drawn = moving(self._document) if frame.values == self._document.values else ""
-            if self._drawn != self._asked and not self._rest.isActive():
+            # A drag, which it would slow down, brings coarse frames, each with another response.
+            still = not frame.coarse or self._drawn == before
+            if still and self._drawn != self._asked and not self._rest.isActive():
                 self._rest.start()
 
     def forget(self) -> None:

@@ -31,6 +31,7 @@ _WORDS = {
     "bad_back": ("#fdecee", "#4a2229"),
     "line": ("#d5dbe2", "#333d49"),
     "accent": ("#2d6a8e", "#4d9cc7"),
+    "checked": ("#2d6a8e", "#a9d3ea"),
     "card": ("#ffffff", "#1a2028"),
     "text": ("#1f2730", "#e6eaf0"),
     "check": ("#cfe3ef", "#35546a"),
@@ -42,7 +43,7 @@ QLabel#note[bad="true"] {{ color: {bad}; }}
 QToolButton#group {{ font-weight: 600; border: none; padding: 4px 0; }}
 QToolButton#group:checked {{ background: transparent; }}
 QToolButton#auto {{ color: {faint}; font-size: 11px; padding: 1px 0; }}
-QToolButton#auto:checked {{ color: {accent}; }}
+QToolButton#auto:checked {{ color: {checked}; }}
 QLabel#heading {{ font-size: 20px; font-weight: 600; }}
 ParameterRow[bad="true"] QLineEdit, Editor[bad="true"] QLineEdit,
 Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{
@@ -85,7 +86,7 @@ def apply_theme(app: QApplication, dark: bool) -> None:
         palette.setColor(role, QColor(colors[dark]))
     group = QPalette.ColorGroup.Disabled
     for role in (_Role.Text, _Role.WindowText, _Role.ButtonText):
-        palette.setColor(group, role, QColor("#5d6875" if dark else "#a4adb8"))
+        palette.setColor(group, role, QColor("#7d8998" if dark else "#8a94a3"))
     app.setPalette(palette)
     app.setStyleSheet(sheet)
     for label in app.allWidgets():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ _HIGHEST = 46.0
 _SUB = "₁₂"
 #: Of the length along an axis, on light and on dark paper.
 _ACCENT = ("#c8372d", "#ff8a7a")
+#: Of the yarns of warp and weft, (n, 3) each, or (1, 3) of all.
+Colors = Sequence[NDArray[np.uint8]] | NDArray[np.uint8]
 #: Least height of a drawing, in mm: that of its upright words.
 _LEAST = 36.0
 
@@ -43,8 +46,8 @@ class _Sheet(NamedTuple):
         return points * self.scale + self.shift
 
 
-def section_tile(cut: CrossSection) -> Tile:
-    """Return the drawing of a section."""
+def section_tile(cut: CrossSection, colors: Colors | None = None) -> Tile:
+    """Return the drawing of a section; `colors`: of warp and weft yarns, in place of the usual."""
     bottom, top = cut.bottom_and_top
     begin, end = float(cut.outline[:, 0].min()), float(cut.outline[:, 0].max())
     length = end - begin
@@ -58,7 +61,7 @@ def section_tile(cut: CrossSection) -> Tile:
         more = axes.get_ylim()[1] - _BELOW - _ABOVE - (top - bottom) * scale(width)
         shift = np.array([left, _BELOW + 0.5 * more]) - scale(width) * np.array([begin, bottom])
         sheet = _Sheet(axes, paper, scale(width), shift)
-        _draw_yarns(sheet, cut)
+        _draw_yarns(sheet, cut, rgb_table(COLORS)[:, None] if colors is None else colors)
         _draw_dimensions(sheet, cut)
 
     def height(width: float) -> float:
@@ -75,16 +78,18 @@ def _words(cut: CrossSection) -> str:
     return f"Section along {name} {cut.yarn + 1}; {', '.join(words)}"
 
 
-def _draw_yarns(sheet: _Sheet, cut: CrossSection) -> None:
+def _draw_yarns(sheet: _Sheet, cut: CrossSection, colors: Colors) -> None:
     from matplotlib.patches import Polygon
 
     ink = sheet.paper.ink
-    outlines = [(cut.outline, cut.family), *((each, 1 - cut.family) for each in cut.sections)]
-    for number, (outline, family) in enumerate(outlines):
+    outlines = [(cut.outline, cut.family, cut.yarn)]
+    outlines += [(each, 1 - cut.family, cut.first + k) for k, each in enumerate(cut.sections)]
+    for number, (outline, family, yarn) in enumerate(outlines):
+        color = colors[family][yarn % len(colors[family])]
         sheet.axes.add_patch(
             Polygon(
                 sheet.at(outline),
-                facecolor=_tint(COLORS[family], sheet.paper),
+                facecolor=_tint(color, sheet.paper),
                 edgecolor=ink,
                 linewidth=0.6,
                 joinstyle="round",
@@ -264,6 +269,6 @@ def _words_at(sheet: _Sheet, place: NDArray[np.float64], words: str, **style: An
     )
 
 
-def _tint(color: str, paper: Paper) -> str:
-    parts = rgb_table([color, paper.color])
+def _tint(color: NDArray[np.uint8], paper: Paper) -> str:
+    parts = np.stack([color, rgb_table([paper.color])[0]])
     return "#{:02x}{:02x}{:02x}".format(*(parts.T @ [0.38, 0.62]).round().astype(int).tolist())

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.fabric.drawdown import as_drawdown, floats, from_matrix, repeat, rows, tile
+from spacemap_vtk.fabric.drawdown import (
+    as_drawdown,
+    floats,
+    from_matrix,
+    mean_floats,
+    repeat,
+    rows,
+    tile,
+)
 from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.fabric.patterns import basket, plain, rib, satin, twill
 from spacemap_vtk.fabric.threads import Lengths, along
@@ -21,6 +29,7 @@ __all__ = [
     "basket",
     "floats",
     "from_matrix",
+    "mean_floats",
     "plain",
     "repeat",
     "rib",

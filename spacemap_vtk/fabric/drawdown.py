@@ -55,6 +55,15 @@ def floats(drawdown: ArrayLike) -> tuple[int, int]:
     return _longest_run(matrix.T), _longest_run(matrix)
 
 
+def mean_floats(drawdown: ArrayLike) -> tuple[float | None, float | None]:
+    """Return how many crossings ends and picks pass on average on one side, in endless repeats."""
+    ends, picks = repeat(drawdown)
+    unit = as_drawdown(drawdown)[:picks, :ends]
+    changes = (np.count_nonzero(unit != np.roll(unit, 1, axis)) for axis in (0, 1))
+    warp, weft = (unit.size / count if count else None for count in changes)
+    return warp, weft
+
+
 def rows(drawdown: ArrayLike) -> list[str]:
     """Return a drawdown as text, the inverse of `from_matrix`.
 

@@ -41,10 +41,11 @@ _OF_YARNS = (
     ("theta_deg", "weave angle θ", "deg"),
     ("length", "yarn length l per crossing", "m"),
     ("crimp", "crimp c", "%"),
-    ("mean_crimp", "mean crimp, floats included", "%"),
+    ("mean_crimp", "mean crimp with floats", "%"),
     ("height", "crimp height h", "m"),
     ("cover", "cover factor", "%"),
     ("longest_float", "longest float", None),
+    ("mean_float", "mean float", ""),
     ("yarn_length", "yarn length in all", "m"),
     ("colors", "colours", None),
 )

@@ -249,13 +249,14 @@ def cloth(scene: Scene) -> dict[str, Any]:
         figures["patches"], figures["control_points"] = counts.patches, counts.points
         figures["memory_bytes"] = counts.bytes(woven.exact)
     loom = weave.source.loom_for(over)
-    floats = draft.floats(over)
+    floats, means = draft.floats(over), draft.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
             "yarns": over.shape[1 - number],
             **_yarns(threads, density),
             "longest_float": floats[number],
+            "mean_float": means[number],
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
         }
     figures |= {
