@@ -216,13 +216,9 @@ class View3D(QWidget):
         self.plotter.shade.want(frame.relief, strength if folds else 0.0)
 
     def _prepare(self) -> None:
-        self._smooth()
         self._place_signs()
-
-    def _smooth(self) -> None:
-        # Smooth edges take a third of a frame's time in software, as long for each pixel whatever
-        # is drawn (MSAA as long as all the rest): what moves has them while it is quick, found in
-        # fewer steps.
+        # In software they take a third of a frame's time, whatever is drawn (MSAA as long as all
+        # the rest): what moves has them while it is quick, found in fewer steps.
         renderer, took = self.plotter.renderer, self.plotter.took
         moving = self.steering or (self.frame is not None and self.frame.coarse)
         if moving and self._moved:
