@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "tests")]
 import pages  # noqa: E402
 
 import spacemap_vtk  # noqa: E402
+
+gc.disable()  # pages are circles that live to the end: to look through them takes a fifth of all
 
 project = "spacemap_vtk"
 author = "The spacemap_vtk developers"

@@ -27,16 +27,18 @@ _FILTERS = {*_KERNELS, "vtkmodules.vtkCommonExecutionModel"}
 _PICTURES = {*_FILTERS, "vtkmodules.vtkRenderingCore"}
 
 
-def _imported(command: str, cache: Path) -> set[str]:
+def _imported(cache: Path, *commands: str) -> set[str]:
+    """Return what some commands import, one after another: what each needs is among it."""
     code = (
         "import sys\n"
         "from spacemap_vtk.cli.main import main\n"
-        "try: main(sys.argv[1].split())\n"
-        "except SystemExit as ended: assert ended.code == 0\n"
+        "for command in sys.argv[1:]:\n"
+        "    try: main(command.split())\n"
+        "    except SystemExit as ended: assert ended.code == 0\n"
         "print(*sys.modules, file=sys.stderr)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, command],
+        [sys.executable, "-c", code, *commands],
         capture_output=True,
         text=True,
         check=True,
@@ -47,46 +49,52 @@ def _imported(command: str, cache: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("command", "needs"),
+    ("commands", "needs"),
     [
-        ("--help", set()),
-        ("render --help", set()),
-        ("scenes", set()),
-        ("materials", _KERNELS),
-        ("keys view", _FILTERS),
-        ("validate plain_weave -q", _FILTERS),
-        ("export plain_weave -q -o a.wif", _FILTERS),
-        ("info plain_weave -q --json", {*_FILTERS, "scipy"}),
+        (["--help", "render --help", "scenes"], set()),
+        (["materials"], _KERNELS),
+        (["keys view", "validate plain_weave -q", "export plain_weave -q -o a.wif"], _FILTERS),
+        (["info plain_weave -q --json"], {*_FILTERS, "scipy"}),
     ],
 )
-def test_a_command_imports_only(command: str, needs: set[str], tmp_path: Path) -> None:
-    assert _imported(command, tmp_path) & set(_HEAVY) == needs
+def test_a_command_imports_only(commands: list[str], needs: set[str], tmp_path: Path) -> None:
+    assert _imported(tmp_path, *commands) & set(_HEAVY) == needs
 
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder whose cache has the modes that the commands below ask for."""
     folder = tmp_path_factory.mktemp("solved")
-    assert "scipy" in _imported("export plain_weave -q -o a.vtu", folder)
+    assert "scipy" in _imported(folder, "export plain_weave -q -o a.vtu")
     return folder
 
 
 @pytest.mark.parametrize(
-    ("command", "needs"),
+    ("commands", "needs"),
     [
-        ("render plain_weave -q -o a.png --set view.size=[64,48]", _PICTURES),
-        ("animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.01", _PICTURES),
-        ("export plain_weave -q -o a.vtu", _FILTERS),
-        ("export plain_weave -q -o a.stl", _FILTERS),
-        ("modes plain_weave -q --json", _FILTERS),
-        ("modes plain_weave -q --plot a.png --set modal.modes=6", _PICTURES),
-        ("plot plain_weave -q -o a.png", {*_FILTERS, "matplotlib"}),
+        (
+            [
+                "render plain_weave -q -o a.png --set view.size=[64,48]",
+                "animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.01",
+                "modes plain_weave -q --plot a.png --set modal.modes=6",
+            ],
+            _PICTURES,
+        ),
+        (
+            [
+                "export plain_weave -q -o a.vtu",
+                "export plain_weave -q -o a.stl",
+                "modes plain_weave -q --json",
+            ],
+            _FILTERS,
+        ),
+        (["plot plain_weave -q -o a.png"], {*_FILTERS, "matplotlib"}),
     ],
 )
 def test_with_kept_modes_a_command_imports_only(
-    command: str, needs: set[str], solved: Path
+    commands: list[str], needs: set[str], solved: Path
 ) -> None:
-    imported = _imported(command, solved)
+    imported = _imported(solved, *commands)
     assert imported & set(_HEAVY) == needs
     # The bar of progress is for people at a terminal.
     assert not {"rich.progress", "psutil"} & imported

@@ -68,8 +68,24 @@ def run(words: str, file: Path) -> int:
     return int(caught.value.code or 0)
 
 
-@pytest.mark.parametrize(("room", "older"), [(0, False), (2**14, True)], ids=["none", "little"])
-@pytest.mark.parametrize("name", WRITERS)
+#: Of each way to a file one: text, VTK's, a folder's, a picture's, a film's, its frames'.
+_WAYS = ("x.wif", "x.vtp", "x.pvd", "x.png", "x.mp4", "x%02d.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "room", "older"),
+    [
+        *(pytest.param(name, 2**14, True, id=f"{name}-little") for name in WRITERS),
+        *(
+            pytest.param(
+                *(name, 0, False),
+                id=f"{name}-none",
+                marks=[pytest.mark.nightly] * (name not in _WAYS),
+            )
+            for name in WRITERS
+        ),
+    ],
+)
 def test_a_full_disk_takes_nothing_and_spoils_nothing(
     name: str,
     room: int,

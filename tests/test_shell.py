@@ -156,7 +156,10 @@ def test_a_micrometre_or_ten_centimetres():
         np.testing.assert_allclose(values[1:], values[:1] * 2, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("free", "cells"), [(False, 5), (False, 20), (True, 12)])
+@pytest.mark.parametrize(
+    ("free", "cells"),
+    [(False, 5), pytest.param(False, 20, marks=pytest.mark.nightly), (True, 12)],
+)
 def test_no_digit_is_lost_in_sheets_a_million_times_wider_than_thick(free, cells):
     """And as many modes are rigid as the supports leave: six of a free sheet."""
     found = [square(ratio, 1.0, cells, free).modes(12) for ratio in (1e4, 1e6, 3e7)]

@@ -34,7 +34,7 @@ def test_what_the_page_of_promises_says_is_so(monkeypatch) -> None:
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("furo")
-    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-j2", "-b", "html"]
+    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-b", "html"]
     words += ["-d", str(tmp_path / "kept"), str(ROOT / "docs"), str(tmp_path / "site")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -64,7 +64,7 @@ def passages(motion: Stepped, until: float) -> FloatArray:
     return found
 
 
-@pytest.mark.parametrize("degrees", [30, 45, 60, 90])
+@pytest.mark.parametrize("degrees", [30, pytest.param(45, marks=pytest.mark.nightly), 60, 90])
 def test_a_large_swing_takes_the_time_that_it_takes(degrees: float) -> None:
     """The period is 2 K(sin θ₀/2)/π times that of a small swing: 1.0174, 1.0400, 1.0732, 1.1803."""
     motion = pendulum(degrees, tolerance=1.0, max_step=0.004)
@@ -134,8 +134,15 @@ def test_what_is_small_moves_as_its_modes_do(k: int) -> None:
     )
 
 
-@pytest.mark.parametrize("ratio", [0.05, (0.02, 0.2, 0.1)])
-@pytest.mark.parametrize("hung", [False, True])
+@pytest.mark.parametrize(
+    ("hung", "ratio"),
+    [
+        (False, 0.05),
+        (True, (0.02, 0.2, 0.1)),
+        pytest.param(False, (0.02, 0.2, 0.1), marks=pytest.mark.nightly),
+        pytest.param(True, 0.05, marks=pytest.mark.nightly),
+    ],
+)
 def test_ratios_damp_modes_as_they_say(ratio: Any, hung: bool) -> None:
     """As the modes' closed forms, about a hung state too; energy is all there."""
     points, cells = lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 5, 1))
