@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -189,6 +190,29 @@ def test_a_damaged_entry_is_replaced(place, calls, damage):
     result(solver())
     assert calls["solved"] == 2
     assert len(list(place.iterdir())) == 1
+
+
+def test_whatever_has_become_of_an_entry_nothing_else_is_read(place):
+    right = {"values": np.arange(8.0), "shapes": np.random.default_rng(0).random((8, 5, 3))}
+    cache.store("entry", **right)
+    path = place / "entry-1.npz"
+    whole, chance = path.read_bytes(), random.Random(3)
+    missing = 0
+    for number in range(150):
+        data = bytearray(whole)
+        at = chance.randrange(len(data))
+        if number % 3 == 0:
+            data[at] ^= 1 << chance.randrange(8)
+        elif number % 3 == 1:
+            del data[at:]
+        else:
+            data[at : at + 40] = chance.randbytes(chance.randrange(40))
+        path.write_bytes(data)
+        found = cache.load("entry")
+        missing += found is None
+        for name, array in (found or {}).items():
+            np.testing.assert_array_equal(array, right[name])
+    assert missing > 100
 
 
 def test_it_can_be_switched_off(monkeypatch, tmp_path, calls):

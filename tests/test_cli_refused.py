@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_cli import SMALL, refused, run
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.reading import read_with_vtk
 
 
 @pytest.mark.parametrize(
@@ -262,6 +268,23 @@ def test_modes_of_a_still_scene(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "[modal]" in refused(capsys, "modes", str(scene))
     arguments = ["-o", str(tmp_path / "c.vtu"), "--what", "cage"]
     assert "cage" in refused(capsys, "export", str(scene), *arguments)
+
+
+def test_what_cannot_be_printed_is_told_once() -> None:
+    # Python holds back what it prints, and would say at its end that it could not.
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-m", "spacemap_vtk", "scenes"]
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, env=kept, text=True)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "spacemap: what is printed could not be written: no space left on device\n"
+    )
+
+
+def test_a_mesh_that_goes_while_it_is_read_is_no_damaged_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.vtu: it has gone while it was read"):
+        read_with_vtk(tmp_path / "a.vtu", "vtkIOXML", "vtkXMLUnstructuredGridReader")
 
 
 def test_a_missing_library_is_named(

@@ -143,6 +143,18 @@ def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
         assert farthest(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
 
 
+def test_what_nothing_moves_is_no_animation(tmp_path: Path) -> None:
+    weave = {"ends": 3, "picks": 3}
+    scene = Scene({"weave": weave, "cage": {"divisions": [2, 2, 1]}, "modal": {}, "response": {}})
+    made = moving(scene, [0.0, 0.02], None, lambda *_: None)
+    assert (len(made.targets), len(made.clips)) == (0, 1)
+    file = tmp_path / "a.glb"
+    writer(file).write(file, made)
+    data = file.read_bytes()
+    content = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert "animations" not in content
+
+
 def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "a.glb"
     words = ["export", "plain_weave"] + [word for each in SMALL for word in ("--set", each)]

@@ -146,7 +146,9 @@ OWN_WRITERS = {
     "io/formats/vtk_xml.py": {"_write": {"writer.Write"}},
     # what is too large for that looks at its own end
     "io/formats/film.py": {"_write_gif": {"palette.save"}, "_try_on": {"file.open"}},
-    "workers.py": {"main": {"os.fdopen"}},  # a pipe
+    # a pipe, and what swallows
+    "workers.py": {"main": {"os.fdopen"}},
+    "cli/main.py": {"_print_no_more": {"os.open"}},
     "io/formats/vtk_hdf.py": {"_Sink": {"FileIO"}},
 }
 _WRITING = re.compile(
@@ -297,6 +299,33 @@ def test_a_read_only_disk_is_named(small_disk: Callable[..., Path]) -> None:
     said = "could not be written: the disk is read-only"
     with pytest.raises(SpacemapError, match=said), whole_file(disk / "x.png"):
         pass
+
+
+def test_where_root_may_write_and_cannot_is_told_before_any_work() -> None:
+    with pytest.raises(InputError, match="the folder /proc: nothing can be made in it"):
+        check_output(Path("/proc/x.png"), {".png": "picture"})
+
+
+@pytest.mark.parametrize("program", [f"plot plain_weave {SMALL}", f"render plain_weave {SMALL}"])
+@pytest.mark.nightly
+def test_what_libraries_log_is_no_message(program: str, tmp_path: Path) -> None:
+    # matplotlib has no folder for its lists of letters, VTK no driver that draws
+    lacking = {"HOME": "/proc/none", "LIBGL_DRIVERS_PATH": "/proc/none", "MPLCONFIGDIR": ""}
+    command = [
+        sys.executable,
+        "-m",
+        "spacemap_vtk",
+        *program.split(),
+        "-o",
+        str(tmp_path / "x.png"),
+    ]
+    done = subprocess.run(command, env={**os.environ, **lacking}, capture_output=True, text=True)
+    if program.startswith("plot"):
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    else:
+        assert done.returncode == 1
+        assert done.stderr.startswith("spacemap: OpenGL draws nothing here: no driver")
+        assert done.stderr.count("\n") == 1
 
 
 def write_all(path: Path, names: list[str]) -> None:

@@ -8,17 +8,21 @@ import threading
 from collections.abc import Callable
 from importlib import import_module
 
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import Qt, QTimer, qInstallMessageHandler
+from PySide6.QtGui import QOpenGLContext
 from PySide6.QtWidgets import QApplication
 
 from spacemap_vtk import __version__
 from spacemap_vtk.app.main_window import MainWindow
+from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER
+from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.vanishing import ENDING
 
 
 def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
     """Open the window and return when it is closed."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
+    _require_drawing()
     app.setApplicationName("spacemap")
     app.setOrganizationName("spacemap")
     app.setApplicationVersion(__version__)
@@ -52,6 +56,17 @@ def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None
     app.exec()
     if ended:
         sys.exit(128 + ended[0])
+
+
+def _require_drawing() -> None:
+    """Refuse a machine whose OpenGL draws nothing: the window would stay grey, and Qt print why."""
+    usual = qInstallMessageHandler(lambda *_: None)
+    try:
+        able = QOpenGLContext().create()
+    finally:
+        qInstallMessageHandler(usual)
+    if not able:
+        raise MissingLibraryError(NO_DRIVER, cure=DRIVERS)
 
 
 def _prepare(_frame: object) -> None:

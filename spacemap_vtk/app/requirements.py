@@ -49,6 +49,7 @@ def require_window() -> None:
         )
     if not sys.platform.startswith("linux"):
         return
+    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # of what it warns an error tells
     displays = {name: os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")}
     if not any(displays.values()):
         raise MissingLibraryError(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import gc
+import logging
 import os
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 from cyclopts import (
@@ -67,6 +69,10 @@ for _name, (_function, _help) in COMMANDS.items():
     # By name: a command's modules are imported when it is called, not for another one's help.
     app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
 
+_SILENT = logging.NullHandler()
+#: What is told of the place where a command prints, as of a file that it is led to, or a reader.
+_FULL = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit.
@@ -84,6 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments is None:
         # Next to nothing of what a command makes is garbage: to look for it seldom is enough.
         gc.set_threshold(20_000, 20, 20)
+    # What libraries log, of folders that they cannot write into for example, is no message.
+    logging.getLogger().addHandler(_SILENT)
     words = list(sys.argv[1:] if arguments is None else arguments)
     if "--no-cache" in words:
         # For every command alike, so that none has to pass it on.
@@ -100,6 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             warnings.simplefilter("ignore", SpacemapWarning)
             with _heard_interrupt():
                 app(words, exit_on_error=False, print_error=False, result_action="return_value")
+        if sys.stdout is not None:  # as it is where it is closed
+            sys.stdout.flush()
     except CycloptsError as error:
         _say(_plain(error))
         sys.exit(2)
@@ -109,10 +119,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("spacemap: stopped", file=sys.stderr)
         sys.exit(1)
-    except BrokenPipeError:
-        sys.exit(1)
     except Exception as error:
-        _say(error)
+        if isinstance(error, OSError) and error.filename is None and error.errno in _FULL:
+            if not isinstance(error, BrokenPipeError):  # whoever reads it has read enough
+                _say(f"what is printed could not be written: {str(error.strerror).lower()}")
+            _print_no_more()
+        else:
+            _say(error)
         sys.exit(1)
     sys.exit(0)
 
@@ -161,6 +174,12 @@ def _plain(error: CycloptsError) -> str:
                 'storyboard", and written by "spacemap export".'
             )
     return f'{text} See "{command} --help".'
+
+
+def _print_no_more() -> None:
+    """Let what waits to be printed go nowhere, or Python would try once more, and say so."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _say(error: BaseException | str) -> None:

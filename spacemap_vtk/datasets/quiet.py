@@ -1,4 +1,4 @@
-"""What VTK prints while it reads a file, as an exception."""
+"""What VTK prints, as an exception."""
 
 from __future__ import annotations
 
@@ -35,18 +35,25 @@ def quiet_stderr() -> Iterator[None]:
 
 
 @contextmanager
-def quiet_vtk(path: Path) -> Iterator[None]:
-    """Turn what VTK prints as an error while a file is read into an exception."""
+def silent_vtk() -> Iterator[vtkStringOutputWindow]:
+    """Let VTK say what it has to say there, and print nothing."""
     window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
     verbosity = vtkLogger.GetCurrentVerbosityCutoff()
     vtkOutputWindow.SetInstance(window)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
     try:
         with quiet_stderr():
-            yield
+            yield window
     finally:
         vtkOutputWindow.SetInstance(usual)
         vtkLogger.SetStderrVerbosity(verbosity)
+
+
+@contextmanager
+def quiet_vtk(path: Path) -> Iterator[None]:
+    """Turn what VTK prints as an error while a file is read into an exception."""
+    with silent_vtk() as window:
+        yield
     output = window.GetOutput()
     if isinstance(output, bytes):  # it quotes what is no UTF-8
         output = output.decode("utf-8", "replace")
@@ -57,6 +64,8 @@ def quiet_vtk(path: Path) -> Iterator[None]:
     ]
     # The first reader knows why; those above it only that it failed, at length.
     errors = [text for text in errors if "returned failure" not in text] or errors
+    if errors and not path.exists():
+        raise InputError(f"{path}: it has gone while it was read")
     if errors:
         why = errors[0][:200].rstrip(".")
         raise InputError(

@@ -8,6 +8,13 @@ import sys
 
 from spacemap_vtk.errors import MissingLibraryError
 
+#: Where there is an OpenGL library that draws nothing.
+NO_DRIVER = "OpenGL draws nothing here: no driver of its library works"
+DRIVERS = (
+    'On Debian or Ubuntu: "apt-get install libgl1-mesa-dri"; on Fedora: "dnf install '
+    'mesa-dri-drivers": these draw without a graphics card, too.'
+)
+
 
 def prepare_offscreen() -> None:
     """Choose VTK's offscreen window, and make sure that the libraries it loads are there.

@@ -12,8 +12,10 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
+from spacemap_vtk.datasets.quiet import silent_vtk
 from spacemap_vtk.draw.camera import front_of, lit_renderer
-from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER, prepare_offscreen
+from spacemap_vtk.errors import MissingLibraryError
 
 
 class Offscreen:
@@ -88,7 +90,10 @@ class Offscreen:
 
 
 def _window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
-    window = vtkRenderWindow()
+    with silent_vtk() as said:
+        window = vtkRenderWindow()
+    if "OSMesa not found" in said.GetOutput():  # the last that it tries; it would crash
+        raise MissingLibraryError(NO_DRIVER, cure=DRIVERS)
     window.SetOffScreenRendering(True)
     if hasattr(window, "SetConnectContextToNSView"):
         # macOS: otherwise a window is made, though nothing shows it.

@@ -87,7 +87,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         "materials": materials,
     }
     animations = []
-    for clip in moving.clips:
+    for clip in moving.clips if len(moving.targets) else ():  # of what does not move none
         sampler = {"input": buffer.add(clip.times, target=None, bounds=True)}
         sampler["output"] = buffer.add((clip.weights * factors).reshape(-1), target=None)
         channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
