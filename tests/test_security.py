@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ast
+import io
 import os
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from test_layers import PACKAGE
 
 from spacemap_vtk.cli.main import main
@@ -15,6 +18,7 @@ from spacemap_vtk.draw.filming import KeptFrames
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
+from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.io.named import named
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
@@ -198,10 +202,38 @@ def test_a_folder_that_came_with_a_scene_puts_nothing_elsewhere(home):
     assert not (home / ".spacemap-0123456789ab").exists()
 
 
-def test_a_title_is_neither_markup_nor_what_terminals_obey(home, capsys):
+def test_a_title_is_neither_markup_nor_what_terminals_obey(home):
     title = r"[/end] \u001b]0;theirs\u0007[red]"
     scene = _scene(home, f'title = "{title}"\n[weave]\nends = 3\npicks = 3\n')
     assert scene.title == "[/end]  ]0;theirs [red]"
-    with pytest.raises(SystemExit, match="0"):
-        main(["info", str(home / "a.toml")])
-    assert "[/end]  ]0;theirs [red]" in capsys.readouterr().out
+    for file in (PACKAGE / "cli").glob("*.py"):
+        for console in re.findall(r"\bConsole\((.*?)\)", file.read_text(encoding="utf-8")):
+            assert console in ("markup=False", "stderr=True"), file.name
+
+
+def test_a_picture_is_no_program(monkeypatch):
+    ran = []
+    monkeypatch.setattr("PIL.EpsImagePlugin.Ghostscript", lambda *given: ran.append(given))
+    text = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 8 8\n%%EndComments\nshowpage\n%%EOF\n"
+    with Image.open(io.BytesIO(text)) as picture, suppress(Exception):
+        picture.load()  # Pillow would run it, of a file with any ending
+    assert ran
+    ran.clear()
+    with pytest.raises(InputError, match="no picture"):
+        decoded(text, lambda width, height: None)
+    assert ran == []
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[weave]\nends = " + "[" * 50_000, "brackets in brackets"),
+        (f"[{'.'.join('a' * 50_000)}]\n", "a key of more than 16 names"),
+        (f"[weave]\nends = {'9' * 50_000}", "thousands of digits"),
+        ("#" * (2**24 + 1), "more than 16777216 bytes"),
+    ],
+)
+def test_a_scene_that_takes_hours_to_take_apart_is_refused(tmp_path, text, told):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(InputError, match=told):
+        registry.read(tmp_path / "a.toml", "scene")

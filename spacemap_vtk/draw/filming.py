@@ -180,6 +180,7 @@ class KeptFrames:
     def write(self, number: int, image: Image) -> Image:
         """Keep a frame."""
         part = self.path(number).with_suffix(f".{os.getpid()}")
+        part.unlink(missing_ok=True)  # it may lead elsewhere
         write_png(part, image)
         os.replace(part, self.path(number))
         return image

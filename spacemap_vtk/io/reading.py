@@ -26,10 +26,13 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
 from spacemap_vtk.io.trial import tried
+from spacemap_vtk.memory import require
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
 
+#: Bytes of a point that is made of a picture's, and of the cell beside it.
+_MADE = 12 + 8 * 8 + 9
 #: What is further away than this, in m, has no square in single precision.
 _LARGEST = 1e18
 
@@ -110,6 +113,8 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
         raise GeometryError(f"{path}: there are no points in it")
     for block in blocks:
         _check_numbers(block, path)
+        if not block.IsA("vtkPointSet"):  # a picture in three dimensions says where each point is
+            require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
         copies = [block.NewInstance() for block in blocks]

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Of zlib. Of a picture of yarns, 6 makes files a tenth smaller, in more than twice the time.
 _COMPRESSION = 3
+#: What is decoded, in Pillow's words. Not PostScript, which is a program, and runs as one.
+_DECODED = ("PNG", "JPEG", "BMP", "GIF", "TIFF", "WEBP", "PPM", "TGA", "DDS", "JPEG2000", "PCX")
 #: Bytes of a comment in a JPEG, at most.
 _SEGMENT = 60_000
 
@@ -97,7 +99,11 @@ def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
 
     # From memory, which gives no more than it has: Pillow believes a length that a file says.
     try:
-        with warnings.catch_warnings(), quiet_stderr(), Image.open(BytesIO(content)) as picture:
+        with (
+            warnings.catch_warnings(),
+            quiet_stderr(),
+            Image.open(BytesIO(content), formats=_DECODED) as picture,
+        ):
             warnings.simplefilter("ignore")  # of what a camera has added
             check(*picture.size)
             picture.load()
@@ -119,7 +125,9 @@ def told_in_picture(path: Path) -> str | None:
 
     from PIL import Image
 
-    with Image.open(BytesIO(path.read_bytes())) as image:  # of its pixels nothing is read
+    with Image.open(
+        BytesIO(path.read_bytes()), formats=("PNG", "JPEG")
+    ) as image:  # of its pixels nothing is read
         if path.suffix.lower() == ".png":
             return getattr(image, "text", {}).get(NAME)
         begin = f"{NAME}\0".encode()

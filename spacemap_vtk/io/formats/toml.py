@@ -50,7 +50,7 @@ def read_scene(path: Path) -> dict[str, Any]:
             line = error.object.count(b"\n", 0, error.start) + 1
             why = f"line {line} has a byte {error.object[error.start]:#04x}, which is no UTF-8"
             cure = "Save it as UTF-8 in a text editor."
-        elif path.read_bytes().startswith(b"\xef\xbb\xbf"):
+        elif path.stat().st_size <= _LONGEST and path.read_bytes().startswith(b"\xef\xbb\xbf"):
             why, cure = "it begins with a byte order mark", "Save it as UTF-8 without BOM."
         raise InputError(
             f"{path}: not a scene: {why}",
