@@ -20,7 +20,10 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtGui import QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
+from vtkmodules.vtkFiltersSources import vtkConeSource  # noqa: E402
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper  # noqa: E402
 
+from spacemap_vtk.app import canvas  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
 
 
@@ -36,6 +39,32 @@ def test_what_is_shown_can_be_switched(open_scene: Any, name: str) -> None:
     assert np.abs(image(window) - before).max() > 30
     window.tools.shown[name].trigger()
     assert np.abs(image(window) - before).max() < 8
+
+
+def test_smooth_edges_are_the_same_whether_or_not_their_shader_could_be_quickened(
+    qtbot: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Plain(canvas.Canvas):
+        def _quicken(self) -> None:
+            self._quickened = True
+
+    def drawn(kind: type[canvas.Canvas], smooth: bool = True) -> np.ndarray:
+        widget = kind(None)
+        qtbot.addWidget(widget)
+        widget.resize(160, 120)
+        edges, mapper, actor = vtkConeSource(), vtkPolyDataMapper(), vtkActor()
+        mapper.SetInputConnection(edges.GetOutputPort())
+        actor.SetMapper(mapper)
+        widget.renderer.AddActor(actor)
+        widget.renderer.SetUseFXAA(smooth)
+        widget.show()
+        return widget.image().astype(int)
+
+    usual = drawn(Plain)
+    assert np.abs(usual - drawn(Plain, smooth=False)).max() > 30
+    np.testing.assert_array_equal(drawn(canvas.Canvas), usual)
+    monkeypatch.setattr(canvas, "_TEXEL", "what no driver compiles;\n")
+    np.testing.assert_array_equal(drawn(canvas.Canvas), usual)
 
 
 def test_arrows_that_are_shown_are_in_sight(open_scene: Any) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QImage, QKeyEvent
 from PySide6.QtWidgets import QWidget
+from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkRenderingCore import (
     vtkCamera,
@@ -119,14 +120,26 @@ class Canvas(_Widget):
         self._quickened = True
         smooth = vtkOpenGLFXAAFilter()
         smooth.Execute(self.renderer)
-        program = self.render_window.GetShaderCache().GetLastShaderBound()
+        cache = self.render_window.GetShaderCache()
+        program = cache.GetLastShaderBound()
+        if program is None:
+            return
         shader = program.GetFragmentShader()
-        before, search, rest = shader.GetSource().partition("int vtkEndpointSearch(")
+        source = shader.GetSource()
+        before, search, rest = source.partition("int vtkEndpointSearch(")
         rest, count = re.subn(r"texture(2D)?\(Input, (?!posEdgeAA)", "texel(", rest)
         smooth.ReleaseGraphicsResources()
-        program.ReleaseGraphicsResources(self.render_window)
-        shader.SetSource(before + _TEXEL * bool(count) + search + rest)
-        program.SetCompiled(False)
+        # Where another VTK says it otherwise, or a driver takes no such words, all stays as it is.
+        for text in (before + _TEXEL + search + rest, source) if count else ():
+            program.ReleaseGraphicsResources(self.render_window)
+            program.GetVertexShader().Cleanup()  # it stays compiled where the other was not
+            shader.SetSource(text)
+            program.SetCompiled(False)
+            vtkObject.GlobalWarningDisplayOff()
+            ready = cache.ReadyShaderProgram(program)
+            vtkObject.GlobalWarningDisplayOn()
+            if ready:
+                break
 
     def paintGL(self) -> None:
         """Draw, and hand Qt what was drawn."""
