@@ -17,6 +17,7 @@ import spacemap_vtk.accessor  # noqa: F401
 from spacemap_vtk import BarycentricWarp, ModalSolver, TetraCage
 from spacemap_vtk.cage import split, tetwild
 from spacemap_vtk.cage.carve import touched
+from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.cage.split import mended
 from spacemap_vtk.datasets.arrays import add_array, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
@@ -183,7 +184,10 @@ def test_a_ball_is_held_weighs_what_it_does_and_rings_as_lambs(cache: Path) -> N
     tetrahedra = tetrahedra_of(grid)
     volume = check_mesh(grid.points, tetrahedra, closed=False)
     assert ball.volume < volume < 1.03 * ball.volume
-    assert locate(ball.points, grid.points, tetrahedra).outside == 0
+    # Nothing leaves the ball's box, so that flat sides stay flat: a few near its poles may.
+    where = locate(ball.points, grid.points, tetrahedra)
+    assert where.outside < 0.03 * ball.n_points
+    assert where.largest_distance < 1e-3 * ball.length
     modal = ModalSolver(youngs_modulus=210e9, density=7850.0, modes=12, fixed="")
     modal.SetInputConnection(cage.GetOutputPort())
     modal.update()
@@ -197,25 +201,35 @@ def test_a_ball_is_held_weighs_what_it_does_and_rings_as_lambs(cache: Path) -> N
 
 def test_a_cage_holds_points_by_moving_no_more_than_it_must() -> None:
     corners = pv.Icosahedron(radius=1.0)
-    faces = corners.regular_faces + 1
-    vertices = np.concatenate((np.zeros((1, 3)), corners.points))
-    tetrahedra = mended(vertices, np.insert(faces, 0, 0, axis=1))[0]
-    ball = pv.Icosphere(radius=1.0, nsub=3).points
-    held = holding(ball, vertices, tetrahedra, 1.0)
+    vertices = np.concatenate((np.zeros((1, 3)), corners.points)).astype(float)
+    tetrahedra = mended(vertices, np.insert(corners.regular_faces + 1, 0, 0, axis=1))[0]
+    ball = pv.Icosphere(radius=1.0, nsub=3).points.astype(float)
+    box = 3.0 * np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
+    held = holding(np.concatenate((ball, box)), vertices, tetrahedra, 0.25)
     check_mesh(held, tetrahedra)
     assert locate(ball, held, tetrahedra, "error").outside == 0
-    # by as much as the middles of its faces are too near
+    # by as much as the middles of its faces are too near; what is too far away counts for nothing
     inside = np.sqrt((5 + 2 * np.sqrt(5)) / 15)
     np.testing.assert_allclose(np.linalg.norm(held[1:], axis=1), 1 / inside, rtol=0.02)
-    # on one side alone, and not for what is too far away
-    held = holding(ball[ball[:, 2] > 0.9], vertices, tetrahedra, 1.0)
+    # on one side alone
+    held = holding(np.concatenate((ball[ball[:, 2] > 0.9], box)), vertices, tetrahedra, 0.25)
     low = vertices[:, 2] < 0.0
     np.testing.assert_array_equal(held[low], vertices[low])
     assert (np.linalg.norm(held[1:], axis=1) > 1.001).any()
-    np.testing.assert_array_equal(holding(3.0 * ball, vertices, tetrahedra, 1.0), vertices)
-    # A point beneath a thin cell asks for more than that can give: it keeps its sign.
-    pressed = holding(np.array([[0.0, 0.0, 1.4]]), vertices, tetrahedra, 9.0)
-    check_mesh(pressed, tetrahedra)
+
+
+def test_flat_sides_stay_flat_by_which_cages_are_held() -> None:
+    """A prism of six corners in a round bar; one whose cell would turn over stays as it is."""
+    vertices, tetrahedra = lattice((-0.7, 0.7, -0.7, 0.7, 0.0, 1.0), (2, 2, 2))
+    bar = pv.Cylinder(center=(0, 0, 0.5), direction=(0, 0, 1), radius=1.0, resolution=40).points
+    held = holding(bar.astype(float), vertices, tetrahedra, 1.0)
+    for side in (0.0, 1.0):
+        on = vertices[:, 2] == side
+        np.testing.assert_array_equal(held[on, 2], side)
+    assert (np.abs(held) <= 1.0).all()
+    check_mesh(held, tetrahedra)
+    deep = holding(np.array([[0.0, 0.0, 9.0], [1.0, 1.0, 0.5]]), vertices, tetrahedra, 99.0)
+    check_mesh(deep, tetrahedra)
 
 
 def test_the_share_of_a_cage_that_is_filled() -> None:

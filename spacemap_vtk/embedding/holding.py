@@ -20,7 +20,9 @@ Cells = NDArray[np.integer[Any]]
 
 #: Steps that go some share of the way: what a vertex does for one point, it does for others. The
 #: last ones go all of it, and a little more.
-_STEPS = (0.6,) * 6 + (1.02,) * 4
+_STEPS = (0.6,) * 6 + (1.02,) * 10
+#: As many times as far as a point is away a vertex may go for it.
+_MOST = 10.0
 #: No tetrahedron keeps less of its volume.
 _LEAST = 0.2
 
@@ -42,7 +44,8 @@ def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -
     Returns
     -------
     (V, 3) float64
-        In m. Those that no point outside asks to move stay where they are.
+        In m. Those that no point outside asks to move stay where they are, and none leaves the box
+        of the points.
 
     Notes
     -----
@@ -51,6 +54,9 @@ def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -
     vertex follows the point that asks most of it.
     """
     volumes = volumes_of(vertices, tetrahedra)
+    # No further than the points' box, so that flat sides stay flat, by which cages are held.
+    low = np.minimum(points.min(axis=0), vertices)
+    high = np.maximum(points.max(axis=0), vertices)
     for share in _STEPS:
         where = locate(points, vertices, tetrahedra, "clamp")
         out = np.flatnonzero(where.is_outside)
@@ -59,11 +65,17 @@ def holding(points: Floats, vertices: Floats, tetrahedra: Cells, reach: float) -
         near = np.linalg.norm(gaps, axis=1) <= reach
         if not near.any():
             break
-        corners, weights, gaps = corners[near], weights[near], gaps[near]
-        asked = (weights / (weights**2).sum(axis=1)[:, None])[:, :, None] * gaps[:, None]
+        corners, weights, gaps = corners[near], weights[near], gaps[near, None]
+        # Who stands at a side of the box leaves it to the others.
+        gone = np.clip(vertices[corners] + gaps, low[corners], high[corners]) - vertices[corners]
+        weights = weights * (gone * gaps).sum(axis=2) / (gaps**2).sum(axis=2)
+        most = np.maximum((weights**2).sum(axis=1), weights.max(axis=1) / _MOST)
+        most[most == 0.0] = 1.0
+        asked = (weights / most[:, None])[:, :, None] * gaps
         order = np.argsort((asked**2).sum(axis=2).ravel())  # the last one is kept
         moves = np.zeros_like(vertices)
         moves[corners.ravel()[order]] = share * asked.reshape(-1, 3)[order]
+        moves = np.clip(vertices + moves, low, high) - vertices
         while (bad := volumes_of(vertices + moves, tetrahedra) < _LEAST * volumes).any():
             moves[np.unique(tetrahedra[bad])] *= 0.5
         vertices = vertices + moves
