@@ -144,12 +144,13 @@ def on_cluster(
 
 def start(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
     """Start a process that answers with what "module:name" makes of the tasks that it is sent."""
+    # Not with modules of the folder that this one runs in, which may be that of a stranger's scene.
     paths = os.pathsep.join(path for path in sys.path if path)
     return subprocess.Popen(
         [sys.executable, "-m", "spacemap_vtk.workers", function],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**environment, "PYTHONPATH": paths, EXPENDABLE: "1"},
+        env={**environment, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", EXPENDABLE: "1"},
         **more,
     )
 

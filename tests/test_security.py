@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from test_layers import PACKAGE
 
+from spacemap_vtk import workers
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.filming import KeptFrames
 from spacemap_vtk.errors import InputError
@@ -237,3 +238,11 @@ def test_a_scene_that_takes_hours_to_take_apart_is_refused(tmp_path, text, told)
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(InputError, match=told):
         registry.read(tmp_path / "a.toml", "scene")
+
+
+def test_a_module_in_the_folder_of_a_scene_is_not_run(tmp_path):
+    (tmp_path / "pickle.py").write_text('open("ran", "w")\n')
+    child = workers.start("math:sqrt", os.environ, cwd=tmp_path)
+    assert workers.ask(child, 4.0)[0] == 2.0
+    workers.end(child)
+    assert not (tmp_path / "ran").exists()

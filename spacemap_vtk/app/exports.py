@@ -148,6 +148,7 @@ class Exports(QObject):
         self._process = process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
         environment.insert("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+        environment.insert("PYTHONSAFEPATH", "1")  # as for `workers.start`
         process.setProcessEnvironment(environment)
         process.readyReadStandardOutput.connect(self._read)
         process.finished.connect(self._finished)
