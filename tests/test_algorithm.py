@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import pyvista as pv
-from test_pipeline import Chain
+from test_pipeline import Chain, point_array, points
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
@@ -27,7 +29,11 @@ from spacemap_vtk import (
     WeaveSource,
     connect,
 )
+from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError
+from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.parameters import Real
 
 
 def test_the_stage_that_fails_hands_over_its_own_error_and_recovers() -> None:
@@ -37,11 +43,10 @@ def test_the_stage_that_fails_hands_over_its_own_error_and_recovers() -> None:
     for _ in range(2):
         with pytest.raises(GeometryError, match=r"weave\.warp_crimp_height.*allowed: 0 mm to"):
             chain.update()
-    failed = chain.weave.executions
-    assert chain.counts[1:] == [1] * 5
+    assert chain.counts == [3, 1, 1, 1, 1, 1]  # once for each, though two stages need it
     chain.weave.warp_crimp_height = None
     chain.update()
-    assert chain.counts == [failed + 1, 2, 2, 2, 2, 2]
+    assert chain.counts == [4, 2, 2, 2, 2, 2]
     assert chain.surface.GetOutputDataObject(0).GetNumberOfCells() > 0
 
 
@@ -54,6 +59,67 @@ def test_a_failure_in_the_middle_names_its_stage() -> None:
     chain.response.initial = "rest"
     chain.update()
     assert chain.counts == [1, 1, 1, 2, 1, 1]
+
+
+def test_a_ring_is_refused() -> None:
+    warp, cage = BarycentricWarp(), TetraCage()
+    connect((cage, connect(warp, cage)), warp)
+    with pytest.raises(InputError, match="the pipeline is a ring: TetraCage is above itself"):
+        cage.update()
+    cage.RemoveAllInputConnections(0)
+
+
+class Waiting(Stage):
+    """Waits to be let go on."""
+
+    inputs = ("vtkPointSet",)
+    output_type = SAME_AS_INPUT
+    length = Real(1.0, "A number.")
+    begun, let = threading.Event(), threading.Event()
+
+    def run(self, inputs: list[Any], output: Any, time: float) -> None:
+        length = self.length
+        self.begun.set()
+        assert self.let.wait(10.0)
+        output.ShallowCopy(inputs[0])
+        add_array(output.GetFieldData(), "length", np.array([length]))
+
+
+def test_a_second_thread_is_refused_and_what_it_changes_is_not_lost() -> None:
+    weave = WeaveSource(ends=1, picks=1)
+    waiting, surface = Waiting(), PatchTessellator(subdivisions=1)
+    connect(weave, waiting)
+    connect(weave, surface)
+    with ThreadPoolExecutor(1) as other:
+        running = other.submit(waiting.update)
+        assert waiting.begun.wait(10.0)
+        for stage in (waiting, surface):  # the weave is both's
+            with pytest.raises(
+                SpacemapError, match=r"another thread is updating .*threading\.Lock"
+            ):
+                stage.update()
+        waiting.length = 2.0
+        waiting.let.set()
+        assert running.result() is waiting
+    assert waiting.output.GetFieldData().GetArray("length").GetValue(0) == 1.0
+    assert waiting.update().output.GetFieldData().GetArray("length").GetValue(0) == 2.0
+    assert (waiting.update().executions, surface.update().executions) == (2, 1)
+
+
+def test_threads_have_the_same_bits_each_from_its_own_pipeline() -> None:
+    def moved(number: int) -> list[bytes]:
+        chain, found = Chain(), []
+        chain.modal.density = 300.0 + number % 2
+        for step in range(4):
+            chain.update(time=0.01 * step)
+            found += [
+                points(chain.surface).tobytes(),
+                point_array(chain.response, "velocity").tobytes(),
+            ]
+        return found
+
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(moved, range(6))) == [moved(0), moved(1)] * 3
 
 
 def test_plain_update_does_not_take_a_failed_output_for_a_good_one() -> None:

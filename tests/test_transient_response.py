@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-from spacemap_vtk import ModalResponse, ModalSolver, TetraCage, TransientResponse, WeaveSource
+from spacemap_vtk import (
+    BarycentricWarp,
+    ModalResponse,
+    ModalSolver,
+    RotationStrain,
+    TetraCage,
+    TransientResponse,
+    WeaveSource,
+)
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.filters.base import connect
@@ -201,3 +209,10 @@ def test_a_scene_has_it_in_place_of_the_response() -> None:
     for time in (0.0, 0.01):  # though two ask it, the second once the first was refused
         with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
             turned.update(time=time)
+    # whoever else needs it is served, and this one not by what another has let run
+    plain, rotation = BarycentricWarp(), turned.part(RotationStrain)
+    connect((turned.source, turned.stage("mover")), plain)
+    for time in (0.0, 0.01):
+        plain.update(time=time)
+        with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
+            rotation.update(time=time)

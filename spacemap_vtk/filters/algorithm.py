@@ -18,6 +18,8 @@ Invariants:
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from math import isnan, nan
 from time import process_time
 from typing import Any, ClassVar
 
@@ -42,6 +44,7 @@ _INFORMATION = vtkDemandDrivenPipeline.REQUEST_INFORMATION()
 _UPDATE_EXTENT = vtkStreamingDemandDrivenPipeline.REQUEST_UPDATE_EXTENT()
 _DATA = vtkDemandDrivenPipeline.REQUEST_DATA()
 _OBJECT = vtkDataObject.DATA_OBJECT()
+_DATA_TIME = vtkDataObject.DATA_TIME_STEP()
 _TIME_RANGE = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
 _TIME_STEPS = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
 UPDATE_TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
@@ -57,6 +60,10 @@ Inputs = tuple[vtkInformationVector, ...]
 #: does so too. Before 9.7 it then frees them in the middle of a walk over its table of objects; if
 #: there are VTK objects among them, the table is corrupted, and the program crashes later.
 _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
+
+#: The attributes of each stage that VTK holds, and its observers. Where Python's collector finds no
+#: one but garbage that holds a stage, it empties these, though a pipeline goes on with the stage.
+_attributes: dict[str, tuple[dict[str, Any], Any, Any]] = {}
 
 #: For `Stage.output_type`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkDataObject"
@@ -75,6 +82,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     input_names: ClassVar[tuple[str, ...]] = ("Input",)
     #: Data type of the output.
     output_type: ClassVar[str] = "vtkUnstructuredGrid"
+    #: What it is in a scene's pipeline, see `spacemap_vtk.filters.base.ROLES`.
+    role: ClassVar[str] = ""
     #: Input ports that need the whole data set, whichever piece is asked for.
     whole_inputs: ClassVar[tuple[int, ...]] = ()
     #: Whether the output is whole in each piece.
@@ -86,14 +95,15 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     InputType: str = ""
     OutputType: str = ""
 
-    #: Whether any stage has kept an error, ever.
-    failed: ClassVar[bool] = False
-
     _executions: int
     _warnings: list[str]
     _said: set[str]
     _vtk_messages: list[str]
     _error: BaseException | None
+    #: The thread whose `update` is under way.
+    _updated_by: int | None = None
+    #: Whether it was changed during its last run, which VTK takes for newer than the change.
+    _is_late: bool = False
     _piece: Piece = WHOLE
     _processes: Processes | None = None
     _untold: BaseException | None = None
@@ -113,6 +123,10 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         observer = _collector(self._vtk_messages)
         self.AddObserver("ErrorEvent", observer)
         self.GetExecutive().AddObserver("ErrorEvent", observer)
+        key = self.__this__
+        forget = partial(_forget, key)
+        self.AddObserver("DeleteEvent", forget)
+        _attributes[key] = self.__dict__, observer, forget
         Parameterised.__init__(self, **values)
 
     if _GHOSTS_ARE_FRAGILE:
@@ -227,6 +241,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self, request: vtkInformation, in_info: Inputs, out_info: vtkInformationVector
     ) -> int:
         """Answer a request of the executive; an exception is kept for `update`."""
+        if self._updated_by is not None and self._error is not None:
+            # It has failed in this update, for another of its consumers.
+            return _refused(out_info)
         try:
             if _DATA.Has(request):
                 self._request_data(in_info, out_info)
@@ -247,10 +264,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 # The others would wait for this process in vain: it is told when all run.
                 self._untold = error
                 return 1
-            self._error, Algorithm.failed = error, True
-            # Without this mark the next update would hand out the empty output as a good one.
-            out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
-            return 0
+            self._error = error
+            return _refused(out_info)
         return 1
 
     def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
@@ -282,6 +297,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._error = None
         self._warnings.clear()
         self._executions += 1
+        changed = self.GetMTime()
         info = out_info.GetInformationObject(0)
         self._piece = _piece_of(info)
         self._processes = Processes.of(self._piece)
@@ -306,6 +322,22 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 drawn = output.GetNumberOfPolys() if isinstance(output, vtkPolyData) else 0
                 self._processes.share(own, drawn)
             self._issue()  # those of the other processes
+        self._is_late = self.GetMTime() != changed
+        if _TIME_RANGE.Has(info):
+            self._tell_time(in_info, info, output.GetInformation())
+
+    def _tell_time(self, in_info: Inputs, info: vtkInformation, data: vtkInformation) -> None:
+        """Say which time the output is of: VTK believes what was copied with an input's arrays."""
+        times = {UPDATE_TIME.Get(info)} if UPDATE_TIME.Has(info) else set()
+        if not times:  # then each mover keeps its own
+            times = {0.0} if self.role == "mover" else set()
+            for above in (vector.GetInformationObject(0) for vector in in_info):
+                if _TIME_RANGE.Has(above):
+                    made = _OBJECT.Get(above).GetInformation()
+                    times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
+        data.Remove(_DATA_TIME)
+        if len(times) == 1 and not isnan(min(times)):
+            data.Set(_DATA_TIME, times.pop())
 
     def _issue(self) -> None:
         """Tell each new warning once: an animation would repeat it with every frame."""
@@ -327,9 +359,9 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             self._idle = [
                 f"{self.section}.{name} does not count: {why}; it does where "
                 f"{self.parameter(name).counts}"
-                for name, value in self._values.items()
+                for name in self.parameters  # in this order, whatever order they were set in
                 # A zero, or what is off, contradicts nothing.
-                if value and (why := self.idle(name))
+                if self._values.get(name) and (why := self.idle(name))
             ]
         self._warnings += self._idle
         if self.replicated and self._piece.of > 1:
@@ -391,6 +423,16 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _parameter_changed(self) -> None:
         self._idle = None
         self.Modified()
+
+
+def _forget(key: str, *_: Any) -> None:
+    _attributes.pop(key)[0].clear()
+
+
+def _refused(out_info: vtkInformationVector) -> int:
+    # Without this mark the next update would hand out the empty output as a good one.
+    out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+    return 0
 
 
 def _piece_of(info: vtkInformation) -> Piece:

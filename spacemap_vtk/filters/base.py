@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from numbers import Real
@@ -32,6 +33,10 @@ OPTIONAL = ("rotation", "crimp")
 Kind = Literal["object", "cage"]
 
 
+#: Held while a thread takes the stages of an update.
+_taking = threading.Lock()
+
+
 class Provided(NamedTuple):
     """An array that a stage adds to what it is given."""
 
@@ -50,8 +55,6 @@ class Stage(Algorithm):
     implements `run`. A scene finds it in the table `spacemap_vtk.FILTERS`.
     """
 
-    #: What it is in a scene's pipeline, one of `ROLES`.
-    role: ClassVar[str] = ""
     #: What each input port takes, and what the output is: by these a scene connects its stages.
     takes: ClassVar[tuple[Kind, ...]] = ()
     makes: ClassVar[Kind] = "object"
@@ -63,10 +66,15 @@ class Stage(Algorithm):
     #: What parameters that are automatic came to in the last run, by name.
     in_use: Mapping[str, Any] = MappingProxyType({})
 
-    #: Set by a stage below that takes the stretch of turning out of a motion, for the next run.
+    #: Set by a stage below that takes the stretch of turning out of a motion, for its own run.
     turned: bool = False
+    #: How often any has been connected; and how often before this one was found to be in no ring.
+    _connections: ClassVar[int] = 0
+    _in_line: int = -1
     #: When this stage and those above it changed last, as they were found to be connected.
     _connected: int = -1
+    #: This stage and those above it, then; Python may have let go of some since.
+    _above: Sequence[weakref.ref[Stage]] = ()
 
     def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
         """State what an input port takes: composite data, too, where VTK's own way fails."""
@@ -76,6 +84,11 @@ class Stage(Algorithm):
         if len(self.inputs) > 1 or self.makes == "cage":
             info.Append(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), "vtkCompositeDataSet")
         return done
+
+    def SetInputConnection(self, *given: Any) -> None:
+        """Connect an input, as VTK does."""
+        Stage._connections += 1
+        super().SetInputConnection(*given)
 
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
         """Run with one object and one cage; blocks of an object that rides are moved each."""
@@ -178,18 +191,28 @@ class Stage(Algorithm):
             If a filter of Python's `warnings` wants it as an error.
         InputError
             If an input is not connected, or the time is not a finite number.
+        SpacemapError
+            If another thread is updating a stage that this one needs.
         """
         if time is not None and not (isinstance(time, Real) and math.isfinite(time)):
             raise InputError(
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
         executive = self.GetExecutive()
+        if self._in_line != Stage._connections:
+            _visit(self, [], ())  # VTK would go round a ring until it dies
+            self._in_line = Stage._connections
         executive.UpdatePipelineMTime()  # the latest change of all above
-        if (changed := executive.GetPipelineMTime()) != self._connected:
-            for stage in self.upstream():
-                _check_connected(stage)
-            self._connected = changed
+        changed = executive.GetPipelineMTime()
+        stages = [stage for known in self._above if (stage := known()) is not None]
+        if changed != self._connected or len(stages) < len(self._above):
+            above = list(self.upstream())
+            for each in above:
+                _check_connected(each)
+            stages = [each for each in above if isinstance(each, Stage)]
+            self._connected, self._above = changed, [weakref.ref(stage) for stage in stages]
         self._vtk_messages.clear()
+        taken = _take(stages)
         # VTK's collector runs over the whole graph whenever Python lets go of a wrapper. It can be
         # deferred in the main thread only: elsewhere "pop" would never come to an end.
         deferred = threading.current_thread() is threading.main_thread()
@@ -212,11 +235,11 @@ class Stage(Algorithm):
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
-        # Someone else's update may have failed; where none ever has, nobody looks.
-        for stage in reversed(list(self.upstream())) if Algorithm.failed else ():
-            if isinstance(stage, Stage) and stage._error is not None:
-                error, stage._error = stage._error, None
-                raise error
+            errors = [stage._error for stage in reversed(taken) if stage._error is not None]
+            for stage in taken:
+                stage._updated_by = stage._error = None
+        if errors:
+            raise errors[0]
         if done == 0 or self._vtk_messages:
             text = self._vtk_messages[-1] if self._vtk_messages else "VTK could not update it"
             raise SpacemapError(f"{type(self).__name__}: {text}")
@@ -269,17 +292,24 @@ class Stage(Algorithm):
             A stage or any other VTK algorithm.
         """
         seen: list[vtkAlgorithm] = []
-        waiting: list[vtkAlgorithm] = [self]
-        while waiting:
-            stage = waiting.pop(0)
-            # A stage met again moves to the end, behind its last consumer.
-            if stage in seen:
-                seen.remove(stage)
-            seen.append(stage)
-            for port in range(stage.GetNumberOfInputPorts()):
-                for index in range(stage.GetNumberOfInputConnections(port)):
-                    waiting.append(stage.GetInputConnection(port, index).GetProducer())
-        yield from seen
+        _visit(self, seen, ())
+        yield from reversed(seen)
+
+
+def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
+    """Add a stage to those seen, after all above it."""
+    if stage in below:
+        name = type(stage).__name__
+        raise InputError(
+            f"the pipeline is a ring: {name} is above itself",
+            cure=f"Part it, as by RemoveAllInputConnections(0) of {name}.",
+        )
+    if stage not in seen:
+        for port in range(stage.GetNumberOfInputPorts()):
+            for index in range(stage.GetNumberOfInputConnections(port)):
+                above = stage.GetInputConnection(port, index).GetProducer()
+                _visit(above, seen, (*below, stage))
+        seen.append(stage)
 
 
 def connect(*stages: Any) -> Any:
@@ -339,6 +369,25 @@ def _require_ports(stage: vtkAlgorithm, count: int) -> None:
             f"too many inputs for {type(stage).__name__}: {count}",
             allowed=str(stage.GetNumberOfInputPorts()),
         )
+
+
+def _take(stages: Sequence[Stage]) -> list[Stage]:
+    """Mark stages as those that this thread updates; return those that it did not already."""
+    own = threading.get_ident()
+    with _taking:
+        taken = [stage for stage in stages if stage._updated_by != own]
+        for stage in taken:
+            if stage._updated_by is not None:
+                raise SpacemapError(
+                    f"another thread is updating {type(stage).__name__}",
+                    cure="Give each thread a pipeline of its own, or let threads take turns, with "
+                    "a threading.Lock round the update and the use of what it makes.",
+                )
+        for stage in taken:
+            stage._updated_by, stage._error, stage.turned = own, None, False
+            if stage._is_late:
+                stage.Modified()
+    return taken
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:

@@ -108,8 +108,7 @@ class ModalResponse(LoadedCage):
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
         gradients = modes.gradient.of(moved)
-        turned, self.turned = self.turned, False  # whoever comes next may not turn it
-        if not turned and largest_rotation(gradients) > LARGE_ROTATION:
+        if not self.turned and largest_rotation(gradients) > LARGE_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees; a linear "
                 "model stretches what turns: put RotationStrain behind it (a section [rotation]), "

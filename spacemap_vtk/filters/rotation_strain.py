@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.datasets.modal_model import model_of
-from spacemap_vtk.errors import naming
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Provided, Stage
 from spacemap_vtk.filters.place_parameters import Supports
@@ -75,6 +75,7 @@ class RotationStrain(Stage):
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Rebuild the shape at the time of the input."""
+        self._turn(False)  # whoever comes next may not turn it
         output.ShallowCopy(inputs[0])
         self.rebuild(output)
 
@@ -125,9 +126,19 @@ class RotationStrain(Stage):
 
     def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         super()._request_update_extent(in_info, out_info)
+        self._turn(True)
+
+    def _turn(self, turned: bool) -> None:
+        """Say to those above whether it is for this stage that they are to run."""
         for stage in self.upstream():
             if isinstance(stage, Stage):
-                stage.turned = True
+                if self.role in stage.excludes:
+                    raise InputError(
+                        "what is stepped turns without being stretched, and needs no "
+                        "RotationStrain",
+                        cure="Leave out the section [rotation].",
+                    )
+                stage.turned = turned
 
     @property
     def motion(self) -> Motion | None:

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.place_parameters import Supports
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
@@ -83,7 +81,6 @@ class TransientResponse(LoadedCage):
     _kept_motion: tuple[str, Stepped] | None = None
     _known: tuple[int, int] | None = None
     _stored: tuple[int, float] = (0, 0.0)
-    _is_turned: bool = False
 
     @property
     def motion(self) -> Stepped | None:
@@ -116,20 +113,10 @@ class TransientResponse(LoadedCage):
                 cure='Leave out held, or initial = "equilibrium".',
             )
 
-    def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
-        # Of two consumers the second may ask for what the first was refused.
-        super()._request_update_extent(in_info, out_info)
-        self._is_turned, self.turned = self.turned, False
-
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Step on to `time`, or look it up; before t = 0 the initial state holds, at rest."""
-        if self._is_turned:
-            raise InputError(
-                "what is stepped turns without being stretched, and needs no RotationStrain",
-                cure="Leave out the section [rotation].",
-            )
         grid = inputs[0]
         key = grid.GetMTime(), self.GetMTime()
         if self._kept_motion is None or self._known != key:

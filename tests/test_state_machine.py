@@ -1,0 +1,460 @@
+"""Any pipeline, whatever is done to it, holds what a fresh one would, and runs no more than needed.
+
+A model keeps of each stage when it was changed last, what it is connected to and which time was
+asked of it; from these it tells which stages an update has to run. What they make is compared, to
+the last bit, with what stages make that have never done anything else.
+
+The long walk takes ``SPACEMAP_STEPS`` steps, from the seed ``SPACEMAP_SEED`` on.
+"""
+
+from __future__ import annotations
+
+import datetime
+import gc
+import itertools
+import os
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from fresh import (
+    BEGIN,
+    STAGES,
+    Content,
+    Made,
+    digest,
+    fresh,
+    key,
+    told,
+    values_of,
+    written,
+    wrong_for,
+)
+from hypothesis import HealthCheck, Phase, seed, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+from vtkmodules.vtkCommonCore import vtkObject, vtkObjectBase
+
+from spacemap_vtk.errors import InputError, SpacemapError, SpacemapWarning
+from spacemap_vtk.filters.algorithm import UPDATE_TIME
+
+TIMES = (None, 0.0, -1.0, 1e-4, 3e-4, 1e-3)
+#: Stages at once, and in a line; copies.
+MOST, DEEPEST, COPIES = 16, 9, 6
+#: What moves a cage.
+MOVERS = [name for name, stage in STAGES.items() if stage.role == "mover"]
+
+
+class Copy:
+    """Data that were copied, and what they held then."""
+
+    moves, depth, connected, time = False, 0, True, None
+
+    def __init__(self, number: int, data: Any, of: Node) -> None:
+        assert of.content is not None
+        self.number, self.data, self.makes = number, data, of.makes
+        self.state, self.content = (number,), ("copy", (), None, (of.content,))
+        self.digest = digest(data)
+
+    def closure(self) -> Iterator[Any]:
+        yield self
+
+    def ask(self, time: float | None) -> None:
+        """Data have no time."""
+
+    def plan(self, into: dict[Any, Any]) -> Any:
+        return self.content
+
+
+class Node:
+    """What the model knows of a stage."""
+
+    def __init__(self, number: int, kind: str) -> None:
+        self.number, self.kind, self.cls = number, kind, STAGES[kind]
+        self.stage: Any = self.cls(**BEGIN.get(kind, {}))
+        self.settings, self.makes = self.stage.settings, self.cls.makes
+        self.inputs: list[Node | Copy | None] = [None] * len(self.cls.inputs)
+        self.version = self.runs = 0
+        #: The time asked for last; of the last run its time, state and content.
+        self.asked: float | None = None
+        self.time: float | None = None
+        self.ran: Any = None
+        self.content: Content | None = None
+
+    @property
+    def above(self) -> list[Any]:
+        return [each for each in self.inputs if each is not None]
+
+    @property
+    def state(self) -> Any:
+        """Which changes of its own, and of what is above it, it has seen."""
+        return self.number, self.version, *(each.state for each in self.above)
+
+    @property
+    def moves(self) -> bool:
+        own = self.cls.role == "mover" and self.settings.get("file", True) is not None
+        return own or any(each.moves for each in self.above)
+
+    @property
+    def connected(self) -> bool:
+        return None not in self.inputs and all(each.connected for each in self.above)
+
+    @property
+    def depth(self) -> int:
+        return 1 + max((each.depth for each in self.above), default=0)
+
+    def closure(self) -> Iterator[Any]:
+        for each in self.above:
+            yield from each.closure()
+        yield self
+
+    @property
+    def needed(self) -> bool:
+        """Whether an update has to run it: changed itself, or above, or another time."""
+        late = self.moves and self.asked is not None and self.asked != self.time
+        return self.ran != self.state or late
+
+    def ask(self, time: float | None) -> None:
+        """Pass a time on, as far up as anything has to run."""
+        self.asked = self.asked if time is None else time
+        if self.needed:
+            for each in self.above:
+                each.ask(self.asked)
+
+    def plan(self, into: dict[Node, Content]) -> Content:
+        """Add what has to run, from above, and what it will hold; return what this one will."""
+        if self not in into and self.needed:
+            inputs = tuple(each.plan(into) for each in self.above)
+            usual = {name: parameter.default for name, parameter in self.cls.parameters.items()}
+            values = tuple((n, v) for n, v in self.settings.items() if v != usual[n])
+            into[self] = self.kind, values, self.asked if self.moves else None, inputs
+        return into.get(self, self.content)  # type: ignore[return-value]
+
+    def done(self, content: Content) -> None:
+        times = {each.time for each in self.above if each.moves}
+        times |= {0.0} if self.cls.role == "mover" else set()
+        if self.asked is not None:
+            times = {self.asked}
+        self.time = times.pop() if len(times) == 1 else None
+        self.ran, self.content = self.state, content
+
+
+class Machine(RuleBasedStateMachine):
+    """A person at pipelines."""
+
+    files: ClassVar[dict[str, list[Any]]] = {}
+    known: ClassVar[dict[str, Made]] = {}
+    counts: ClassVar[Counter[str]] = Counter()
+    numbers: ClassVar[Iterator[int]] = itertools.count()
+    #: Stages and copies that VTK has not deleted yet, and what tells when it does.
+    alive: ClassVar[dict[int, Any]] = {}
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.nodes: list[Node] = []
+        self.copies: list[Copy] = []
+        #: Those that are let go, too, as long as a stage has them.
+        self.kept: set[Copy] = set()
+        self.alive.clear()
+
+    @property
+    def held(self) -> list[Node]:
+        """Those that Python refers to; others live on in what is below them."""
+        return [node for node in self.nodes if node.stage is not None]
+
+    @property
+    def users(self) -> list[Node]:
+        return [node for node in self.held if node.inputs]
+
+    def watched(self, number: int, thing: vtkObject) -> int:
+        # Held here, too: Python's collector may take it apart before VTK calls it.
+        def gone(*_: Any) -> None:
+            self.alive[number] = None
+
+        self.alive[number] = gone
+        thing.AddObserver("DeleteEvent", gone)
+        return number
+
+    def found(self, node: Node, stage: Any, into: dict[Node, Any]) -> dict[Node, Any]:
+        """Return the stages of a node and those above it, connected as the model says."""
+        into[node] = stage
+        assert type(stage) is node.cls
+        for port, above in enumerate(node.inputs):
+            assert stage.GetNumberOfInputConnections(port) == (above is not None)
+            if isinstance(above, Copy):
+                assert stage.GetInputDataObject(port, 0) is above.data
+            elif above is not None:
+                self.found(above, stage.GetInputConnection(port, 0).GetProducer(), into)
+        return into
+
+    def add(self, kind: str) -> Node:
+        node = Node(next(self.numbers), kind)
+        self.watched(node.number, node.stage)
+        if kind in ("ObjectSource", "MotionReader"):
+            self.assign(node, "file", self.files[kind][0])
+        self.nodes.append(node)
+        return node
+
+    def able(self, node: Node, producers: list[Any]) -> list[Any]:
+        """Return those that a stage can be connected to without a ring, or too long a line."""
+
+        def below(stage: Node) -> int:
+            return 1 + max((below(n) for n in self.nodes if stage in n.above), default=0)
+
+        room = DEEPEST - below(node)
+        return [p for p in producers if p.depth <= room and node not in p.closure()]
+
+    def join(self, node: Node, port: int, chosen: Any) -> None:
+        node.version += chosen is not node.inputs[port]
+        node.inputs[port] = chosen
+        if isinstance(chosen, Copy):
+            node.stage.SetInputDataObject(port, chosen.data)
+        else:
+            node.stage.SetInputConnection(port, chosen.stage.GetOutputPort())
+
+    @initialize(data=st.data())
+    def begin(self, data: Any) -> None:
+        self.line(data)
+
+    @precondition(lambda self: len(self.nodes) + 8 <= MOST)
+    @rule(data=st.data())
+    def line(self, data: Any) -> None:
+        """Make a whole pipeline, as scenes have them."""
+        self.counts["step: make a line"] += 1
+        source = data.draw(st.sampled_from(["WeaveSource", "ObjectSource"]))
+        some, mover = st.booleans(), data.draw(st.sampled_from(MOVERS))
+        kinds = [source, *["TetraCage", "ModalSolver"] * (mover != "MotionReader"), mover]
+        kinds += ["RotationStrain"] * (mover != "TransientResponse" and data.draw(some))
+        kinds += ["CrimpInterchange"] * (source == "WeaveSource" and data.draw(some))
+        last: dict[str, Node] = {}
+        for kind in (*kinds, "BarycentricWarp", "PatchTessellator"):
+            node = self.add(kind)
+            for port, takes in enumerate(node.cls.takes):
+                self.join(node, port, last[takes])
+            last[node.makes] = node
+
+    @precondition(lambda self: len(self.nodes) < MOST)
+    @rule(kind=st.sampled_from(sorted(STAGES)), data=st.data())
+    def make(self, kind: str, data: Any) -> None:
+        self.counts["step: make a stage"] += 1
+        node = self.add(kind)
+        for port, takes in enumerate(node.cls.takes):
+            if able := self.able(node, [n for n in self.held if n.makes == takes]):
+                self.join(node, port, data.draw(st.sampled_from(able)))
+
+    @precondition(lambda self: len(self.held) > 2)
+    @rule(data=st.data(), how=st.sampled_from(["connect", "disconnect", "delete", "take"]))
+    def part(self, data: Any, how: str) -> None:
+        """Join or part stages, let one go, or find one again that only a pipeline holds."""
+        self.counts[f"step: {how}"] += 1
+        used = [(n, p) for n in self.users for p, each in enumerate(n.inputs) if each is not None]
+        lost = [n for n in self.nodes if n.stage is None]
+        if how == "connect" and self.users:
+            node = data.draw(st.sampled_from(self.users))
+            port = data.draw(st.integers(0, len(node.inputs) - 1))
+            kinds = [node.cls.takes[port]]
+            kinds += ["object", "cage"] * (data.draw(st.integers(0, 9)) == 0)
+            given = [each for each in [*self.held, *self.copies] if each.makes in kinds]
+            if able := self.able(node, given):
+                self.join(node, port, data.draw(st.sampled_from(able)))
+        elif how == "disconnect" and used:
+            node, port = data.draw(st.sampled_from(used))
+            node.stage.RemoveAllInputConnections(port)
+            node.inputs[port] = None
+            node.version += 1
+        elif how == "delete":
+            data.draw(st.sampled_from(self.held)).stage = None
+        elif how == "take" and lost:
+            node = data.draw(st.sampled_from(lost))
+            below = next(n for n in self.held if node in n.closure())
+            node.stage = self.found(below, below.stage, {})[node]
+
+    @rule(data=st.data(), back=st.integers(0, 3))
+    def change(self, data: Any, back: int) -> None:
+        self.counts["step: set"] += 1
+        node = data.draw(st.sampled_from(self.held))
+        usual = {name: parameter.default for name, parameter in node.cls.parameters.items()}
+        if back == 0:  # or most would soon be refused
+            for name, value in (usual | BEGIN.get(node.kind, {})).items():
+                if name != "file":
+                    self.assign(node, name, value)
+            return
+        able = {
+            name: values_of(parameter, self.files.get(node.kind, []))
+            for name, parameter in node.cls.parameters.items()
+        }
+        name = data.draw(st.sampled_from([name for name, values in able.items() if values]))
+        self.assign(node, name, data.draw(st.sampled_from(able[name])))
+
+    def assign(self, node: Node, name: str, value: Any) -> None:
+        changed, before = node.stage.GetMTime(), node.settings[name]
+        setattr(node.stage, name, value)
+        node.settings = node.stage.settings
+        same = node.settings[name] == before
+        assert (node.stage.GetMTime() == changed) == same
+        node.version += not same
+
+    @rule(data=st.data(), how=st.sampled_from(["alone", "with others", "misspelt"]))
+    def refuse(self, data: Any, how: str) -> None:
+        self.counts["step: refuse"] += 1
+        node = data.draw(st.sampled_from(self.held))
+        name = data.draw(st.sampled_from(list(node.settings)))
+        value = data.draw(st.sampled_from(wrong_for(node.cls.parameters[name])))
+        changed = node.stage.GetMTime()
+        values = {**node.cls().settings, name: value} if how == "with others" else {name: value}
+        if how == "misspelt":
+            values = {f"{name}_": value}
+        with pytest.raises(InputError, match=name):
+            node.stage.configure(**values)
+        assert node.stage.settings == node.settings
+        assert node.stage.GetMTime() == changed
+
+    @rule(data=st.data(), time=st.sampled_from(TIMES))
+    def update(self, data: Any, time: float | None) -> None:
+        self.bring(data.draw(st.sampled_from(self.held)), time)
+
+    @rule(data=st.data(), time=st.sampled_from(TIMES))
+    def update_end(self, data: Any, time: float | None) -> None:
+        ends = [node for node in self.held if not any(node in n.above for n in self.nodes)]
+        self.bring(data.draw(st.sampled_from(ends or self.held)), time)
+
+    def bring(self, node: Node, time: float | None) -> None:
+        """Update a stage: what must run has run, once, and holds what fresh ones do."""
+        self.counts["step: update"] += 1
+        stages = self.found(node, node.stage, {})
+        if time is None and node.asked is None and len({n.asked for n in stages} - {None}) > 1:
+            time = 0.0  # which of those above would win?
+        assert {n: stage.executions for n, stage in stages.items()} == {n: n.runs for n in stages}
+        if not node.connected:
+            with pytest.raises(InputError, match="has nothing connected to input port"):
+                node.stage.update(time)
+            assert [n.runs for n in stages] == [stage.executions for stage in stages.values()]
+            return
+        node.ask(time)
+        plan: dict[Node, Content] = {}
+        content = node.plan(plan)
+        results, errors = fresh(content, self.known)
+        if errors:
+            self.counts["refused updates"] += 1
+            with pytest.raises(SpacemapError) as caught:
+                node.stage.update(time)
+            assert told(caught.value) in errors
+        else:
+            assert node.stage.update(time) is node.stage
+        runs = {n: stage.executions - n.runs for n, stage in stages.items()}
+        for each in [*plan, *(n for n in stages if n not in plan)]:  # from above
+            stage = stages[each]
+            where = each.kind, plan.get(each), runs[each], time, each.asked, each.time
+            assert runs[each] <= (each in plan), where
+            each.runs = stage.executions
+            if errors:  # who knows how far a time was passed on?
+                info = stage.GetOutputInformation(0)
+                each.asked = info.Get(UPDATE_TIME) if info.Has(UPDATE_TIME) else None
+            if runs[each] and key(plan[each]) in errors.values():
+                each.ran = None
+            elif runs[each]:
+                each.done(plan[each])
+                self.counts[each.kind] += 1
+            if each in plan and not errors:
+                assert runs[each] == 1, where
+                made, said = results[key(plan[each])]
+                assert digest(stage.GetOutputDataObject(0)) == made, where
+                assert stage.warnings == said, where
+        if not errors:
+            assert digest(node.stage.GetOutputDataObject(0)) == results[key(content)][0]
+
+    @precondition(lambda self: any(n.ran == n.state for n in self.held))
+    @rule(data=st.data(), deep=st.booleans())
+    def copy(self, data: Any, deep: bool) -> None:
+        """Copy what a stage holds; let go of copies, which hold what they held."""
+        self.counts["step: copy"] += 1
+        node = data.draw(st.sampled_from([n for n in self.held if n.ran == n.state]))
+        made = node.stage.GetOutputDataObject(0)
+        copied = made.NewInstance()
+        copied.DeepCopy(made) if deep else copied.ShallowCopy(made)
+        self.copies.append(Copy(self.watched(next(self.numbers), copied), copied, node))
+        self.kept.add(self.copies[-1])
+        assert self.copies[-1].digest == digest(made)
+        if len(self.copies) > data.draw(st.integers(0, COPIES)):
+            self.let_go(data.draw(st.sampled_from(self.copies)))
+
+    def let_go(self, copy: Copy) -> None:
+        assert digest(copy.data) == copy.digest
+        self.copies.remove(copy)
+
+    @invariant()
+    def check_alive(self) -> None:
+        """VTK holds those that Python does, and those above; all others it has deleted."""
+        living = {*self.copies, *(each for node in self.held for each in node.closure())}
+        self.nodes = [node for node in self.nodes if node in living]
+        for copy in self.kept - living:
+            copy.data = None  # Hypothesis holds what was drawn
+        self.kept &= living
+        expected = sorted(each.number for each in living)
+        if sorted(n for n, gone in self.alive.items() if gone) != expected:
+            gc.collect()  # what the traceback of an error holds
+            assert sorted(n for n, gone in self.alive.items() if gone) == expected
+        for number in [n for n, gone in self.alive.items() if not gone]:
+            del self.alive[number]
+
+    def teardown(self) -> None:
+        for copy in [*self.copies]:
+            self.let_go(copy)
+        for node in self.nodes:
+            node.stage = None
+        self.check_alive()
+
+
+def walk(steps: int, first: int, folder: Path, length: int = 100) -> list[tuple[int, float, int]]:
+    """Take so many steps, from a seed on; return steps, memory in MiB and VTK's objects on the way.
+
+    Each seed is of a thousand steps: what Hypothesis keeps of all that it has drawn would grow.
+    """
+    Machine.files = written(folder)
+    Machine.counts.clear()
+    along: list[tuple[int, float, int]] = []
+    some = settings(
+        max_examples=min(10, -(-steps // length)),
+        stateful_step_count=length,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],  # the seed tells where; to shrink takes minutes
+        suppress_health_check=list(HealthCheck),
+    )
+    for number in itertools.count(first):
+        print(f"seed {number}", dict(Machine.counts), flush=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SpacemapWarning)
+            run_state_machine_as_test(seed(number)(type("Seeded", (Machine,), {})), settings=some)
+        gc.collect()
+        taken = sum(n for what, n in Machine.counts.items() if what.startswith("step"))
+        pages = int(Path("/proc/self/statm").read_text("utf-8").split()[1])
+        things = sum(isinstance(thing, vtkObjectBase) for thing in gc.get_objects())
+        along.append((taken, pages * os.sysconf("SC_PAGESIZE") / 2**20, things))
+        print(*along[-1], flush=True)
+        if taken >= steps:
+            return along
+    raise AssertionError
+
+
+def test_a_short_walk(tmp_path: Path) -> None:
+    walk(60, 1, tmp_path, 60)
+
+
+@pytest.mark.nightly
+def test_a_long_walk_in_flat_memory(tmp_path: Path) -> None:
+    first = int(os.environ.get("SPACEMAP_SEED", datetime.date.today().toordinal()))
+    along = walk(int(os.environ.get("SPACEMAP_STEPS", 10_000)), first, tmp_path)
+    warm, end = along[len(along) // 4], along[-1]
+    assert end[1] < warm[1] + 20.0
+    assert end[2] <= along[0][2]
