@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import isnan, nan
+from math import nan
 from time import process_time
 from typing import Any, ClassVar
 
@@ -335,9 +335,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 if _TIME_RANGE.Has(above):
                     made = _OBJECT.Get(above).GetInformation()
                     times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
-        data.Remove(_DATA_TIME)
-        if len(times) == 1 and not isnan(min(times)):
-            data.Set(_DATA_TIME, times.pop())
+        # Of several times: no number, which no request equals. VTK would put the first input's there.
+        data.Set(_DATA_TIME, times.pop() if len(times) == 1 else nan)
 
     def _issue(self) -> None:
         """Tell each new warning once: an animation would repeat it with every frame."""

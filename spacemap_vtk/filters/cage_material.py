@@ -322,8 +322,8 @@ class CageMaterial(Stage):
 
     def warn_of_elements(self, sheet: bool) -> None:
         """Warn of what is given for other elements than those that were found to be right."""
-        for name in self._values:
-            if why := self.idle_as(name, sheet):
+        for name in self.parameters:  # in this order, whatever order they were set in
+            if name in self._values and (why := self.idle_as(name, sheet)):
                 self.warn(
                     f"{self.section}.{name} does not count: {why}; "
                     f'elements = "{"tetrahedra" if sheet else "sheet"}" says otherwise'

@@ -331,11 +331,12 @@ class ModalSolver(FittedCage):
                 now = clock.perf_counter()
                 if now - begun > _QUICK or now - self._stored > _PAUSE:
                     arrays = dict(zip(_STORED, found, strict=True))
-                    cache.store(f"modes-{digest}", **arrays)
+                    cache.store(f"modes-{digest}-{count}", **arrays)
                     self._stored = now
             return found
 
-        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1][0]) < count
+        # Not so many of more: they differ by rounding, and who asks anew gets the same to the bit.
+        missing = self._kept is None or self._kept[0] != digest or len(self._kept[1][0]) != count
         processes = self._processes
         if processes is not None and processes.largest([missing])[0]:
             values, shapes, rounding = processes.from_first(solve)
@@ -344,8 +345,7 @@ class ModalSolver(FittedCage):
             self._kept = digest, solve()
         assert self._kept is not None
         self.report(1.0, "modes")
-        values, shapes, rounding = self._kept[1]
-        return values[:count], shapes[:count], rounding[:count]
+        return self._kept[1]
 
     def _mode_arrays(self, shapes: FloatArray, density: float) -> list[vtkDataArray]:
         """Return the mode shapes as VTK has them: the same objects for the same modes."""
@@ -441,10 +441,10 @@ def _rounded(times: float) -> str:
 
 
 def _read(digest: str, count: int, vertices: int) -> Solution | None:
-    """Return modes from disk; None if there are none, too few, or not what they should be."""
-    entry = cache.load(f"modes-{digest}", **_STORED)
+    """Return modes from disk; None if there are none, or not what they should be."""
+    entry = cache.load(f"modes-{digest}-{count}", **_STORED)
     if entry is None or not all(np.isfinite(array).all() for array in entry.values()):
         return None
     values, shapes, rounding = entry.values()
-    fits = shapes.shape[:2] == (len(values), vertices) and rounding.shape == values.shape
-    return (values, shapes, rounding) if fits and len(values) >= count else None
+    fits = shapes.shape[:2] == (count, vertices) and rounding.shape == values.shape == (count,)
+    return (values, shapes, rounding) if fits else None
