@@ -335,7 +335,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 if _TIME_RANGE.Has(above):
                     made = _OBJECT.Get(above).GetInformation()
                     times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
-        # Of several times: no number, which no request equals. VTK would put the first input's there.
+        # Of several: no number, which no request equals. VTK would put the first input's there.
         data.Set(_DATA_TIME, times.pop() if len(times) == 1 else nan)
 
     def _issue(self) -> None:
