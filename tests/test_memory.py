@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -134,3 +136,98 @@ def test_a_picture_too_large_for_its_container_is_refused_and_not_killed(
     assert "a picture of 60 x 60 yarns would need about" in done.stderr
     assert "up to the 0." in done.stderr  # GiB now free
     assert not picture.exists()
+
+
+CHILD = """
+import gc, json, sys
+from spacemap_vtk.scenes.scene import Scene
+
+def status(name):
+    rows = open("/proc/self/status").read().splitlines()
+    return next(1024 * int(row.split()[1]) for row in rows if row.startswith(name))
+
+role, module, values = json.loads(sys.argv[1])
+time, said = 0.1, []
+
+def ready(values):
+    # A scene that has run up to the stage.
+    scene = Scene(values)
+    before = scene.stages[: scene.stages.index(scene.stage(role))]
+    for stage in before:
+        scene.update_stage(stage, time)
+    return scene, scene.stage(role)
+
+# What is loaded and compiled is there before.
+few = {key: dict(part) for key, part in values.items()}
+few["weave"].update(ends=80, picks=80)
+if "divisions" in few.get("cage", {}):
+    few["cage"]["divisions"] = [3, 3, 1]
+scene, stage = ready(few)
+scene.update_stage(stage, time)
+scene, stage = ready(values)
+found = sys.modules[f"spacemap_vtk.filters.{module}"]
+found.require = lambda size, *_, **__: said.append(size)
+gc.collect()
+open("/proc/self/clear_refs", "w").write("5")
+before = status("VmRSS")
+scene.update_stage(stage, time)
+print(json.dumps([max(said), status("VmHWM") - before]))
+"""
+CLOTH = {"weave": {"ends": 150, "picks": 150}}
+MOVED = CLOTH | {"cage": {}, "modal": {"elements": "tetrahedra", "modes": 3}, "response": {}}
+
+
+def modes(divisions: list[int], elements: str, order: int = 1, **modal: Any) -> dict[str, Any]:
+    return {
+        "weave": {"ends": 20, "picks": 20},
+        "cage": {"divisions": divisions, "order": order},
+        "modal": {"elements": elements, "youngs_modulus": 1e6, **modal},
+        "response": {},
+    }
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
+@pytest.mark.parametrize(
+    ("role", "module", "values"),
+    [
+        ("source", "weave_source", CLOTH),
+        ("source", "weave_source", {"weave": CLOTH["weave"] | {"axis": "spline"}}),
+        ("source", "weave_source", {"weave": CLOTH["weave"] | {"precision": "single"}}),
+        ("cage", "tetra_cage", MOVED | {"cage": {"divisions": [60, 60, 60]}}),
+        ("cage", "tetra_cage", MOVED | {"cage": {"divisions": [30, 30, 30], "order": 2}}),
+        ("solver", "modal_solver", modes([40, 40, 4], "tetrahedra")),
+        ("solver", "modal_solver", modes([16, 16, 16], "tetrahedra")),
+        ("solver", "modal_solver", modes([10, 10, 4], "tetrahedra", 2, modes=60)),
+        ("solver", "modal_solver", modes([60, 60, 1], "sheet")),
+        ("solver", "modal_solver", modes([40, 40, 2], "tetrahedra", modes=300)),
+        ("solver", "modal_solver", modes([20, 20, 1], "sheet", modes=1000)),
+        ("solver", "modal_solver", modes([40, 40, 1], "sheet", gravity=[0, 0, -0.1])),
+        ("solver", "modal_solver", modes([20, 20, 3], "tetrahedra", gravity=[0, 0, -0.1])),
+        ("solver", "modal_solver", modes([8, 8, 3], "tetrahedra", 2, gravity=[0, 0, -0.1])),
+        ("warp", "barycentric_warp", MOVED),
+        ("warp", "barycentric_warp", MOVED | {"cage": {"order": 2}}),
+        ("warp", "barycentric_warp", MOVED | {"warp": {"smooth": True}}),
+        ("warp", "barycentric_warp", MOVED | {"warp": {"carried": "strain velocity"}}),
+        ("crimp", "crimp_interchange", MOVED | {"yarns": {}}),
+        ("surface", "patch_tessellator", CLOTH | {"surface": {"subdivisions": 1}}),
+        ("surface", "patch_tessellator", CLOTH | {"surface": {"subdivisions": 4}}),
+    ],
+    ids=str,
+)
+def test_the_estimate_of_a_stage_is_what_it_takes(
+    role: str, module: str, values: dict[str, Any]
+) -> None:
+    # Without memory that the C library keeps for later, which would be counted as taken before.
+    kept = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, json.dumps([role, module, values])],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=600,
+        env={**os.environ, **kept, "SPACEMAP_CACHE": "off", "MALLOC_ARENA_MAX": "1"},
+    )
+    estimate, peak = json.loads(done.stdout)
+    print(f"{role} {values}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
+    assert peak / 1.3 < estimate < 1.3 * peak
