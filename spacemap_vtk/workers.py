@@ -181,7 +181,7 @@ def end(child: subprocess.Popen[bytes]) -> None:
     child.wait()
 
 
-def _told(error: Exception) -> bytes:
+def told(error: BaseException) -> bytes:
     """Return an error as bytes, its words alone where it is one that no bytes bring back."""
     try:
         answer = pickle.dumps(error)
@@ -214,7 +214,7 @@ def main() -> None:
         try:
             answer = pickle.dumps(function(task))
         except Exception as error:
-            answer = _told(error)
+            answer = told(error)
         try:
             answers.write(answer)
             answers.flush()

@@ -10,10 +10,14 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
+import pickle
+import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +65,10 @@ def tried(path: Path, function: str, *more: Any) -> None:
 def _asked(task: Any, *limits: int | None) -> Any:
     if not _children:
         quiet = subprocess.DEVNULL  # what libraries print of damaged files
-        # The GNU C library fills memory with that: what is wild kills, and is not 0 by chance.
-        environment = {**os.environ, "MALLOC_PERTURB_": "85"}
+        # No threads, which a copy would lack. The GNU C library fills memory with that number: what
+        # is wild kills, and is not 0 by chance.
+        one = {"VTK_SMP_BACKEND_IN_USE": "Sequential", "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**os.environ, **one, "MALLOC_PERTURB_": "85"}
         try:
             _children.append(workers.start(f"{__name__}:attempt", environment, stderr=quiet))
         except OSError:
@@ -83,9 +89,34 @@ def _leave() -> None:
         workers.end(child)
 
 
-def attempt(task: tuple[Any, tuple[int, int | None]]) -> None:
+def attempt(task: tuple[tuple[Any, ...], tuple[int, int | None]]) -> None:
     """Read a file, within limits of time and memory."""
-    (function, *arguments), (seconds, free) = task
+    (function, *arguments), limits = task
+    read = partial(workers.named(function), *arguments)
+    if sys.platform != "linux":
+        _within(read, *limits)
+        return
+    # In a copy of this process: what is wild in memory depends on what has been read before, and
+    # what spares one that has read much may kill another.
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            _within(read, *limits)
+        except BaseException as error:
+            os.write(send, workers.told(error))
+        os._exit(0)
+    os.close(send)
+    with os.fdopen(receive, "rb") as stream:
+        answer = stream.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code < 0:
+        raise workers.EndedError(f"its process ended by signal {signal.Signals(-code).name}")
+    if answer:
+        raise pickle.loads(answer)
+
+
+def _within(read: Callable[[], Any], seconds: int, free: int | None) -> None:
     with suppress(ImportError, ValueError, OSError):
         import resource  # not on Windows
 
@@ -97,4 +128,4 @@ def attempt(task: tuple[Any, tuple[int, int | None]]) -> None:
             pages = int(Path("/proc/self/statm").read_text().split()[0])
             most = resource.getrlimit(resource.RLIMIT_AS)[1]
             resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + free, most))
-    workers.named(function)(*arguments)
+    read()
