@@ -26,7 +26,7 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import vanishing_folder
 
 #: Who may unpickle: what comes through the pipe of a process that it has started itself.
-PIPES = {"workers"}
+PIPES = {"workers", "trial"}
 #: A view of memory, and no more.
 HARMLESS = {"pickle.PickleBuffer"}
 FORBIDDEN = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml"}

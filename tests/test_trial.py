@@ -50,6 +50,28 @@ def test_offsets_that_leave_the_corners_are_refused(tmp_path: Path) -> None:
         read_object(file)
 
 
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (
+            "STRUCTURED_GRID\nDIMENSIONS 9 1 1\nPOINTS 2 float\n0 0 0 1 1 1\n",
+            "do not fill .* 9 x 1",
+        ),
+        ("STRUCTURED_POINTS\nDIMENSIONS 9999 9999 9\n", "would need about"),
+        (
+            "RECTILINEAR_GRID\nDIMENSIONS 2 1 1\nX_COORDINATES 1 float\n0\n"
+            "Y_COORDINATES 1 float\n0\nZ_COORDINATES 1 float\n0\n",
+            "do not fill .* 2 x 1 x 1",
+        ),
+    ],
+)
+def test_lattices_that_are_not_filled_are_refused(tmp_path: Path, content: str, why: str) -> None:
+    file = tmp_path / "a.vtk"
+    file.write_bytes(VTK.partition(b"DATASET")[0] + f"DATASET {content}".encode())
+    with pytest.raises(InputError, match=why):
+        read_object(file)
+
+
 def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(trial, "_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
@@ -77,3 +99,9 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
     os.utime(file, (1, 1))
     read_object(file)
     assert [task[1] for task in asked] == [file, file]
+
+
+def test_a_grid_that_ends_before_its_cells_is_points(tmp_path: Path) -> None:
+    file = tmp_path / "a.vtk"
+    file.write_bytes(VTK.replace(b"POLYDATA", b"UNSTRUCTURED_GRID"))
+    assert read_object(file).data.GetNumberOfCells() == 1

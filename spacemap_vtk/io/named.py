@@ -71,7 +71,8 @@ def in_hdf(path: Path) -> list[str]:
             if table.is_virtual:
                 found.extend(each.file_name for each in table.virtual_sources())
 
-    with suppress(OSError, RuntimeError, ValueError, KeyError), h5py.File(path) as made:
+    faults = OSError, RuntimeError, ValueError, KeyError, SystemError
+    with suppress(*faults), h5py.File(path) as made:
         made.visititems_links(look)
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -112,6 +113,8 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
     if not blocks:
         raise GeometryError(f"{path}: there are no points in it")
     for block in blocks:
+        if block.IsA("vtkUnstructuredGrid") and block.GetCells() is None:
+            block.AllocateExact(0, 0)  # of a file that ends before them; what appends would crash
         _check_numbers(block, path)
         if not block.IsA("vtkPointSet"):  # a picture in three dimensions says where each point is
             require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
@@ -155,6 +158,7 @@ def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
     elif block.IsA("vtkPolyData"):
         parts = [block.GetVerts(), block.GetLines(), block.GetPolys(), block.GetStrips()]
     else:
+        _check_lattice(block, path)
         return
     count = block.GetNumberOfPoints()
     for part in (part for part in parts if part is not None):
@@ -169,6 +173,21 @@ def _check_numbers(block: vtkDataSet, path: Path | str) -> None:
             raise GeometryError(
                 f"{path}: a cell names point {wrong}", allowed=f"0 to {count - 1}: its points"
             )
+
+
+def _check_lattice(block: Any, path: Path | str) -> None:
+    """Refuse points that do not fill the lattice that a file tells."""
+    if not hasattr(block, "GetExtent"):
+        return
+    ends = block.GetExtent()
+    size = [max(last - first + 1, 0) for first, last in zip(ends[::2], ends[1::2], strict=True)]
+    count, told, there = math.prod(size), " x ".join(map(str, size)), size
+    if block.IsA("vtkRectilinearGrid"):
+        axes = (getattr(block, f"Get{axis}Coordinates")() for axis in "XYZ")
+        there = [axis.GetNumberOfTuples() if axis is not None else 0 for axis in axes]
+    filled = not block.IsA("vtkStructuredGrid") or block.GetPoints().GetNumberOfPoints() == count
+    if there != size or not filled:
+        raise GeometryError(f"{path}: its points do not fill the lattice of {told} that it tells")
 
 
 def _name_roles(data: vtkPointSet) -> None:

@@ -29,7 +29,7 @@ def _names(path: Path) -> list[str]:
     for library in list(found):
         require_near(library, path)
         file = path.parent / library
-        if file.is_file():
+        if os.path.isfile(file):
             maps = (line for line in _said(file) if line[:1] == ["map_Kd"] and line[1:])
             found += [str(Path(library).parent / _picture(line[1:])) for line in maps]
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -30,7 +31,7 @@ def _names(path: Path) -> list[str]:
     if ending in _XML:
         found = in_xml(path)
     if ending == ".inp":  # looked for where the program runs, first
-        found += [str(Path(word).absolute()) for word in found if Path(word).is_file()]
+        found += [str(Path(word).absolute()) for word in found if os.path.isfile(word)]
     return found + in_hdf(path)
 
 

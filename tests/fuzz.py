@@ -1,0 +1,428 @@
+"""Fuzzing: damaged files and words through every reader, each run in a process that may die.
+
+    python tests/fuzz.py .wif .ply scene --runs 100000 --seed 1 [--guided] [--keep FOLDER]
+
+A run changes one of a target's seeds in a few steps, reads it as a person's command would, and asks
+for a result or a `SpacemapError` that names what is wrong, nothing printed, no warning of Python's,
+no more than `SECONDS` of work nor `MEMORY` more. Whatever else happens, the end of the process too,
+is told once for each place, and its input kept. The same seed gives the same runs; with --guided
+atheris chooses the steps by the branches that they reach (pip install 'spacemap_vtk[fuzz]'). What
+was found in how many runs stands in fuzz.toml; test_fuzz.py runs a sample.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import io
+import json
+import mmap
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import struct
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from fuzz_seeds import LONGEST, WORD, changed, meshes, seeds
+
+SECONDS, MEMORY = 5.0, 2**31
+#: Bytes that the program is told are free.
+FREE = 2**29
+#: Wall time after which a run is ended [s], on a machine that has other work.
+HUNG = 120.0
+
+#: What atheris watches: where files and words are understood.
+INSTRUMENTED = [
+    *(f"spacemap_vtk.{part}" for part in ("io", "scenes", "parameters", "parameterised", "units")),
+    *(
+        f"spacemap_vtk.{part}"
+        for part in ("cache", "mechanics.places", "filters.load", "fabric.loom")
+    ),
+    *("tomllib", "json", "zipfile", "xml.etree", "numpy.lib", "meshio"),
+]
+
+#: Which run is under way, how many were refused, the length of its data; this follows.
+_BOARD = struct.Struct("<qqq")
+
+
+class Target:
+    """What is read, and what of."""
+
+    def __init__(self, name: str, kind: str, read: Callable[[bytes, Path], None]) -> None:
+        self.name, self.kind, self.read = name, kind, read
+
+    @cached_property
+    def seeds(self) -> list[bytes]:
+        return seeds(self.kind)
+
+    @cached_property
+    def words(self) -> list[bytes]:
+        """What is written into other places."""
+        found = {word for seed in self.seeds for word in WORD.findall(seed[:4096])}
+        return sorted(found)[:2000] or [b"a"]
+
+    def changed(self, data: bytes, rng: random.Random) -> bytes:
+        """Change a file in a few steps that a generator chooses."""
+        steps = [
+            (rng.getrandbits(8), rng.getrandbits(40), rng.getrandbits(30))
+            for _ in range(rng.choice((1, 1, 2, 3, 5, 9)))
+        ]
+        return changed(data, steps, self.words, rng.choice(self.seeds))
+
+
+# --- the targets
+
+
+def _in_file(name: str, read: Callable[[Path], Any]) -> Callable[[bytes, Path], None]:
+    def run(data: bytes, folder: Path) -> None:
+        path = folder / name
+        path.write_bytes(data)
+        read(path)
+
+    return run
+
+
+def _scene(path: Path) -> None:
+    from spacemap_vtk.scenes.scene import Scene
+
+    Scene.read(path).check()
+
+
+def _draft(path: Path) -> None:
+    from spacemap_vtk.io.draft_file import read_draft
+    from spacemap_vtk.scenes.scene import Scene
+
+    draft = read_draft(path)
+    if path.stat().st_size % 32 == 0:  # what building it begins with takes ten times as long
+        read_draft(path, trim=True)
+        if path.suffix in (".wif", ".dtx", ".wpo"):
+            Scene.read(path).check()
+    assert draft.drawdown.size
+
+
+def _object(path: Path) -> None:
+    from spacemap_vtk.io.reading import read_object
+
+    read_object(path)
+
+
+def _motion(path: Path) -> None:
+    from spacemap_vtk import MotionReader
+
+    reader = MotionReader(file=path)
+    reader.update(0.0)
+    reader.update(0.75)
+
+
+def _told(path: Path) -> None:
+    from spacemap_vtk.io.provenance import record_in
+    from spacemap_vtk.scenes.origin import scene_of
+
+    record = record_in(path)
+    if record is not None:
+        scene_of(record, [path.parent])
+
+
+def _kept(data: bytes, folder: Path) -> None:
+    """Let stages find an entry in their cache that is not what they have stored."""
+    from spacemap_vtk import cache
+    from spacemap_vtk.filters import modal_solver, transient_response
+
+    os.environ[cache.VARIABLE] = str(folder)
+    for name in ("modes-a-2", "steps-a-0"):
+        (folder / f"{name}-{cache._FORMAT}.npz").write_bytes(data)
+    found = modal_solver._read("a", 2, 8)
+    assert found is None or found[1].shape[1:] == (8, 3)
+    for row in transient_response._read("a"):
+        assert row.ndim == 2
+
+
+@cache
+def _assigned() -> Any:
+    from spacemap_vtk.scenes.scene import Scene
+
+    return Scene({})
+
+
+def _set(data: bytes, folder: Path) -> None:
+    from spacemap_vtk.scenes.assignments import swept
+    from spacemap_vtk.scenes.scene import Scene
+
+    text = os.fsdecode(data)  # as the command line has it
+    swept(text, _assigned().parts)
+    if len(data) % 16 == 0:  # what connects the stages anew takes ten times as long
+        Scene({}).set(text)
+
+
+def _command(*words: str) -> Callable[[bytes, Path], None]:
+    """Run a command on a file in {}. It ends with 0 and a whole file, or without any."""
+
+    def run(data: bytes, folder: Path) -> None:
+        from contextlib import redirect_stderr, redirect_stdout
+
+        from spacemap_vtk.cli.main import main
+        from spacemap_vtk.errors import InputError
+
+        given, made = [folder / Path(word.format(folder)).name for word in words if "{}" in word]
+        given.write_bytes(data)
+        before = {*folder.iterdir()}
+        said = io.StringIO()
+        with redirect_stderr(said), redirect_stdout(said):
+            try:
+                main([word.format(folder) for word in words])
+            except SystemExit as end:
+                code = end.code
+        rest = sorted({*folder.iterdir()} - before)
+        assert rest == ([made] if code == 0 else []), f"exit {code} leaves {rest}"
+        assert code in (0, 2), f"exit {code}: {said.getvalue()[-300:]}"
+        if code == 0:
+            made.unlink()
+        else:
+            raise InputError(said.getvalue().removeprefix("spacemap: "))
+
+    return run
+
+
+def _table(path: Path) -> None:
+    from spacemap_vtk.errors import InputError
+    from spacemap_vtk.io import registry
+
+    with suppress(InputError):
+        registry.read(path, "table")
+    registry.read(path, "column")
+
+
+def _texture(path: Path) -> None:
+    from spacemap_vtk.io.texture_atlas import read_picture
+
+    read_picture(path)
+
+
+@cache
+def targets() -> dict[str, Target]:
+    """Return all of them: an ending that is registered is one."""
+    from spacemap_vtk.io import registry
+
+    found = [
+        Target("scene", "scene", _in_file("a.toml", _scene)),
+        Target("set", "set", _set),
+        Target("modes", "modes", _kept),
+        Target("table", "table", _in_file("a.csv", _table)),
+        Target("picture", "picture", _in_file("a.png", _draft)),
+        Target("texture", "picture", _in_file("a.png", _texture)),
+    ]
+    for ending in [*registry.endings("draft"), ".txt"]:
+        found.append(Target(ending, ending, _in_file(f"a{ending}", _draft)))
+    for ending in registry.endings("mesh"):
+        found.append(Target(ending, ending, _in_file(f"a{ending}", _object)))
+    for ending in registry.endings("motion"):
+        kind = f"motion{ending}"
+        found.append(Target(kind, kind, _in_file(f"a{ending}", _motion)))
+    for ending in (".wif", ".html", ".png", ".vtp", ".glb"):
+        kind = f"record{ending}"
+        found.append(Target(kind, kind, _in_file(f"a{ending}", _told)))
+    for given, made in ((".wif", ".dtx"), (".dtx", ".wif"), (".wpo", ".txt"), (".txt", ".wif")):
+        words = "convert", "{}/a" + given, "{}/b" + made
+        found.append(Target(f"convert{given}", given, _command(*words)))
+    words = "export", "{}/a.ply", "-o", "{}/b.vtp", "--quiet"
+    found.append(Target("export.ply", ".ply", _command(*words)))
+    return {target.name: target for target in found}
+
+
+# --- a run
+
+
+def prepare() -> None:
+    """Let the program think that there is little memory, and Python's warnings be errors."""
+    from spacemap_vtk import memory
+    from spacemap_vtk.errors import SpacemapWarning
+    from spacemap_vtk.io import trial
+
+    memory.available = trial.available = lambda: FREE
+    trial._SECONDS = 2
+    os.environ["SPACEMAP_CACHE"] = "off"
+    warnings.simplefilter("error")
+    warnings.simplefilter("ignore", SpacemapWarning)
+
+
+def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, str] | None]:
+    """Read once; return whether it was refused, and what is wrong with that, and where."""
+    from spacemap_vtk.errors import MissingLibraryError, SpacemapError
+
+    begin, told = time.process_time(), os.fstat(2).st_size
+    refused, found = False, None
+    try:
+        target.read(data, folder)
+    except SpacemapError as error:
+        refused, text = True, str(error)
+        if isinstance(error, RuntimeError) and not isinstance(error, MissingLibraryError):
+            found = type(error).__name__, text[:300]
+        elif not 12 < len(text) < 5000 or len(text.splitlines()) > 1 or " object at 0x" in text:
+            found = "message", f"{len(text)} characters: {text[:300]}"
+    except (Exception, SystemExit) as error:
+        places = traceback.extract_tb(error.__traceback__)
+        own = [place for place in places if "spacemap_vtk" in place.filename] or places
+        at = " < ".join(f"{Path(place.filename).name}:{place.name}" for place in own[:-4:-1])
+        found = f"{type(error).__name__} at {at}", str(error)[:200]
+    seconds = time.process_time() - begin
+    if found is None and os.fstat(2).st_size != told:
+        found = "printed", ""
+    if found is None and seconds > SECONDS:
+        found = "slow", f"{seconds:.1f} s"
+    return refused, found
+
+
+def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
+    """Do the runs that are left, and write in shared memory which is under way."""
+    size = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
+    folder = Path(tempfile.mkdtemp(dir=one.keep))
+    for number, content in enumerate(meshes()["beside"] if "." in target.name else []):
+        (folder / f"s{number}.vtu").write_bytes(content)
+    index, refused, *_ = _BOARD.unpack_from(board)
+    first, seen = index, set[str]()
+
+    def run(data: bytes) -> None:
+        nonlocal index, refused
+        _BOARD.pack_into(board, 0, index, refused, len(data))
+        board[_BOARD.size : _BOARD.size + len(data)] = data
+        said_no, wrong = fault(target, data, folder)
+        index, refused = index + 1, refused + said_no
+        if wrong is not None and wrong[0] not in seen:
+            seen.add(wrong[0])
+            one.save(data, *wrong)
+
+    if one.guided:
+        import atheris
+
+        def mutated(data: bytes, most: int, number: int) -> bytes:
+            rng = random.Random(number)
+            if rng.random() < 0.4:
+                return bytes(atheris.Mutate(data, most))
+            return target.changed(data, rng)[:most]
+
+        for number, content in enumerate(target.seeds):
+            (one.corpus / str(number)).write_bytes(content)
+        limits = [f"-runs={one.runs - first}", f"-seed={one.seed + first}", f"-max_len={LONGEST}"]
+        limits += ["-timeout=600", f"-rss_limit_mb={(size + MEMORY) >> 20}"]
+        atheris.Setup([sys.argv[0], *limits, str(one.corpus)], run, custom_mutator=mutated)
+        atheris.Fuzz()
+    resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
+    while index < one.runs:
+        rng = random.Random(f"{one.seed} {target.name} {index}")
+        run(target.changed(rng.choice(target.seeds), rng))
+    _BOARD.pack_into(board, 0, index, refused, 0)
+    shutil.rmtree(folder)
+
+
+class Campaign:
+    """Runs of a target, in as many processes as die of them."""
+
+    def __init__(self, name: str, runs: int, seed: int, keep: Path, guided: bool = False) -> None:
+        self.name, self.runs, self.seed, self.keep, self.guided = name, runs, seed, keep, guided
+        self.corpus = keep / f"corpus-{name}"
+        self.corpus.mkdir(parents=True, exist_ok=True)
+
+    def run(self) -> dict[str, Any]:
+        """Do them; return what there is to record."""
+        begin, log, edges = time.monotonic(), self.keep / "log", 0
+        board = mmap.mmap(-1, _BOARD.size + LONGEST)
+        target = targets()[self.name]
+        while (now := _BOARD.unpack_from(board))[0] < self.runs:
+            child = os.fork()
+            if child == 0:
+                with log.open("wb") as said:
+                    os.dup2(said.fileno(), 1)
+                    os.dup2(said.fileno(), 2)
+                faulthandler.enable(sys.__stderr__)
+                try:
+                    work(target, board, self)
+                    os._exit(0)
+                except BaseException:
+                    traceback.print_exc()
+                    os._exit(70)
+            since = time.monotonic()
+            while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+                time.sleep(0.02)
+                if _BOARD.unpack_from(board) != now:
+                    now, since = _BOARD.unpack_from(board), time.monotonic()
+                elif time.monotonic() - since > HUNG:
+                    os.kill(child, signal.SIGABRT)  # it shows where it stands
+                    since = float("inf")
+            index, refused, size = _BOARD.unpack_from(board)
+            text = log.read_text(errors="replace")
+            edges = max([edges, *map(int, re.findall(r"cov: (\d+)", text))])
+            code = os.waitstatus_to_exitcode(ended[1])
+            if code == 0:
+                _BOARD.pack_into(board, 0, self.runs, refused, 0)
+                break
+            stack = re.findall(r'File ".*?([^/"]+)", line \d+ in (\w+)', text)
+            at = " < ".join(f"{file}:{function}" for file, function in stack[:4])
+            self.save(board[_BOARD.size : _BOARD.size + size], f"ended by {code} at {at}", text)
+            _BOARD.pack_into(board, 0, index + 1, refused, 0)
+        _, refused, _ = _BOARD.unpack_from(board)
+        made = {"target": self.name, "by": "atheris" if self.guided else "steps"}
+        made |= {"seed": self.seed, "runs": self.runs, "refused": refused}
+        made |= {"edges": edges} if self.guided else {}
+        found = sum(each["target"] == self.name for each in self.found())
+        return made | {"found": found, "seconds": round(time.monotonic() - begin)}
+
+    def found(self) -> list[dict[str, str]]:
+        """Return what was found, of any target, in this folder."""
+        file = self.keep / "found.jsonl"
+        return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+
+    def save(self, data: bytes, kind: str, what: str) -> None:
+        """Keep what was found, unless the same was found before."""
+        known = self.found()
+        if any((each["target"], each["kind"]) == (self.name, kind) for each in known):
+            return
+        name = f"{self.name.strip('.')}-{len(known)}"
+        (self.keep / name).write_bytes(data)
+        line = {"target": self.name, "kind": kind, "what": what[:300], "file": name}
+        with (self.keep / "found.jsonl").open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("targets", nargs="*")
+    parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--guided", action="store_true")
+    parser.add_argument("--keep", type=Path)
+    given = parser.parse_args()
+    # What has threads cannot be forked; Numba would compile what atheris has put in.
+    os.environ |= {"VTK_SMP_BACKEND_IN_USE": "Sequential", "OPENBLAS_NUM_THREADS": "1"}
+    if given.guided:
+        import atheris
+
+        with (
+            atheris.instrument_imports(include=INSTRUMENTED),
+            tempfile.TemporaryDirectory() as room,
+        ):
+            for name in given.targets or targets():
+                for seed in targets()[name].seeds:  # what reads it is imported now
+                    fault(targets()[name], seed, Path(room))
+    prepare()
+    keep = given.keep or Path(tempfile.mkdtemp())
+    for name in given.targets or targets():
+        made = Campaign(name, given.runs, given.seed, keep, given.guided).run()
+        words = (f"{key} = {json.dumps(value)}" for key, value in made.items())
+        print(f"    {{ {', '.join(words)} }},", flush=True)
+    print(f"# what was found lies in {keep}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
