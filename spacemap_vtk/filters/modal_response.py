@@ -180,14 +180,14 @@ def static_displacements(
         if entry is None or not np.isfinite(entry["displacement"]).all():
             missing.append(column)
         else:
-            result[:, column] = entry["displacement"] / model.modulus
+            result[:, column] = entry["displacement"]
             rounding[column] = entry["rounding"][0]
     if missing:
-        result[:, missing], rounding[missing] = model.statics(forces[:, missing])
+        result[:, missing], rounding[missing] = model.unit_statics(forces[:, missing])
         for column in missing:
             cache.store(
                 keys[column],
-                displacement=result[:, column] * model.modulus,
+                displacement=result[:, column],
                 rounding=rounding[column : column + 1],
             )
-    return result, rounding
+    return result / model.modulus, rounding

@@ -242,8 +242,17 @@ class Model:
         given, size = np.asarray(forces, dtype=np.float64), self.points.size
         if given.ndim not in (1, 2) or len(given) != size:
             raise InputError(f"forces of shape {given.shape}", allowed=f"({size},) or ({size}, m)")
-        found, rounding = self.pencil.solve(self.pencil.gathered(given.reshape(size, -1)))
-        return self.pencil.spread(found / self.modulus).reshape(given.shape), rounding
+        found, rounding = self.unit_statics(given.reshape(size, -1))
+        return (found / self.modulus).reshape(given.shape), rounding
+
+    def unit_statics(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return static displacements (3V, m) of a unit modulus, and their rounding (m,)."""
+        # One after another: of several at once each depends, in its last digits, on those beside it.
+        found, rounding = np.empty(forces.shape), np.empty(forces.shape[1])
+        for k, force in enumerate(forces.T):
+            solved, rounding[k : k + 1] = self.pencil.solve(self.pencil.gathered(force[:, None]))
+            found[:, k] = self.pencil.spread(solved)[:, 0]
+        return found, rounding
 
     def modes(self, count: int, progress: Callable[[float], object] | None = None) -> Modes:
         """Return the lowest modes for unit modulus and density, shapes as the vertices move.
