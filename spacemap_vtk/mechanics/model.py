@@ -246,8 +246,21 @@ class Model:
         return (found / self.modulus).reshape(given.shape), rounding
 
     def unit_statics(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return static displacements (3V, m) of a unit modulus, and their rounding (m,)."""
-        # One after another: of several at once each depends, in its last digits, on those beside it.
+        """Return the static displacements of a unit modulus, and how far rounding disturbs them.
+
+        Parameters
+        ----------
+        forces : ndarray of float64, shape (3V, m)
+            Forces on the vertices [N].
+
+        Returns
+        -------
+        displacements : ndarray of float64, shape (3V, m)
+            u [m] where the modulus is 1 Pa.
+        rounding : ndarray of float64, shape (m,)
+            See `statics`.
+        """
+        # One after another: of several at once the last digits of each depend on those beside it.
         found, rounding = np.empty(forces.shape), np.empty(forces.shape[1])
         for k, force in enumerate(forces.T):
             solved, rounding[k : k + 1] = self.pencil.solve(self.pencil.gathered(force[:, None]))
