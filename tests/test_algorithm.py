@@ -297,3 +297,10 @@ def test_one_cage_goes_round_all_blocks_and_moves_each() -> None:
     assert ModalSolver(modes=3)(pv.MultiBlock([moving])).GetNumberOfPoints() == 12
     with pytest.raises(InputError, match=r"in blocks: vtkUnstructuredGrid, vtkPolyData; .*combine"):
         ModalSolver()(pv.MultiBlock([moving, near]))
+
+
+def test_a_missing_file_is_told_each_time_that_it_is_asked_for(tmp_path):
+    motion = spacemap_vtk.MotionReader(file=tmp_path / "missing")
+    for _ in range(2):
+        with pytest.raises(InputError, match="no such file"):
+            motion.update()

@@ -222,16 +222,12 @@ class Stage(Algorithm):
             # Not `UpdateTimeStep` nor `Update`: VTK lets go of Python's lock in these. Then its
             # collector, which holds a lock of all threads, may need Python's to free an array, and
             # a thread that has Python's waits for the collector's: both would stand for ever.
+            wishes = vtkInformation()
             if time is not None:
-                wishes = vtkInformation()
                 UPDATE_TIME.Set(wishes, float(time))
-                for key, value in zip(PIECE, piece or self._requested(), strict=True):
-                    key.Set(wishes, value)
-                done = self.Update(wishes)
-            elif piece is not None:
-                done = self.UpdatePiece(*piece)
-            else:
-                done = executive.Update()
+            for key, value in zip(PIECE, piece or self._requested(), strict=True):
+                key.Set(wishes, value)
+            done = self.Update(wishes)
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
