@@ -72,6 +72,16 @@ def test_lattices_that_are_not_filled_are_refused(tmp_path: Path, content: str, 
         read_object(file)
 
 
+def test_a_lattice_that_ends_before_it_begins_has_no_points(tmp_path: Path) -> None:
+    file = tmp_path / "a.vti"
+    file.write_text(
+        '<VTKFile type="ImageData"><ImageData WholeExtent="65536 2 0 2 0 1" Origin="0 0 0" '
+        'Spacing="1 1 1"><Piece Extent="0 2 0 2 0 1"></Piece></ImageData></VTKFile>'
+    )
+    with pytest.raises(GeometryError, match="there are no points"):
+        read_object(file)
+
+
 def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(trial, "_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):

@@ -137,6 +137,8 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
         append.Update()
         result = append.GetOutput()
         result.GetFieldData().ShallowCopy(blocks[0].GetFieldData())
+    if result.GetPoints() is None:  # of a lattice that ends before it begins
+        raise GeometryError(f"{path}: there are no points in it")
     _name_roles(result)
     if result.GetNumberOfCells() == 0:
         result = _dotted(result)
