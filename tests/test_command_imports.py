@@ -76,7 +76,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
             [
                 "render plain_weave -q -o a.png --set view.size=[64,48]",
                 "animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.01",
-                "modes plain_weave -q --plot a.png --set modal.modes=6",
+                "modes plain_weave -q --plot a.png",
             ],
             _PICTURES,
         ),

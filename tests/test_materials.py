@@ -297,11 +297,10 @@ def test_an_orthotropic_cage_that_keeps_its_volume_warns():
     assert made.warnings == ()
 
 
-@pytest.mark.parametrize("density", [1e-35, 1e35])
-def test_what_floats_cannot_hold_is_refused(density):
-    with pytest.raises(InputError, match=r"modal\.density = .*1e-50 to 1e\+50 kg/m³"):
-        solver(density=density).update()
-    with pytest.raises(InputError, match=r"modal\.youngs_modulus = .*1e-50 to 1e\+50 Pa"):
-        solver(youngs_modulus=density).update()
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_what_floats_cannot_hold_is_refused(sign):
+    for name in ("density", "youngs_modulus"):
+        with pytest.raises(InputError, match=rf"{name} = .*nothing is computed beyond 1e\+36"):
+            solver(**{name: 10.0 ** (40 * sign)})
     with pytest.raises(InputError, match=r"modal\.thickness = .*1e-09 to 1e\+09 m"):
-        solver(material="denim", thickness=density).update()
+        solver(material="denim", thickness=10.0 ** (35 * sign)).update()

@@ -175,7 +175,7 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
             ]
         )
     told = re.fullmatch(
-        r".*a\.glb: \d targets, 7 frames, each within (0\.\d+) µm, [\d.]+ MB\n",
+        r".*a\.glb: \d targets, 7 frames, each within [\d.]+ nm, [\d.]+ MB\n",
         capsys.readouterr().out,
     )
     assert told is not None

@@ -125,6 +125,8 @@ OWN_WRITERS = {
         "move_out": {"os.replace"},
         "_exchange": {"os.link", "os.replace"},
     },
+    # the device that keeps nothing
+    "datasets/quiet.py": {"quiet_stderr": {"os.open"}},
     # an entry with checksums, by way of a hidden folder
     "cache.py": {"store": {"np.savez", "os.replace"}},
     # frames in the folder that a film goes on from, whose checksums it looks at
