@@ -204,7 +204,7 @@ def fresh(content: Content, known: dict[str, Made]) -> Made:
         try:
             one or stage.update(part[2])
         except SpacemapError as error:
-            errors.setdefault(told(error), key(part))
+            errors[key(part)] = told(error)
     while len(known) >= KNOWN:
         del known[next(iter(known))]
     if not errors:
