@@ -99,7 +99,7 @@ class Law:
 
     def _scaled(self, part: Any, key: str, given: Any) -> Any:
         parameter, value = part.parameter(key), getattr(part, key)
-        if parameter.kind == "places":
+        if parameter.kind in ("places", "supports"):
             units = getattr(parameter, "units", ())
             return [self._place(place) for text in value for place in parse(text, units)]
         if parameter.kind == "loads":
