@@ -61,10 +61,6 @@ Inputs = tuple[vtkInformationVector, ...]
 #: there are VTK objects among them, the table is corrupted, and the program crashes later.
 _GHOSTS_ARE_FRAGILE = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) < (9, 7)
 
-#: The attributes of each stage that VTK holds, and its observers. Where Python's collector finds no
-#: one but garbage that holds a stage, it empties these, though a pipeline goes on with the stage.
-_attributes: dict[str, tuple[dict[str, Any], Any, Any]] = {}
-
 #: For `Stage.output_type`: the output is of the type of the data on input port 0.
 SAME_AS_INPUT = "vtkDataObject"
 
@@ -122,11 +118,11 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         # VTK would print these; `update` raises them. The observer knows the list, not the stage.
         observer = _collector(self._vtk_messages)
         self.AddObserver("ErrorEvent", observer)
-        self.GetExecutive().AddObserver("ErrorEvent", observer)
-        key = self.__this__
-        forget = partial(_forget, key)
-        self.AddObserver("DeleteEvent", forget)
-        _attributes[key] = self.__dict__, observer, forget
+        executive = self.GetExecutive()
+        executive.AddObserver("ErrorEvent", observer)
+        # Where Python's collector finds no one but garbage that holds a stage, it empties its
+        # attributes, though a pipeline goes on with it: VTK holds them where it does not look.
+        executive.AddObserver("NoEvent", partial(_hold, self.__dict__, observer))
         Parameterised.__init__(self, **values)
 
     if _GHOSTS_ARE_FRAGILE:
@@ -424,8 +420,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self.Modified()
 
 
-def _forget(key: str, *_: Any) -> None:
-    _attributes.pop(key)[0].clear()
+def _hold(*_: Any) -> None:
+    """Do nothing: what it is bound to lives as long as its observer."""
 
 
 def _refused(out_info: vtkInformationVector) -> int:
