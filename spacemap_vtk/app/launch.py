@@ -22,7 +22,8 @@ from spacemap_vtk.vanishing import ENDING
 def launch(scene: str | None, made: Callable[[MainWindow], object] | None = None) -> None:
     """Open the window and return when it is closed."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
-    _require_drawing()
+    if app.platformName() == "xcb":
+        _require_drawing()
     app.setApplicationName("spacemap")
     app.setOrganizationName("spacemap")
     app.setApplicationVersion(__version__)
