@@ -16,7 +16,6 @@ positions, one for the slopes, cross product, normalisation. What the speed hang
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import prod
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -37,10 +36,6 @@ _CHUNK_BYTES = 2**23
 #: |du x dv| below this, over the square of the patch's size, is not trusted: it may be the rounding
 #: error (1e-6 and less in float32) of a collapsed edge. Such samples are looked at one by one.
 SUSPECT = 1e-4
-
-#: Samples of a lone chunk whose normals are made at once: what lies between is in the cache that is
-#: a core's own, and leaves room there for the rest of a small fabric's step.
-_AT_ONCE = 20_000
 
 
 class Chunk(NamedTuple):
@@ -107,13 +102,12 @@ class Scratch:
 
     def __init__(self, chunks: list[Chunk], rows: int, size: int) -> None:
         most = max(chunk.patch_count for chunk in chunks)
-        self._at_once = _AT_ONCE if len(chunks) == 1 else _CHUNK_BYTES
         # Enough for float64; of what float32 leaves unused the system never makes pages.
         self._places = np.empty(size * most, np.intp)
+        self._gathered = aligned(3 * size * most)
         self._net = aligned(3 * (size + 1) * most)
         self._apart = aligned(3 * size * most)
-        # What is gathered has been read before values are made.
-        self._values = self._gathered = aligned(3 * max(rows, size) * most)
+        self._values = aligned(3 * rows * most)
         self._normal = [aligned(rows // 3 * most) for _ in range(3)]
         self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
 
@@ -164,51 +158,45 @@ class Scratch:
         total = multiply(matrix, local, np.empty_like(values[0]))
         point, weight = values[:, :samples], total[:samples]
         point /= weight
-        if samples < len(matrix):
-            slopes, change = (
-                a[..., samples:, :].reshape(*a.shape[:-2], samples, 2, -1) for a in (values, total)
-            )
-            slopes -= point[:, :, None] * change
-            slopes /= weight[:, None]
+        for first in range(samples, len(matrix), samples):
+            slope = values[:, first : first + samples]
+            slope -= point * total[first : first + samples]
+            slope /= weight
         return values
 
     def normals(
         self,
         apart: Floats,
-        slopes: Callable[[slice], Floats],
+        slopes: Floats,
         out: Floats,
         corners: list[int],
         scale: float,
     ) -> NDArray[np.intp]:
-        """Write the unit normals, of slopes along u and v in turn."""
-        samples, count = out.shape[:2]
+        """Write the unit normals."""
+        samples = slopes.shape[1] // 2
+        shape = samples, slopes.shape[2]
+        du, dv = slopes[:, :samples], slopes[:, samples:]
+        *normal, length, product = (
+            _part(part, shape, slopes.dtype)
+            for part in (*self._normal, self._length, self._product)
+        )
+        for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            np.multiply(du[y], dv[z], out=normal[x])
+            np.multiply(du[z], dv[y], out=product)
+            np.subtract(normal[x], product, out=normal[x])
+        np.multiply(normal[0], normal[0], out=length)
+        for component in normal[1:]:
+            np.multiply(component, component, out=product)
+            np.add(length, product, out=length)
         # the size of a patch: its other corners as seen from the first
         diagonal = apart[:, corners] / scale
         size = np.square(diagonal, out=diagonal).sum(axis=(0, 1))
-        least = np.square(SUSPECT * size)
-        suspects = []
-        step = min(max(1, self._at_once // count), samples)
-        memory = *self._normal, self._length, self._product
-        between = [_part(a, (step, count), out.dtype) for a in memory]
-        for begin in range(0, samples, step):
-            part = out[begin : begin + step]
-            *normal, length, product = (a[: len(part)] for a in between)
-            slope = slopes(slice(2 * begin, 2 * (begin + len(part))))
-            du, dv = slope[:, ::2], slope[:, 1::2]
-            for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                np.multiply(du[y], dv[z], out=normal[x])
-                np.multiply(du[z], dv[y], out=product)
-                np.subtract(normal[x], product, out=normal[x])
-            np.multiply(normal[0], normal[0], out=length)
-            for component in normal[1:]:
-                np.multiply(component, component, out=product)
-                np.add(length, product, out=length)
-            suspects.append(np.flatnonzero(length <= least) + begin * count)
-            np.sqrt(length, out=length)
-            np.divide(1, length, out=length)
-            for axis in range(3):
-                np.multiply(normal[axis], length, out=part[..., axis])
-        return np.concatenate(suspects)  # most often at poles of caps
+        suspect = length <= np.square(SUSPECT * size)
+        np.sqrt(length, out=length)
+        np.divide(1, length, out=length)
+        for axis in range(3):
+            np.multiply(normal[axis], length, out=out[..., axis])
+        return np.flatnonzero(suspect)  # most often at poles of caps
 
 
 def _part(memory: NDArray[Any], shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:

@@ -188,17 +188,11 @@ class Tessellation:
                 apart = scratch.apart(net)
                 if rational is None:
                     multiply(with_origin, _flat(net), _flat(surface))
-
-                    def slopes(rows: slice) -> Floats:
-                        return scratch.multiply(stacked[samples:][rows], apart)
-
+                    slopes = scratch.multiply(stacked[samples:], apart)
                 else:
                     values = scratch.multiply_rational(chunk, stacked, apart, rational, samples)
+                    slopes = values[:, samples:]
                     _add_origin(values[:, :samples], net, surface)
-
-                    def slopes(rows: slice) -> Floats:
-                        return values[:, samples:][:, rows]
-
                 return scratch.normals(apart, slopes, across, self._corners, scale)
 
         for_each(self._chunks, lambda: do, self._threads)
@@ -348,13 +342,13 @@ class Tessellation:
         return rows.reshape(samples, chunk.patch_count, -1)
 
     def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[Floats, Floats]:
-        """Return B over Bu and Bv in turn of a size of patches, and B with the origin; kept."""
+        """Return B over Bu and Bv of patches of a size, and B with the origin: kept for steps."""
         kept = self._kept.get((scale, kind))
         if kept is None:
-            values, *slopes = self._basis
-            turns = np.stack(slopes, axis=1).reshape(-1, values.shape[1]) / scale
-            stacked = np.concatenate([values, turns]).astype(kind)
-            kept = stacked, _with_ones(stacked[: len(values)])
+            basis = self._basis.copy()
+            basis[1:] /= scale
+            stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
+            kept = stacked, _with_ones(stacked[: len(stacked) // 3])
             self._kept = {**dict(list(self._kept.items())[-2:]), (scale, kind): kept}
         return kept
 
