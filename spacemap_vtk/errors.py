@@ -62,7 +62,7 @@ class SpacemapError(Exception):
         text = where + _cut(self.message, 1000)
         if self.allowed:
             text += f"; allowed: {self.allowed}"
-        return _plain(f"{text}. {self.cure}" if self.cure else text)
+        return printable(f"{text}. {self.cure}" if self.cure else text)
 
 
 class InputError(SpacemapError, ValueError):
@@ -180,15 +180,28 @@ def shown(value: object) -> str:
 
 
 def _cut(text: str, most: int) -> str:
-    text = _plain(text[: most + 1])
+    text = printable(text[: most + 1])
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def _plain(text: str) -> str:
-    # Of what stands in a file: line ends hide what follows, and terminals obey other characters.
+def printable(text: str, keep: str = "") -> str:
+    """Return a text with codes in place of what is no letter, as a stranger's file may have.
+
+    Parameters
+    ----------
+    text : str
+        Any: line ends hide what follows, and terminals obey other characters.
+    keep : str
+        What stays, though it is none.
+
+    Returns
+    -------
+    str
+        The same where all of it is letters.
+    """
     if text.isprintable():
         return text
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+    return "".join(c if c.isprintable() or c in keep else repr(c)[1:-1] for c in text)
 
 
 def _written(value: object) -> str:

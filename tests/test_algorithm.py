@@ -69,6 +69,17 @@ def test_a_ring_is_refused() -> None:
     cage.RemoveAllInputConnections(0)
 
 
+def test_a_ring_that_is_closed_between_two_updates_is_refused() -> None:
+    first, second = BarycentricWarp(), BarycentricWarp()
+    second.SetInputConnection(first.GetOutputPort())
+    with pytest.raises(InputError, match="has nothing connected to input port"):
+        second.update()
+    first.AddInputConnection(0, second.GetOutputPort())
+    with pytest.raises(InputError, match="the pipeline is a ring"):
+        second.update()
+    first.RemoveAllInputConnections(0)
+
+
 class Waiting(Stage):
     """Waits to be let go on."""
 

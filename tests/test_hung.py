@@ -227,3 +227,40 @@ def test_what_shall_not_hang_yet_falls_under_what_it_would_hang_under() -> None:
     # Once more without: nothing of it is left.
     curtain.solver.hang = False
     assert not curtain.at(0.0)["displacement"].any()
+
+
+def clamped(side: float, **settings: Any) -> tuple[ModalSolver, ModalResponse]:
+    """A square cage 0.3 mm thick, which no weave has, held by a side."""
+    box = pv.CubeSource(bounds=(0, side, 0, side, 0, 3e-4))
+    cage = TetraCage(divisions=(5, 5, 1), order=2)
+    modal = ModalSolver(youngs_modulus="1 MPa", modes=8)
+    response = ModalResponse(gravity=(0, 0, -1e-9), **settings)
+    connect(box, cage, modal, response)
+    return modal, response
+
+
+def test_a_thin_clamped_cage_hangs_and_does_not_fall() -> None:
+    for side in (0.5, 1.0):
+        modal, response = clamped(side, initial="equilibrium")
+        response.update(time=0.0)
+        tip = -pv.wrap(response.output)["displacement"][:, 2].min()
+        # Leissa's first frequency, and a clamped strip's tip, which a plate stays below.
+        first = 3.4917 / side**2 * math.sqrt(1e6 * 3e-4**2 / (12 * 0.91 * 300)) / (2 * math.pi)
+        field = modal.GetOutputDataObject(0).GetFieldData()
+        assert field.GetArray("frequencies").GetValue(0) == pytest.approx(1.028 * first, rel=1e-3)
+        beam = 12 * 300 * 1e-9 * side**4 / (8 * 1e6 * 3e-4**2)
+        assert 0.85 * beam < tip < beam
+
+
+def test_what_rounding_leaves_no_digit_of_is_said_to_be_lost() -> None:
+    modal, response = clamped(50.0, initial="equilibrium")
+    with pytest.raises(InputError, match=r"response\.initial.*rounding leaves no digit of \d"):
+        response.update(time=0.0)
+    assert "modes 1 to 3 is lost in rounding, no digit of it holds" in modal.warnings[0]
+    response.initial = "rest"
+    response.residual_vectors = False
+    response.update(time=0.0)
+    modal, response = clamped(5.0)
+    response.residual_vectors = False
+    response.update(time=0.0)
+    assert not any("rounding" in text for text in modal.warnings)

@@ -16,6 +16,7 @@ from test_layers import PACKAGE
 from spacemap_vtk import workers
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.filming import KeptFrames
+from spacemap_vtk.draw.page import new_figure
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
@@ -53,6 +54,18 @@ def _runs_what_it_reads(module: str, node: ast.AST) -> bool:
         or given.get("shell", "False") != "False"
         or (called == "np.load" and given.get("allow_pickle") != "False")
     )
+
+
+def test_the_folders_settings_of_matplotlib_have_no_latex_run(monkeypatch, tmp_path):
+    import matplotlib
+
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\n")
+    monkeypatch.chdir(tmp_path)
+    with matplotlib.rc_context({"text.usetex": True}):  # as matplotlib reads it when it is loaded
+        assert not new_figure().suptitle("a").get_usetex()
+    monkeypatch.chdir("/")
+    with matplotlib.rc_context({"text.usetex": True}):  # the user's own
+        assert new_figure().suptitle("a").get_usetex()
 
 
 def test_nothing_unpickles_evaluates_or_hands_words_to_a_shell():

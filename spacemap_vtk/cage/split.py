@@ -102,6 +102,26 @@ def cut_quadrilaterals(quads: Cells) -> Cells:
     return np.where(even[:, None, None], one, two)
 
 
+def volumes_of(vertices: NDArray[np.float64], tetrahedra: Cells) -> NDArray[np.float64]:
+    """Return the volumes of tetrahedra.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        In m.
+    tetrahedra : (T, 4) int
+        Vertex numbers.
+
+    Returns
+    -------
+    (T,) float64
+        In m³; negative of inverted ones.
+    """
+    a, b, c = (vertices[tetrahedra[:, i]] - vertices[tetrahedra[:, 0]] for i in (1, 2, 3))
+    volumes: NDArray[np.float64] = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
+    return volumes
+
+
 def mended(vertices: NDArray[np.float64], tetrahedra: Cells) -> tuple[Cells, int, int]:
     """Return tetrahedra that all have a positive volume.
 
@@ -121,7 +141,7 @@ def mended(vertices: NDArray[np.float64], tetrahedra: Cells) -> tuple[Cells, int
     """
     corners = vertices[tetrahedra]
     a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-    volume = np.einsum("ij,ij->i", np.cross(a, b), c)
+    volume = 6.0 * volumes_of(vertices, tetrahedra)
     longest = np.max([np.einsum("ij,ij->i", d, d) for d in (a, b, c, b - a, c - b, a - c)], axis=0)
     good = np.abs(volume) > FLAT * longest**1.5
     result = tetrahedra[good]

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.options import Quiet, Set, flag, printable, tell_warnings, written_to
+from spacemap_vtk.cli.options import Quiet, Set, flag, tell_warnings, written_to
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
-from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.errors import InputError, SpacemapError, printable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.vanishing import vanishing_folder
 
@@ -83,7 +83,7 @@ def again(
     scene, inputs = scene_of(record, places(file, folder))
     if not quiet:
         for line in (*told(record, file), *(f"reads {path}" for path in inputs)):
-            print(printable(line))
+            print(printable(line, "\n"))
         print("writes nothing" if check else f"writes {target}", flush=True)
     if target.resolve() in [path.resolve() for path in inputs]:
         raise InputError(f"{target} is read for it", key="--output", cure="Choose another name.")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.progress import progress
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, printable
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES
 from spacemap_vtk.units import parse_quantity
@@ -191,12 +191,7 @@ def tell_warnings(scene: Scene, quiet: bool) -> None:
     """Print what the stages say of their trustworthiness."""
     if not quiet:
         for text in scene.warnings:
-            print(f"spacemap: warning: {printable(text)}", file=sys.stderr)
-
-
-def printable(text: str) -> str:
-    """Return what a stranger's file says without what terminals obey."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+            print("spacemap: warning:", printable(text, "\n"), file=sys.stderr)
 
 
 def numbers_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:

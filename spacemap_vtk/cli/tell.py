@@ -19,12 +19,11 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
-    printable,
     tell_warnings,
 )
 from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
-from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.errors import InputError, MissingLibraryError, printable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.scenes import library
 
@@ -97,9 +96,9 @@ def _told_origin(file: Path, json_: bool) -> bool:
     if not json_:
         from spacemap_vtk.cli.again import told
 
-        print(printable("\n".join(told(record, file))))
+        print(printable("\n".join(told(record, file)), "\n"))
         if not opens:
-            print(f"\n{printable(record.scene)}", end="")
+            print("\n" + printable(record.scene, "\n"), end="")
     elif not opens:
         print_json(asdict(record))
     return not opens

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,15 +87,27 @@ class Tile:
     lettered: bool = True
 
 
+def new_figure(**settings: Any) -> Figure:
+    """Return a figure that is drawn in memory, its words by matplotlib itself."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    # Of the folder that a command runs in matplotlib obeys a "matplotlibrc", a stranger's maybe,
+    # who could have LaTeX run.
+    if Path(matplotlib.matplotlib_fname()).resolve().parent == Path.cwd():
+        matplotlib.rcParams["text.usetex"] = False
+    figure = Figure(**settings)
+    FigureCanvasAgg(figure)
+    return figure
+
+
 def page(
     rows: Sequence[Sequence[Tile]],
     paper: Paper,
     tell: Callable[[int, int], object] = lambda done, of: None,
 ) -> Figure:
     """Return a figure of tiles, row by row, as high as they ask for."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     placed, y = [], _EDGE
     for row in rows:
         widths = _widths(row, paper.width - 2 * _EDGE - _GAP * (len(row) - 1))
@@ -117,12 +130,11 @@ def page(
             allowed=f"up to {math.floor(paper.dpi * _MOST / dots[1])} for these panels",
             cure="Or ask for fewer of them.",
         )
-    figure = Figure(
+    figure = new_figure(
         figsize=(dots[0] / paper.dpi, dots[1] / paper.dpi),
         dpi=paper.dpi,
         facecolor="none" if paper.transparent else paper.color,
     )
-    FigureCanvasAgg(figure)
     several = sum(tile.lettered for tile, *_ in placed) > 1
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for count, (tile, (x, top, width, height), text) in enumerate(placed):

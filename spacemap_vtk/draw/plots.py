@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.draw.page import new_figure
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.transient_response import TransientResponse
@@ -72,11 +73,7 @@ def motion_plot(scene: Scene, file: Path, point: list[float] | None, quantity: s
 
 def figure_about(title: str) -> Figure:
     """Return a figure that is yet to be drawn."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(figsize=(9.6, 7.2), dpi=150, layout="constrained")
     figure.suptitle(title, fontsize=12)
     return figure
 

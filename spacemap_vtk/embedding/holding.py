@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.cage.split import volumes_of
 from spacemap_vtk.embedding.locate import locate
 
 Floats = NDArray[np.float64]
@@ -118,23 +119,3 @@ def share_filled(
         if abs(enclosed - inside) <= tolerance * area:
             inside = enclosed
     return inside / volume
-
-
-def volumes_of(vertices: Floats, tetrahedra: Cells) -> Floats:
-    """Return the volumes of tetrahedra.
-
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        In m.
-    tetrahedra : (T, 4) int
-        Vertex numbers.
-
-    Returns
-    -------
-    (T,) float64
-        In m³; negative of inverted ones.
-    """
-    a, b, c = (vertices[tetrahedra[:, i]] - vertices[tetrahedra[:, 0]] for i in (1, 2, 3))
-    volumes: Floats = np.einsum("ij,ij->i", np.cross(a, b), c) / 6.0
-    return volumes

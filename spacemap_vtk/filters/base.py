@@ -90,6 +90,11 @@ class Stage(Algorithm):
         Stage._connections += 1
         super().SetInputConnection(*given)
 
+    def AddInputConnection(self, *given: Any) -> None:
+        """Connect an input, too, as VTK does."""
+        Stage._connections += 1
+        super().AddInputConnection(*given)
+
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
         """Run with one object and one cage; blocks of an object that rides are moved each."""
         if not any(isinstance(data, vtkCompositeDataSet) for data in inputs):

@@ -18,14 +18,14 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk.cage.carve import grown, pieces, touched
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, estimate_bytes, lattice, padded_bounds
-from spacemap_vtk.cage.split import bodies, mended, parts
+from spacemap_vtk.cage.split import bodies, mended, parts, volumes_of
 from spacemap_vtk.cage.tetwild import EPSILON, filled, kept
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth
 from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
-from spacemap_vtk.embedding.holding import holding, share_filled, volumes_of
+from spacemap_vtk.embedding.holding import holding, share_filled
 from spacemap_vtk.errors import GeometryError, InputError, naming
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.cloth import Cloth

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
-from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.ticker import LogLocator, MaxNLocator
 from PySide6.QtCore import QRect, Qt, Signal
@@ -15,6 +14,7 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRes
 from PySide6.QtWidgets import QSizePolicy
 
 from spacemap_vtk.app.plots.curves import Curves
+from spacemap_vtk.draw.page import new_figure
 from spacemap_vtk.draw.plots import ENERGY_NAMES, QUANTITIES, handy
 
 #: Colours of points, of energies, and pixels round each plot: left, right, top, between, bottom.
@@ -44,7 +44,7 @@ class PlotCanvas(FigureCanvasQTAgg):
     asked = Signal(float, bool)
 
     def __init__(self) -> None:
-        super().__init__(Figure(dpi=100))
+        super().__init__(new_figure(dpi=100))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumHeight(240)
         self.axes: list[Axes] = []
