@@ -253,7 +253,11 @@ def test_pieces_make_up_the_whole(name: str) -> None:
         warp.update(piece=Piece(number, 3, 0))
         points.append(points_of(warp.output).copy())
         values.append(cells(crimp, "crimp").copy())
-    assert sorted(map(tuple, np.concatenate(points))) == sorted(map(tuple, whole))
+    # but for the last digit: what vectors of the processor round, the rest of an array may not
+    parts = np.concatenate(points)
+    assert parts.shape == whole.shape
+    parts, whole = (rows[np.lexsort(np.rint(rows / 1e-12).T)] for rows in (parts, whole))
+    np.testing.assert_allclose(parts, whole, rtol=0, atol=1e-18)
     assert sorted(np.concatenate(values)) == sorted(strain)
     data = crimp.output.GetCellData()
     names = [data.GetArrayName(place) for place in range(data.GetNumberOfArrays())]

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.fabric.cloth import Cloth
 
-#: Share by which distances differ that are equal but for rounding, of points in single precision.
-_TIED = 1e-5
+#: Of the largest coordinate: so far apart distances are taken for equal, of points in single
+#: precision.
+_TIED = 16 * float(np.finfo(np.float32).eps)
 
 
 def gaps(
@@ -63,6 +64,7 @@ def gaps(
     outward, number = np.asarray(normals, np.float64), np.asarray(yarn, np.int64)
     around = np.broadcast_to(np.asarray(reach, np.float64), len(place))
     found, farthest = np.full(len(place), np.inf), float(around.max(initial=0.0))
+    tied = _TIED * float(np.abs(place).max(initial=0.0))
     wanted, there_are = (
         np.ones(len(place), bool) if some is None else some for some in (asked, known)
     )
@@ -78,7 +80,7 @@ def gaps(
             place[mine], k=4, distance_upper_bound=most, workers=-1
         )
         row, column = np.nonzero(
-            np.isfinite(distance) & (distance <= distance[:, :1] * (1.0 + _TIED))
+            np.isfinite(distance) & (distance <= distance[:, :1] + tied)
         )
         mine, there = mine[row], others[nearest[row, column]]
         away = place[mine] - place[there]
