@@ -7,9 +7,11 @@ What NumPy does to a large fabric is bound by its intermediate results, which go
 back: a step that reads and writes each byte once is out of its reach. A loop that Numba compiles
 keeps them in registers. So Numba comes with the program; only what is the same in every time step
 of a large fabric has such a loop, and beside it stands the NumPy code that gives the same numbers
-within rounding, for ParaView's own Python and wherever there is no Numba. Small fabrics never wait
-for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds. Who
-takes thousands of steps of one sets the environment variable SPACEMAP_COMPILED to ``always``.
+within rounding, for ParaView's own Python and wherever there is no Numba. Small fabrics do not wait
+for a compiler: to load it takes half a second, and to run it, once on a machine, some seconds. Only
+the surface of one that takes about a thousand steps goes on with it, always from the same step on,
+so that who does the same again gets the same bits. With the environment variable SPACEMAP_COMPILED
+at ``always`` all loops are compiled from the first step on, and at ``never`` none is.
 """
 
 from __future__ import annotations
@@ -94,7 +96,8 @@ def compiled(function: Function) -> Function:
 
 def loops(name: str, many: bool) -> ModuleType | None:
     """Return a module of compiled loops, where there are many points and a compiler."""
-    if not many and os.environ.get("SPACEMAP_COMPILED") != "always":
+    wish = os.environ.get("SPACEMAP_COMPILED")
+    if wish == "never" or (wish != "always" and not many):
         return None
     try:
         from numba import config

@@ -8,9 +8,11 @@ import sys
 import numpy as np
 import pytest
 from test_tessellation import random_patches
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk import parallel
+from spacemap_vtk import PatchTessellator, WeaveSource, connect, parallel
 from spacemap_vtk.cage.lattice import lattice
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.embedding import affine, interpolation
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.interpolation import Interpolation
@@ -68,6 +70,35 @@ def test_a_small_fabric_is_compiled_where_the_environment_says_so(monkeypatch):
     made = Tessellation(connectivity, (3, 3), 3)
     assert made.bicubic is not None
     assert made._threads == 1
+
+
+def test_a_small_surface_earns_its_loops_by_many_steps(monkeypatch):
+    source, stage = WeaveSource(ends=3, picks=2), PatchTessellator(subdivisions=2)
+    connect(source, stage).update()
+    steps = []
+    stage.AddObserver("ProgressEvent", lambda *_: steps.append(stage.GetProgressText()))
+    once = points_of(stage.output).copy(), normals_of(stage)
+    monkeypatch.setattr(tessellation, "EARNED", 3 * len(once[0]))
+    for run in range(2, 6):
+        stage.Modified()
+        stage.update()
+        assert (stage.tessellation.bicubic is not None) is (run > 4)
+        assert ("compiling" in steps) is (run > 4)
+    assert not stage.tessellation.earns_loops
+    np.testing.assert_allclose(points_of(stage.output), once[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(normals_of(stage), once[1], rtol=0, atol=1e-5)
+    # who wants the same bits however many steps there were
+    monkeypatch.setenv("SPACEMAP_COMPILED", "never")
+    stage.subdivisions = 3
+    for _ in range(6):
+        stage.Modified()
+        stage.update()
+    assert stage.tessellation.bicubic is None
+    assert not stage.tessellation.earns_loops
+
+
+def normals_of(stage):
+    return vtk_to_numpy(stage.output.GetPointData().GetNormals()).copy()
 
 
 def test_points_of_single_precision_far_from_the_origin(monkeypatch, small):

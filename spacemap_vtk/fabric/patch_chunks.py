@@ -74,12 +74,18 @@ def cut_into_chunks(
             part = part.reshape(-1, size)
         else:
             part = part - low
-        # Narrow: at every step it is read from memory, the rest is in the cache. Not narrower than
-        # 16 bits: compiled loops are made anew for each type. Few are kept as NumPy takes them.
-        kind = np.promote_types(np.uint16, np.min_scalar_type(int(part.max())))
-        kind = kind if narrow else np.dtype(np.intp)
-        result.append(Chunk(first, used, np.ascontiguousarray(part.T, kind)))
+        # Few are kept as NumPy takes them.
+        chunk = Chunk(first, used, np.ascontiguousarray(part.T, np.intp))
+        result.append(narrowed(chunk) if narrow else chunk)
     return result
+
+
+def narrowed(chunk: Chunk) -> Chunk:
+    """Return a chunk with places in few bits: they are read from memory at every step."""
+    # Not narrower than 16 bits: compiled loops are made anew for each type.
+    largest = int(chunk.gather.max(initial=0))
+    kind = np.promote_types(np.uint16, np.min_scalar_type(largest))
+    return chunk._replace(gather=chunk.gather.astype(kind, copy=False))
 
 
 def multiply(matrix: Floats, columns: Floats, out: Floats) -> Floats:

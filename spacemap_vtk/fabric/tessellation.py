@@ -25,9 +25,14 @@ from spacemap_vtk.fabric.patch_chunks import (
     Scratch,
     cut_into_chunks,
     multiply,
+    narrowed,
 )
 from spacemap_vtk.memory import Recycler
 from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
+
+#: Surface points, over all steps, from which a small surface has earned compiled loops: until then
+#: NumPy has taken about as much longer, 10 ns a point, as it takes to load them.
+EARNED = 50_000_000
 
 
 class Tessellation:
@@ -102,14 +107,15 @@ class Tessellation:
         self._recycler = Recycler(keep=3)  # positions, normals and an array carried over
         self._idle: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
-        bicubic = self.degree == (3, 3)
-        compiled = loops("spacemap_vtk.fabric.patch_loops", many) if bicubic else None
-        self.bicubic = None if compiled is None else Bicubic(compiled, subdivisions)
+        #: What evaluates by compiled loops.
+        self.bicubic: Bicubic | None = None
+        #: Whether it will have them once it has taken enough steps.
+        self.earns_loops = self.degree == (3, 3)
+        self._evaluated = 0
         self._corners = [p, len(order) - 1 - p, len(order) - 1]
         samples = (subdivisions + 1) ** 2
-        self._chunks = cut_into_chunks(
-            patches[:, order], 3 * samples, narrow=many or compiled is not None
-        )
+        self._chunks = cut_into_chunks(patches[:, order], 3 * samples, narrow=many)
+        self._take_loops(many)
         some = self._chunks[:: max(1, len(self._chunks) // 16)]
         nets = [chunk.net(np.array([0, -1])) for chunk in some]
         #: Control points of a few patches, which tell how large they are.
@@ -164,6 +170,7 @@ class Tessellation:
         # Squares of cross products are fourth powers of lengths: micrometres underflow float32.
         scale = _magnitude(points.take(self._some, axis=0))
         stacked, with_origin = self._matrices(scale, kind)
+        self._evaluated += self.point_count
         positions = self._recycler.empty((self.point_count, 3), kind)
         normals = self._recycler.empty((self.point_count, 3), kind)
         samples = len(with_origin)
@@ -304,6 +311,22 @@ class Tessellation:
             np.multiply(corners.ravel(), chunk.patch_count, out=within)
             within += (chunk.first * place.size + np.arange(chunk.patch_count))[:, None]
         return _frozen(result.reshape(-1, 4))
+
+    @property
+    def has_earned_loops(self) -> bool:
+        """Whether `compile` pays: who has taken so many steps will take more."""
+        return self.earns_loops and self._evaluated > EARNED
+
+    def compile(self) -> None:
+        """Go on with compiled loops where there is a compiler; they round otherwise."""
+        self._take_loops(True)
+        self.earns_loops = False
+
+    def _take_loops(self, many: bool) -> None:
+        compiled = loops("spacemap_vtk.fabric.patch_loops", many) if self.earns_loops else None
+        if compiled is not None:
+            self.bicubic, self.earns_loops = Bicubic(compiled, self.subdivisions), False
+            self._chunks = [narrowed(chunk) for chunk in self._chunks]
 
     def _checked(self, values: ArrayLike) -> NDArray[Any]:
         table = np.asarray(values)

@@ -88,6 +88,11 @@ class PatchTessellator(Stage):
     _skin: Skin | None = None
 
     @property
+    def tessellation(self) -> Tessellation | None:
+        """What evaluates the patches of the last update; None where there are none."""
+        return None if self._kept is None else self._kept.tessellation
+
+    @property
     def sides(self) -> int:
         """The subdivisions in force."""
         return self.subdivisions or self._chosen
@@ -124,6 +129,9 @@ class PatchTessellator(Stage):
             self._drop_ghosts(output)
             return
         prepared = self._prepared(grid)
+        if prepared.tessellation.has_earned_loops:
+            self.report(0.0, "compiling")
+            prepared.tessellation.compile()
         given = grid.GetPointData()
         rational = given.GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)

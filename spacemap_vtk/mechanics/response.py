@@ -194,13 +194,22 @@ class Response(Motion):
         int
             A frequency has so many digits, and so has the time: after as many periods none is left.
         """
-        count = len(self.modes.eigenvalues)
-        omega, half = np.sqrt(self.modal.stiffness[:count]), self.modal.half[:count]
+        omega, lost, first = self._phases
+        if time < first:
+            return 0
+        count = len(omega)
         with np.errstate(invalid="ignore", divide="ignore"):
             swing = np.hypot(state.rate[:count], state.acceleration[:count] / omega)
-        wrong = omega * time * (self.modes.eigenvalue_rounding / 2 + 2.0**-53) > 1.0
-        wrong &= (half * time < _STILL) & (swing > 0.01 * np.nanmax(swing, initial=0.0))
+        wrong = (lost * time > 1.0) & (self.modal.half[:count] * time < _STILL)
+        wrong &= swing > 0.01 * np.nanmax(swing, initial=0.0)
         return int(wrong.sum())
+
+    @cached_property
+    def _phases(self) -> tuple[FloatArray, FloatArray, float]:
+        """Of each mode ω and the phase that rounding adds to in a second; when it first is all."""
+        omega = np.sqrt(self.modal.stiffness[: len(self.modes.eigenvalues)])
+        lost = omega * (self.modes.eigenvalue_rounding / 2 + 2.0**-53)
+        return omega, lost, 1.0 / max(float(lost.max(initial=0.0)), 1e-300)
 
     def energy(self, time: float, state: State | None = None) -> Energy:
         """Return the energies at a time [J], as `Account.at` does.
@@ -284,7 +293,7 @@ class Response(Motion):
     def _fields(
         self, state: State, shapes: FloatArray, rest: FloatArray, time: float
     ) -> FloatArray:
-        fields: FloatArray = (np.stack(state) @ shapes).reshape(3, -1, 3)
+        fields: FloatArray = (np.array(state) @ shapes).reshape(3, -1, 3)
         fields[0] += rest
         for load in self.loads:
             if load.moves_base is not None:

@@ -25,14 +25,17 @@ from vtkmodules.vtkFiltersCore import vtkProbeFilter
 from spacemap_vtk.datasets.arrays import points_of, to_points
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
+from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.parallel import WORTHWHILE, loops, thread_count
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.parallel import thread_count
 from spacemap_vtk.scenes.scene import Scene
 
 #: Between two times [s]: any will do, as no time step depends on the last.
 _STEP = 1e-4
-#: Times that are not counted: memory is taken, and loops are loaded or compiled.
-_WARM = 3
+#: Times that are not counted: memory is taken, and loops are loaded or compiled. A small surface
+#: earns them by its steps; at most so many for each that is counted.
+_WARM, _EARNING = 3, 100
 #: Points that VTK's probe is measured with, at most: it takes 40 us for each.
 _PROBED = 50_000
 #: What crossings are solved with: EA and k_D in N, B in N m2, of a cotton yarn.
@@ -68,7 +71,9 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
     last, time = scene.stages[-1], scene.view.time
     stages = [stage for stage in reversed(list(last.upstream())) if isinstance(stage, Stage)]
     before: list[int] = []
-    for _ in range(_WARM):
+    for warm in range(_EARNING * steps):
+        if warm >= _WARM and not ((made := _surface(last)) and made.earns_loops):
+            break
         before, time = [stage.executions for stage in stages], time + _STEP
         scene.update(time)
     stages = [s for s, runs in zip(stages, before, strict=True) if s.executions > runs]
@@ -94,15 +99,19 @@ def step_timings(scene: Scene, steps: int = 9) -> dict[str, Any]:
         warp = rows[names.index(type(scene.warp).__name__)]
         rows += [Timing(name, warp.bytes, warp.copy_ms, ms) for name, ms in _others(scene, steps)]
     count = last.output.GetNumberOfPoints()
-    compiled = loops("spacemap_vtk.fabric.patch_loops", count > WORTHWHILE) is not None
+    made = _surface(last)
     return {
         "title": "{} x {} yarns".format(*scene.weave.cloth.size) if scene.woven else scene.title,
         "points": scene.stages[0].output.GetNumberOfPoints(),
         "surface_points": count,
         "threads": thread_count(),
-        "compiled": compiled,
+        "compiled": made is not None and made.bicubic is not None,
         "stages": [asdict(row) | {"copies": row.copies} for row in rows],
     }
+
+
+def _surface(stage: Stage) -> Tessellation | None:
+    return stage.tessellation if isinstance(stage, PatchTessellator) else None
 
 
 def _ms(run: Callable[[], object]) -> float:
