@@ -79,9 +79,7 @@ def gaps(
         distance, nearest = cKDTree(place[others]).query(
             place[mine], k=4, distance_upper_bound=most, workers=-1
         )
-        row, column = np.nonzero(
-            np.isfinite(distance) & (distance <= distance[:, :1] + tied)
-        )
+        row, column = np.nonzero(np.isfinite(distance) & (distance <= distance[:, :1] + tied))
         mine, there = mine[row], others[nearest[row, column]]
         away = place[mine] - place[there]
         across = np.einsum("nk,nk->n", away, outward[there])
