@@ -247,7 +247,8 @@ def test_what_is_said_of_processes_follows_from_what_they_save() -> None:
     assert verdict(np.full(4, 10.0), 4, 1.0) is None
 
 
-@pytest.mark.parametrize("blind", [pytest.param("both", marks=pytest.mark.nightly), "the second"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("blind", ["both", "the second"])
 def test_without_a_display_all_end_with_the_message(blind: str, tmp_path: Path) -> None:
     script = ROOT / "pipelines" / "paraview" / "cloth_over_ranks.py"
     draws = ["pvbatch", script, tmp_path / "cloth.png", 2]

@@ -98,7 +98,9 @@ def test_each_local_weave_is_in_a_part():
     assert clearance_of_large(replace(cloth, axis="spline"), 20_000) is None
 
 
-@pytest.mark.parametrize("section", ["circular", "elliptic"])
+@pytest.mark.parametrize(
+    "section", ["circular", pytest.param("elliptic", marks=pytest.mark.nightly)]
+)
 def test_the_clearance_of_crops_is_that_of_the_cloth(section):
     threads = replace(THREADS, section=section, aspect=1.0 if section == "circular" else 1.2)
     cloth = Cloth(drawdown=twill(3, 1, 14, 13), warp=threads, weft=threads)

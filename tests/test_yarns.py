@@ -55,7 +55,7 @@ def touches_and_never_overlaps(cloth: Cloth) -> None:
     assert abs(found.distance) <= (made.radial_error + 1e-12) * size
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(woven())
 def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
     touches_and_never_overlaps(cloth)

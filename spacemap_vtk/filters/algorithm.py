@@ -320,19 +320,19 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             self._issue()  # those of the other processes
         self._is_late = self.GetMTime() != changed
         if _TIME_RANGE.Has(info):
-            self._tell_time(in_info, info, output.GetInformation())
+            made = time if UPDATE_TIME.Has(info) else self._own_time(in_info)
+            output.GetInformation().Set(_DATA_TIME, made)
 
-    def _tell_time(self, in_info: Inputs, info: vtkInformation, data: vtkInformation) -> None:
-        """Say which time the output is of: VTK believes what was copied with an input's arrays."""
-        times = {UPDATE_TIME.Get(info)} if UPDATE_TIME.Has(info) else set()
-        if not times:  # then each mover keeps its own
-            times = {0.0} if self.role == "mover" else set()
-            for above in (vector.GetInformationObject(0) for vector in in_info):
-                if _TIME_RANGE.Has(above):
-                    made = _OBJECT.Get(above).GetInformation()
-                    times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
-        # Of several: no number, which no request equals. VTK would put the first input's there.
-        data.Set(_DATA_TIME, times.pop() if len(times) == 1 else nan)
+    def _own_time(self, in_info: Inputs) -> float:
+        """Return which time an output is of that nobody asked a time of."""
+        # VTK believes what was copied with an input's arrays; of several: no number, which no
+        # request equals. Each mover keeps its own.
+        times = {0.0} if self.role == "mover" else set()
+        for above in (vector.GetInformationObject(0) for vector in in_info):
+            if _TIME_RANGE.Has(above):
+                made = _OBJECT.Get(above).GetInformation()
+                times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
+        return times.pop() if len(times) == 1 else nan
 
     def _issue(self) -> None:
         """Tell each new warning once: an animation would repeat it with every frame."""
