@@ -143,6 +143,16 @@ def test_measures_of_a_sheet_are_none_of_tetrahedra():
         made.check()
 
 
+def test_of_two_that_do_not_count_the_same_is_told_whichever_was_set_first():
+    given = {"youngs_moduli": [2, 1, 2], "poissons_ratios": [0.6, 0.3, 0.6]}
+    for names in (given, reversed(given)):
+        made = ModalSolver()
+        for name in names:
+            setattr(made, name, given[name])
+        with pytest.raises(InputError, match=r"youngs_moduli = .*does not count"):
+            made.check()
+
+
 def test_what_is_not_positive_definite_is_refused_before_anything_runs():
     with pytest.raises(InputError, match=r"poissons_ratio_in_plane = .*between -1 and 1"):
         ModalSolver(tensile_rigidity=1e3, poissons_ratio_in_plane=1.2).check()

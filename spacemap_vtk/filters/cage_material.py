@@ -366,7 +366,8 @@ class CageMaterial(Stage):
 
     def _given(self) -> dict[str, Any]:
         """Return the constants and measures that are given by name, or say which do not count."""
-        given = {key: value for key, value in self._values.items() if key in _CONSTANTS}
+        # In this order, whatever order they were set in: the first that does not count is told.
+        given = {key: self._values[key] for key in _CONSTANTS if key in self._values}
         for key, value in given.items():
             if why := self.idle(key):
                 raise InputError(
