@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -30,19 +31,29 @@ class RobustNormals:
         #: Their places in the chunk, sample after sample.
         self.found = found
         sample, patch = np.divmod(found, chunk.patch_count)
-        samples, row = np.unique(sample, return_inverse=True)
+        samples, self._row = np.unique(sample, return_inverse=True)
         patches, self._column = np.unique(patch, return_inverse=True)
         self._nets = np.ascontiguousarray(chunk.net(patches).T)
         v, u = np.array(np.divmod(samples, subdivisions + 1)) / subdivisions
         self._bases = _bases(
             degree, np.concatenate([u, _inwards(u)]), np.concatenate([v, _inwards(v)])
         )
-        self._places = np.concatenate([row, row + len(u)]) * len(patches)
+        self._places = np.concatenate([self._row, self._row + len(u)]) * len(patches)
         self._places += np.concatenate([self._column, self._column])
         self._middle = _bases(degree, *np.full((2, 1), 0.5))
 
-    def of(self, points: NDArray[Any], weights: NDArray[Any] | None = None) -> NDArray[np.float64]:
+    def of(
+        self,
+        points: NDArray[Any],
+        weights: NDArray[Any] | None = None,
+        loops: ModuleType | None = None,
+    ) -> NDArray[np.float64]:
         """Return unit normals, (n, 3), never NaN for finite control points."""
+        if loops is not None and weights is None:
+            made = np.empty((len(self.found), 3))
+            places = self._nets, self._row, self._column
+            if loops.robust_normals(points, *places, self._bases, _INSIDE, _NOTHING, made):
+                return made
         # Places last, so that every operation runs over contiguous memory.
         local = points.take(self._nets, axis=0).transpose(2, 0, 1).astype(np.float64, order="C")
         local -= local[:, :1].copy()

@@ -126,6 +126,53 @@ def evaluate(
 
 
 @compiled
+def robust_normals(
+    points: NDArray[Any],
+    nets: NDArray[np.int64],
+    row: NDArray[np.intp],
+    column: NDArray[np.intp],
+    bases: NDArray[np.float64],
+    inside: float,
+    nothing: float,
+    normals: NDArray[np.float64],
+) -> bool:
+    """Write normals as `RobustNormals.of` does; not all where one has no area inside either."""
+    size, patches = nets.shape
+    half = bases.shape[1] // 2
+    local = np.zeros((patches, size, 3))
+    for patch in range(patches):
+        largest = 0.0
+        for place in range(size):
+            for axis in range(3):
+                first = np.float64(points[nets[0, patch], axis])
+                away = np.float64(points[nets[place, patch], axis]) - first
+                local[patch, place, axis] = away
+                largest = max(largest, abs(away))
+        if largest > 0.0:
+            local[patch] /= largest
+    made, lengths = np.zeros((2, 3)), np.zeros(2)
+    for sample in range(len(row)):
+        net = local[column[sample]]
+        for side in range(2):  # there, and slightly inside
+            at = row[sample] + side * half
+            ux, uy, uz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for place in range(size):
+                x, y, z = net[place, 0], net[place, 1], net[place, 2]
+                along, across = bases[1, at, place], bases[2, at, place]
+                ux, uy, uz = ux + along * x, uy + along * y, uz + along * z
+                vx, vy, vz = vx + across * x, vy + across * y, vz + across * z
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            made[side, 0], made[side, 1], made[side, 2] = x, y, z
+            lengths[side] = np.sqrt(x * x + y * y + z * z)
+        if not lengths[1] > nothing:
+            return False
+        chosen = 0 if lengths[0] > max(nothing, inside * lengths[1]) else 1
+        for axis in range(3):
+            normals[sample, axis] = made[chosen, axis] / lengths[chosen]
+    return True
+
+
+@compiled
 def interpolate(
     values: NDArray[Any],
     origin: NDArray[Any],

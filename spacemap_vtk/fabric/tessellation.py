@@ -186,7 +186,7 @@ class Tessellation:
                 found = by_products(chunk, surface, across)
             if len(found):
                 with np.errstate(all="ignore"):  # infinite control points
-                    robust = self._robust(chunk, found).of(points, rational)
+                    robust = self._robust(chunk, found).of(points, rational, self._loops)
                 across.reshape(-1, 3)[found] = robust
 
         def by_products(chunk: Chunk, surface: Floats, across: Floats) -> NDArray[np.intp]:
@@ -323,9 +323,9 @@ class Tessellation:
         self.earns_loops = False
 
     def _take_loops(self, many: bool) -> None:
-        compiled = loops("spacemap_vtk.fabric.patch_loops", many) if self.earns_loops else None
-        if compiled is not None:
-            self.bicubic, self.earns_loops = Bicubic(compiled, self.subdivisions), False
+        self._loops = loops("spacemap_vtk.fabric.patch_loops", many) if self.earns_loops else None
+        if self._loops is not None:
+            self.bicubic, self.earns_loops = Bicubic(self._loops, self.subdivisions), False
             self._chunks = [narrowed(chunk) for chunk in self._chunks]
 
     def _checked(self, values: ArrayLike) -> NDArray[Any]:
