@@ -8,6 +8,11 @@ no more than `SECONDS` of work nor `MEMORY` more. Whatever else happens, the end
 is told once for each place, and its input kept. The same seed gives the same runs; with --guided
 atheris chooses the steps by the branches that they reach (pip install 'spacemap_vtk[fuzz]'). What
 was found in how many runs stands in fuzz.toml; test_fuzz.py runs a sample.
+
+Of meshes the program lets another process read first (`spacemap_vtk.io.trial`), which takes ten
+times as long. So they are read here as that process reads them, and what ends this one is read once
+more by the program as it is, which has to refuse it. What it reads instead has ended a process
+that had read others before, and is told as well.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ import os
 import random
 import re
 import resource
+import select
 import shutil
 import signal
 import struct
@@ -35,13 +41,19 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from fuzz_seeds import LONGEST, WORD, changed, meshes, seeds
+from fuzz_rare import NAMED
+from fuzz_seeds import LONGEST, WORD, beside, changed, seeds
+
+from spacemap_vtk.io import registry
+from spacemap_vtk.workers import EXPENDABLE
 
 SECONDS, MEMORY = 5.0, 2**31
 #: Bytes that the program is told are free.
 FREE = 2**29
 #: Wall time after which a run is ended [s], on a machine that has other work.
 HUNG = 120.0
+#: Runs of one process where VTK reads, which leaves in memory some of what it refuses.
+TOGETHER = 1000
 
 #: What atheris watches: where files and words are understood.
 INSTRUMENTED = [
@@ -53,8 +65,9 @@ INSTRUMENTED = [
     *("tomllib", "json", "zipfile", "xml.etree", "numpy.lib", "meshio"),
 ]
 
-#: Which run is under way, how many were refused, the length of its data; this follows.
-_BOARD = struct.Struct("<qqq")
+#: Which run is under way, how many were refused, whether it has ended a process that was to read it
+#: without a trial, the length of its data; this follows.
+_BOARD = struct.Struct("<qqqq")
 
 
 class Target:
@@ -62,6 +75,10 @@ class Target:
 
     def __init__(self, name: str, kind: str, read: Callable[[bytes, Path], None]) -> None:
         self.name, self.kind, self.read = name, kind, read
+        ending = kind.removeprefix("motion").removeprefix("record")
+        #: Whether VTK or meshio read it, which another process tries first.
+        read_by_vtk = {*registry.endings("mesh"), *registry.endings("motion"), *NAMED}
+        self.tried = ending in read_by_vtk
 
     @cached_property
     def seeds(self) -> list[bytes]:
@@ -90,6 +107,16 @@ def _in_file(name: str, read: Callable[[Path], Any]) -> Callable[[bytes, Path], 
         path = folder / name
         path.write_bytes(data)
         read(path)
+
+    return run
+
+
+def _named(file: str, by: str) -> Callable[[bytes, Path], None]:
+    """Read a file that is whole, and names one that is not."""
+
+    def run(data: bytes, folder: Path) -> None:
+        (folder / file).write_bytes(data)
+        _object(folder / by)
 
     return run
 
@@ -197,7 +224,6 @@ def _command(*words: str) -> Callable[[bytes, Path], None]:
 
 def _table(path: Path) -> None:
     from spacemap_vtk.errors import InputError
-    from spacemap_vtk.io import registry
 
     with suppress(InputError):
         registry.read(path, "table")
@@ -213,8 +239,6 @@ def _texture(path: Path) -> None:
 @cache
 def targets() -> dict[str, Target]:
     """Return all of them: an ending that is registered is one."""
-    from spacemap_vtk.io import registry
-
     found = [
         Target("scene", "scene", _in_file("a.toml", _scene)),
         Target("set", "set", _set),
@@ -230,6 +254,8 @@ def targets() -> dict[str, Target]:
     for ending in registry.endings("motion"):
         kind = f"motion{ending}"
         found.append(Target(kind, kind, _in_file(f"a{ending}", _motion)))
+    for file, by in NAMED.items():
+        found.append(Target(f"{by}:{file}", file, _named(file, by)))
     for ending in (".wif", ".html", ".png", ".vtp", ".glb"):
         kind = f"record{ending}"
         found.append(Target(kind, kind, _in_file(f"a{ending}", _told)))
@@ -284,21 +310,36 @@ def fault(target: Target, data: bytes, folder: Path) -> tuple[bool, tuple[str, s
     return refused, found
 
 
+def furnish(folder: Path) -> None:
+    """Write what is beside the files that are read."""
+    for name, content in beside().items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
 def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
     """Do the runs that are left, and write in shared memory which is under way."""
     size = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
     folder = Path(tempfile.mkdtemp(dir=one.keep))
-    for number, content in enumerate(meshes()["beside"] if "." in target.name else []):
-        (folder / f"s{number}.vtu").write_bytes(content)
-    index, refused, *_ = _BOARD.unpack_from(board)
+    if target.tried:
+        furnish(folder)
+    index, refused, ended, _ = _BOARD.unpack_from(board)
     first, seen = index, set[str]()
 
     def run(data: bytes) -> None:
-        nonlocal index, refused
-        _BOARD.pack_into(board, 0, index, refused, len(data))
+        nonlocal index, refused, ended
+        _BOARD.pack_into(board, 0, index, refused, ended, len(data))
         board[_BOARD.size : _BOARD.size + len(data)] = data
+        if target.tried and not ended:
+            os.environ[EXPENDABLE] = "1"
+            signal.setitimer(signal.ITIMER_PROF, 1.0)  # ends this process
         said_no, wrong = fault(target, data, folder)
-        index, refused = index + 1, refused + said_no
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        os.environ.pop(EXPENDABLE, None)
+        if ended and not said_no and wrong is None:
+            wrong = f"ended by {-ended} after others", f"{index}: alone it is read"
+        index, refused, ended = index + 1, refused + said_no, 0
         if wrong is not None and wrong[0] not in seen:
             seen.add(wrong[0])
             one.save(data, *wrong)
@@ -319,10 +360,11 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         atheris.Setup([sys.argv[0], *limits, str(one.corpus)], run, custom_mutator=mutated)
         atheris.Fuzz()
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))
-    while index < one.runs:
+    last = min(one.runs, index + TOGETHER) if target.tried else one.runs
+    while index < last:
         rng = random.Random(f"{one.seed} {target.name} {index}")
         run(target.changed(rng.choice(target.seeds), rng))
-    _BOARD.pack_into(board, 0, index, refused, 0)
+    _BOARD.pack_into(board, 0, index, refused, 0, 0)
     shutil.rmtree(folder)
 
 
@@ -331,7 +373,7 @@ class Campaign:
 
     def __init__(self, name: str, runs: int, seed: int, keep: Path, guided: bool = False) -> None:
         self.name, self.runs, self.seed, self.keep, self.guided = name, runs, seed, keep, guided
-        self.corpus = keep / f"corpus-{name}"
+        self.corpus = keep / f"corpus-{name}".replace("/", "-")
         self.corpus.mkdir(parents=True, exist_ok=True)
 
     def run(self) -> dict[str, Any]:
@@ -339,6 +381,8 @@ class Campaign:
         begin, log, edges = time.monotonic(), self.keep / "log", 0
         board = mmap.mmap(-1, _BOARD.size + LONGEST)
         target = targets()[self.name]
+        if target.tried and not self.guided:
+            self._warm(target)
         while (now := _BOARD.unpack_from(board))[0] < self.runs:
             child = os.fork()
             if child == 0:
@@ -352,31 +396,42 @@ class Campaign:
                 except BaseException:
                     traceback.print_exc()
                     os._exit(70)
-            since = time.monotonic()
-            while not (ended := os.waitpid(child, os.WNOHANG))[0]:
-                time.sleep(0.02)
+            since, watch = time.monotonic(), os.pidfd_open(child)
+            while not select.select([watch], [], [], 1.0)[0]:
                 if _BOARD.unpack_from(board) != now:
                     now, since = _BOARD.unpack_from(board), time.monotonic()
                 elif time.monotonic() - since > HUNG:
                     os.kill(child, signal.SIGABRT)  # it shows where it stands
                     since = float("inf")
-            index, refused, size = _BOARD.unpack_from(board)
+            os.close(watch)
+            code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            index, refused, ended, size = _BOARD.unpack_from(board)
             text = log.read_text(errors="replace")
             edges = max([edges, *map(int, re.findall(r"cov: (\d+)", text))])
-            code = os.waitstatus_to_exitcode(ended[1])
             if code == 0:
-                _BOARD.pack_into(board, 0, self.runs, refused, 0)
-                break
-            stack = re.findall(r'File ".*?([^/"]+)", line \d+ in (\w+)', text)
-            at = " < ".join(f"{file}:{function}" for file, function in stack[:4])
-            self.save(board[_BOARD.size : _BOARD.size + size], f"ended by {code} at {at}", text)
-            _BOARD.pack_into(board, 0, index + 1, refused, 0)
-        _, refused, _ = _BOARD.unpack_from(board)
+                if self.guided:
+                    _BOARD.pack_into(board, 0, self.runs, refused, 0, 0)
+            elif target.tried and not ended:
+                _BOARD.pack_into(board, 0, index, refused, code, 0)
+            else:
+                stack = re.findall(r'File ".*?([^/"]+)", line \d+ in (\w+)', text)
+                at = " < ".join(f"{file}:{function}" for file, function in stack[:4])
+                data = board[_BOARD.size : _BOARD.size + size]
+                self.save(data, f"ended by {code} at {at}", text)
+                _BOARD.pack_into(board, 0, index + 1, refused, 0, 0)
+        refused = _BOARD.unpack_from(board)[1]
         made = {"target": self.name, "by": "atheris" if self.guided else "steps"}
         made |= {"seed": self.seed, "runs": self.runs, "refused": refused}
         made |= {"edges": edges} if self.guided else {}
         found = sum(each["target"] == self.name for each in self.found())
         return made | {"found": found, "seconds": round(time.monotonic() - begin)}
+
+    def _warm(self, target: Target) -> None:
+        """Import what reads, and start what tries: a process that is forked has them."""
+        with tempfile.TemporaryDirectory() as room:
+            furnish(Path(room))
+            for seed in target.seeds:
+                fault(target, seed, Path(room))
 
     def found(self) -> list[dict[str, str]]:
         """Return what was found, of any target, in this folder."""
@@ -388,7 +443,7 @@ class Campaign:
         known = self.found()
         if any((each["target"], each["kind"]) == (self.name, kind) for each in known):
             return
-        name = f"{self.name.strip('.')}-{len(known)}"
+        name = f"{self.name.strip('.')}-{len(known)}".replace("/", "-")
         (self.keep / name).write_bytes(data)
         line = {"target": self.name, "kind": kind, "what": what[:300], "file": name}
         with (self.keep / "found.jsonl").open("a") as file:

@@ -10,23 +10,22 @@ import tempfile
 import warnings
 import zipfile
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
+
+from fuzz_rare import NAMED, rare
 
 SCENES = Path(__file__).parents[1] / "scenes"
 
 #: What pyvista and meshio write of a small mesh, by ending, and as which of meshio's formats.
 MESHIO = {
     **{".msh": "gmsh", ".inp": "abaqus", ".avs": "avsucd", ".mesh": "medit", ".bdf": "nastran"},
-    **{".off": "off", ".su2": "su2", ".tec": "tecplot", ".ugrid": "ugrid", ".mdpa": "mdpa"},
-    **{".f3grid": "flac3d", ".vol": "netgen", ".med": "med", ".h5m": "h5m", ".xdmf": "xdmf"},
+    **{".off": "off", ".su2": "su2", ".tec": "tecplot", ".mdpa": "mdpa", ".f3grid": "flac3d"},
+    **{".vol": "netgen", ".med": "med"},
     **{".fem": "nastran", ".nas": "nastran", ".post": "permas", ".meshb": "medit", ".hmf": "hmf"},
 }
-MESHES = (".vtk", ".vtu", ".vtp", ".ply", ".stl", ".obj", ".msh")
-
 
 LONGEST = 2**18
 
@@ -155,10 +154,10 @@ def _replaced(pattern: re.Pattern[bytes], data: bytes, where: int, put: bytes) -
 
 
 def seeds(kind: str) -> list[bytes]:
-    """Return small whole files of an ending or another kind; of what is rare, meshes of others."""
+    """Return small whole files of an ending or another kind, or the one that others name."""
     if kind in quick():
         return quick()[kind]
-    return meshes().get(kind) or [seed for each in MESHES for seed in meshes()[each]]
+    return [beside()[kind]] if kind in NAMED else meshes()[kind]
 
 
 @cache
@@ -207,15 +206,24 @@ def quick() -> dict[str, list[bytes]]:
     return found
 
 
-@cache
 def meshes() -> dict[str, list[bytes]]:
     """Return meshes, motions and files with records, by ending."""
+    return _made()[0]
+
+
+def beside() -> dict[str, bytes]:
+    """Return the files that these name, by name."""
+    return _made()[1]
+
+
+@cache
+def _made() -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # some tetrahedra are inverted
         return _meshes(Path(name))
 
 
-def _meshes(folder: Path) -> dict[str, list[bytes]]:
+def _meshes(folder: Path) -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
     import numpy as np
     import pyvista as pv
     from vtkmodules.vtkIOExodus import vtkExodusIIWriter
@@ -258,44 +266,30 @@ def _meshes(folder: Path) -> dict[str, list[bytes]]:
             take(folder / "d.vtk")
     pv.MultiBlock([ball, solid]).save(folder / "e.vtm")
     take(folder / "e.vtm")
-    for ending, data in ((".pvtu", solid), (".pvtp", ball)):
-        writer(Path(f"a{ending}")).write(folder / f"p{ending[1:]}{ending}", iter([data]))
-        take(folder / f"p{ending[1:]}{ending}")
-    for ending in (".vtm", ".pvtu", ".pvtp"):  # of what lies beside
-        found[ending] = [re.sub(rb'"[^"]*[.](vtp|vtu)"', b'"s0.vtu"', found[ending][0])]
-    library = b"newmtl a\nKd 1 0 0\nnewmtl b\nmap_Kd a.png\n"
+    # of what lies beside
+    found[".vtm"] = [re.sub(rb'"[^"]*[.](vtp|vtu)"', b'"s0.vtu"', found[".vtm"][0])]
     obj = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n"
     found[".obj"] = [obj + b"usemtl a\nf 1/1/1 2/2/1 3/3/1\nusemtl b\nf 2/1 3/2 4/3\nl 1 2\n"]
-    found[".obj"] += [obj + b"f -1 -2 -3\ng a\np 1\n", library]
+    found[".obj"] += [obj + b"f -1 -2 -3\ng a\np 1\n"]
     found[".gltf"], found[".glb"] = _gltf()
     for ending, kind in MESHIO.items():
         grid = ball if ending == ".off" else solid.copy()
         if ending in (".med", ".mdpa", ".vol", ".bdf", ".nas", ".fem"):
             grid.clear_data()
-        try:
-            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                pv.save_meshio(folder / f"m{ending}", grid, file_format=kind)
-        except BaseException:
-            continue  # a format without what the mesh has
+        pv.save_meshio(folder / f"m{ending}", grid, file_format=kind)
         take(folder / f"m{ending}")
     found[".vtmb"] = found[".vtm"]
-    found[".xmf"] = found.get(".xdmf", [])
-    texts = {
-        ".p3d": b"1\n2 2 2\n" + b"0 1 " * 12, ".pts": b"2\n0 0 0 1\n1 1 1 2\n",
-        ".tri": b"3 1\n0 0 0\n1 0 0\n0 1 0\n1 2 3\n", ".facet": b"FACET FILE 1\n1\na\n3 0 0 0\n",
-        ".wrl": b"#VRML V2.0 utf8\nShape { geometry IndexedFaceSet { coord Coordinate { point "
-        b"[0 0 0, 1 0 0, 0 1 0] } coordIndex [0 1 2 -1] } }\n",
-        ".case": b"FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: a.geo\nVARIABLE\nTIME\n"
-        b"time set: 1\nnumber of steps: 1\ntime values: 0\n",
-        ".node": b"3 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n", ".ele": b"1 4 0\n1 1 2 3 4\n",
-        ".dem": b" " * 1024, ".foam": b"",
-        ".nrrd": b"NRRD0004\ntype: float\ndimension: 3\nsizes: 2 2 2\n"
-        b"encoding: raw\n\n" + b"\0" * 32,
-        ".mha": b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\n"
-        b"ElementDataFile = LOCAL\n" + b"\1" * 8,
-    }  # fmt: skip
-    for ending, text in texts.items():
-        found[ending] = [text or b"\n"]
+    found[".wrl"] = [
+        b"#VRML V2.0 utf8\nShape { geometry IndexedFaceSet { coord Coordinate { point "
+        b"[0 0 0, 1 0 0, 0 1 0] } coordIndex [0 1 2 -1] } }\n"
+    ]
+    found[".nrrd"] = [
+        b"NRRD0004\ntype: float\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n" + b"\0" * 32
+    ]
+    found[".mha"] = [
+        b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\n"
+        b"ElementDataFile = LOCAL\n" + b"\1" * 8
+    ]
     found[".vrml"] = found[".wrl"]
 
     # motions: what they name lies beside them where they are read
@@ -310,13 +304,14 @@ def _meshes(folder: Path) -> dict[str, list[bytes]]:
     found["motion.pvd"] = [collection.encode()]
     entries = [{"name": name, "time": k} for k, name in enumerate(steps)]
     found["motion.series"] = [json.dumps({"file-series-version": "1.0", "files": entries}).encode()]
-    found["beside"] = [(folder / name).read_bytes() for name in steps]
     (folder / "m.pvd").write_bytes(found["motion.pvd"][0])
     for ending, made in ((".vtkhdf", vtkHDFWriter()), (".e", vtkExodusIIWriter())):
         source = MotionReader(file=folder / "m.pvd")
         made.SetFileName(str(folder / f"n{ending}"))
         made.SetInputConnection(source.GetOutputPort())
         made.SetWriteAllTimeSteps(True)
+        if ending == ".vtkhdf":
+            made.SetChunkSize(8)  # of 25000, a file of more than `LONGEST`
         made.Write()
         take(folder / f"n{ending}")
         take(folder / f"n{ending}", f"motion{ending}")
@@ -340,7 +335,8 @@ def _meshes(folder: Path) -> dict[str, list[bytes]]:
         % record.text.encode()
     ]
     found["record.glb"] = _gltf({"spacemap-record": json.loads(record.text)})[1]
-    return found
+    others, beside = rare(folder, solid, ball)
+    return found | others, beside | {name: (folder / name).read_bytes() for name in steps}
 
 
 SHORT_WIF = b"""[WIF]

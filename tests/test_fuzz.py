@@ -14,6 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from spacemap_vtk.workers import EXPENDABLE
+
 #: What needs neither VTK's readers nor a scene.
 QUICK = (".wif", ".dtx", ".wpo", ".txt", ".twa", "picture", "table", "modes")
 RECORD = Path(__file__).with_name("fuzz.toml")
@@ -51,6 +53,18 @@ def test_nothing_is_found(tmp_path: Path, names: tuple[str, ...], runs: int) -> 
     told = tomllib.loads(f"campaigns = [{done.stdout}]")["campaigns"]
     assert [each["target"] for each in told] == list(names), done.stderr
     assert [each["found"] for each in told] == [0] * len(names), list(tmp_path.glob("found*"))
+
+
+def test_every_seed_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Or what is made of it would be refused for the same reason, whatever it is."""
+    monkeypatch.setenv(EXPENDABLE, "1")  # they are whole
+    for number, target in enumerate(each for each in fuzz.targets().values() if each.tried):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        fuzz.furnish(folder)
+        for seed in target.seeds:
+            assert len(seed) < fuzz_seeds.LONGEST, target.name
+            target.read(seed, folder)
 
 
 def test_a_million_runs_are_recorded() -> None:

@@ -108,7 +108,7 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
         assert len(asked) == 1, known
     os.utime(file, (1, 1))
     read_object(file)
-    assert [task[1] for task in asked] == [file, file]
+    assert [task[2] for task in asked] == [file, file]
 
 
 def test_a_grid_that_ends_before_its_cells_is_points(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def read_with_vtk(path: Path, module: str, name: str) -> Any:
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
     """Return a reader of VTK's that has read a file."""
-    tried(path, f"{__name__}:read_with_vtk", module, name)
+    tried(path, f"{__name__}:read_with_vtk", module, name, needs=f"vtkmodules.{module}")
     # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
     # harmless message.
     with quiet_vtk(path):

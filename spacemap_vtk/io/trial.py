@@ -18,6 +18,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,9 @@ _children: list[subprocess.Popen[bytes]] = []
 _sound: set[str] = set()
 
 
-def tried(path: Path, function: str, *more: Any) -> None:
+def tried(path: Path, function: str, *more: Any, needs: str = "") -> None:
     """Let another process call "module:name" with a path and more; refuse what ends that."""
+    # What the function needs is imported once there, and not in a copy for each file.
     # ParaView has its readers' faults anyway, and no interpreter to start.
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
         return
@@ -48,7 +50,7 @@ def tried(path: Path, function: str, *more: Any) -> None:
         return
     allowed = int(_SECONDS + _EACH * state.st_size), available()
     with _lock:
-        answer = _asked((function, path, *more), *allowed)
+        answer = _asked((needs, function, path, *more), *allowed)
     if isinstance(answer, workers.EndedError):
         raise InputError(
             f"{path}: damaged, or too large: what reads it ends by {answer.message.split()[-1]}",
@@ -91,8 +93,11 @@ def _leave() -> None:
 
 def attempt(task: tuple[tuple[Any, ...], tuple[int, int | None]]) -> None:
     """Read a file, within limits of time and memory."""
-    (function, *arguments), limits = task
+    (needs, function, *arguments), limits = task
     read = partial(workers.named(function), *arguments)
+    if needs:
+        with suppress(ImportError):  # whoever reads says so
+            import_module(needs)
     if sys.platform != "linux":
         _within(read, *limits)
         return

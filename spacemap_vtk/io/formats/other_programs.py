@@ -20,7 +20,7 @@ _NAMING = {
     **dict.fromkeys((".mha", ".mhd"), rb"(?m)^\s*ElementDataFile\s*=(.*)$"),
     **dict.fromkeys((".nrrd", ".nhdr"), rb"(?im)^data ?file:(.*)$"),
 }
-_XML = (".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd", ".xdmf", ".xmf", ".pvd")
+_XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 
 def _names(path: Path) -> list[str]:
@@ -36,8 +36,7 @@ def _names(path: Path) -> list[str]:
 
 
 @reads(
-    *(".pvti", ".pvts", ".pvtr", ".pvtk", ".vtpd"),
-    *(".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
+    *(".pvtk", ".case", ".cas", ".cgns", ".neu", ".g", ".tri", ".facet"),
     *(".3ds", ".wrl", ".vrml", ".pts", ".p3d", ".foam", ".xdmf", ".xmf", ".dem", ".nrrd", ".mha"),
     *(".msh", ".inp", ".avs", ".med", ".mesh", ".meshb", ".bdf", ".fem", ".nas", ".vol", ".off"),
     *(".post", ".su2", ".tec", ".ele", ".node", ".ugrid", ".mdpa", ".f3grid", ".h5m", ".hmf"),
@@ -52,21 +51,26 @@ def read_with_pyvista(path: Path) -> Any:
     import io
 
     from spacemap_vtk.datasets.quiet import quiet_vtk
+    from spacemap_vtk.io.reading import read_with_vtk
     from spacemap_vtk.io.trial import tried
 
+    other = _other_format(path)
+    if path.suffix.lower() in (".xdmf", ".xmf") and not other:
+        # what pyvista makes of one without times is an error
+        return read_with_vtk(path, "vtkIOXdmf2", "vtkXdmfReader")
     try:
         import pyvista as pv
     except ImportError:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
-    tried(path, f"{__name__}:read_with_pyvista")
+    tried(path, f"{__name__}:read_with_pyvista", needs="pyvista")
     said = io.StringIO()
     try:
         # meshio prints, and ends the program where it cannot read
         with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
             # Whole: of a relative one pyvista takes a first folder "~" for the user's own.
-            made = pv.read(path.absolute(), **_other_format(path))
+            made = pv.read(path.absolute(), **other)
     except InputError:
         raise
     except ImportError as error:

@@ -24,11 +24,15 @@ _READERS = {
     ".vtmb": "vtkXMLMultiBlockDataReader",
     ".pvtu": "vtkXMLPUnstructuredGridReader",
     ".pvtp": "vtkXMLPPolyDataReader",
+    ".pvts": "vtkXMLPStructuredGridReader",
+    ".pvtr": "vtkXMLPRectilinearGridReader",
+    ".pvti": "vtkXMLPImageDataReader",
+    ".vtpd": "vtkXMLPartitionedDataSetReader",
 }
 
 
 #: Of these VTK reads what they name.
-_NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp")
+_NAMING = (".vtm", ".vtmb", ".pvtu", ".pvtp", ".pvts", ".pvtr", ".pvti", ".vtpd")
 
 
 @reads(*_NAMING, label="VTK XML in files", holds="mesh", common=False, names=of("named", "in_xml"))
