@@ -22,6 +22,8 @@ _XML = '<VTKFile type="P{kind}"><P{kind} {extent}><PPoints>{array}</PPoints><PCo
 _XML += '{array}{array}{array}</PCoordinates><Piece {piece} Source="s0.{ending}"/></P{kind}>'
 _XML += "</VTKFile>"
 _FOAM = "FoamFile {{ version 2.0; format ascii; class {kind}; object {name}; }}\n"
+#: Each corner and its normal.
+_TRI = struct.pack(">18f", 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 1)
 _MTL = b"newmtl a\nKd 1 0 0\nnewmtl b\nKd 0.5 0.5 1\nmap_Kd -s 1 1 1 a.png\n"
 _GEO = """a
 b
@@ -106,13 +108,14 @@ NumberOfElements="1"><DataItem Dimensions="1 4" NumberType="Int">0 1 2 3</DataIt
 def rare(folder: Path, solid: Any, ball: Any) -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
     """Return files by ending, and by their names those that they name."""
     import pyvista as pv
-    from vtkmodules.vtkIOGeometry import vtkBYUWriter, vtkFacetWriter, vtkMCubesWriter
+    from vtkmodules.vtkIOGeometry import vtkBYUWriter, vtkFacetWriter
 
     found: dict[str, list[bytes]] = {
         ".case": [b"FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: a.geo\n"],
         ".cas": [_CAS.encode()],
         ".neu": [_NEU.encode()],
         ".3ds": [_3ds()],
+        ".tri": [_TRI],
         ".pts": [b"%d\n" % len(rows) + b"\n".join(rows) for rows in _clouds()],
         ".ugrid": [b"4 1 0 1 0 0 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n5\n1 2 3 4\n"],
         ".p3d": [json.dumps({"auto-detect-format": True,
@@ -148,10 +151,9 @@ def rare(folder: Path, solid: Any, ball: Any) -> tuple[dict[str, list[bytes]], d
         found[f".pvt{letter}"] = [text.encode()]
     beside["a.pvtu"] = found[".pvtu"][0]
     beside |= {f.name: f.read_bytes() for f in folder.glob("s0.vt?")}
-    whole = ball.compute_normals(cell_normals=False)
-    writers = {".g": vtkBYUWriter(), ".tri": vtkMCubesWriter(), ".facet": vtkFacetWriter()}
+    writers = {".g": vtkBYUWriter(), ".facet": vtkFacetWriter()}
     for ending, write in writers.items():
-        write.SetInputData(whole)
+        write.SetInputData(ball)
         name = write.SetGeometryFileName if ending == ".g" else write.SetFileName
         name(str(folder / f"r{ending}"))
         write.Write()

@@ -10,6 +10,7 @@ import tempfile
 import warnings
 import zipfile
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -218,7 +219,13 @@ def beside() -> dict[str, bytes]:
 
 @cache
 def _made() -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
-    with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
+    said = io.StringIO()  # what meshio leaves out
+    with (
+        tempfile.TemporaryDirectory() as name,
+        redirect_stdout(said),
+        redirect_stderr(said),
+        warnings.catch_warnings(),
+    ):
         warnings.simplefilter("ignore")  # some tetrahedra are inverted
         return _meshes(Path(name))
 
