@@ -321,9 +321,6 @@ def furnish(folder: Path) -> None:
 def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
     """Do the runs that are left, and write in shared memory which is under way."""
     size = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
-    folder = Path(tempfile.mkdtemp(dir=one.keep))
-    if target.tried:
-        furnish(folder)
     index, refused, ended, _ = _BOARD.unpack_from(board)
     first, seen = index, set[str]()
 
@@ -334,7 +331,7 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         if target.tried and not ended:
             os.environ[EXPENDABLE] = "1"
             signal.setitimer(signal.ITIMER_PROF, 1.0)  # ends this process
-        said_no, wrong = fault(target, data, folder)
+        said_no, wrong = fault(target, data, one.room)
         signal.setitimer(signal.ITIMER_PROF, 0)
         os.environ.pop(EXPENDABLE, None)
         if ended and not said_no and wrong is None:
@@ -365,7 +362,6 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         rng = random.Random(f"{one.seed} {target.name} {index}")
         run(target.changed(rng.choice(target.seeds), rng))
     _BOARD.pack_into(board, 0, index, refused, 0, 0)
-    shutil.rmtree(folder)
 
 
 class Campaign:
@@ -373,7 +369,9 @@ class Campaign:
 
     def __init__(self, name: str, runs: int, seed: int, keep: Path, guided: bool = False) -> None:
         self.name, self.runs, self.seed, self.keep, self.guided = name, runs, seed, keep, guided
-        self.corpus = keep / f"corpus-{name}".replace("/", "-")
+        self.corpus, self.room = (
+            keep / f"{kind}-{name.replace('/', '-')}" for kind in ("corpus", "room")
+        )
         self.corpus.mkdir(parents=True, exist_ok=True)
 
     def run(self) -> dict[str, Any]:
@@ -381,8 +379,12 @@ class Campaign:
         begin, log, edges = time.monotonic(), self.keep / "log", 0
         board = mmap.mmap(-1, _BOARD.size + LONGEST)
         target = targets()[self.name]
-        if target.tried and not self.guided:
-            self._warm(target)
+        self.room.mkdir()
+        if target.tried:
+            furnish(self.room)
+            if not self.guided:  # what reads is imported, what tries is started, before any fork
+                for seed in target.seeds:
+                    fault(target, seed, self.room)
         while (now := _BOARD.unpack_from(board))[0] < self.runs:
             child = os.fork()
             if child == 0:
@@ -420,18 +422,12 @@ class Campaign:
                 self.save(data, f"ended by {code} at {at}", text)
                 _BOARD.pack_into(board, 0, index + 1, refused, 0, 0)
         refused = _BOARD.unpack_from(board)[1]
+        shutil.rmtree(self.room)
         made = {"target": self.name, "by": "atheris" if self.guided else "steps"}
         made |= {"seed": self.seed, "runs": self.runs, "refused": refused}
         made |= {"edges": edges} if self.guided else {}
         found = sum(each["target"] == self.name for each in self.found())
         return made | {"found": found, "seconds": round(time.monotonic() - begin)}
-
-    def _warm(self, target: Target) -> None:
-        """Import what reads, and start what tries: a process that is forked has them."""
-        with tempfile.TemporaryDirectory() as room:
-            furnish(Path(room))
-            for seed in target.seeds:
-                fault(target, seed, Path(room))
 
     def found(self) -> list[dict[str, str]]:
         """Return what was found, of any target, in this folder."""

@@ -108,7 +108,7 @@ NumberOfElements="1"><DataItem Dimensions="1 4" NumberType="Int">0 1 2 3</DataIt
 def rare(folder: Path, solid: Any, ball: Any) -> tuple[dict[str, list[bytes]], dict[str, bytes]]:
     """Return files by ending, and by their names those that they name."""
     import pyvista as pv
-    from vtkmodules.vtkIOGeometry import vtkBYUWriter, vtkFacetWriter
+    from vtkmodules.vtkIOGeometry import vtkBYUWriter
 
     found: dict[str, list[bytes]] = {
         ".case": [b"FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: a.geo\n"],
@@ -116,6 +116,7 @@ def rare(folder: Path, solid: Any, ball: Any) -> tuple[dict[str, list[bytes]], d
         ".neu": [_NEU.encode()],
         ".3ds": [_3ds()],
         ".tri": [_TRI],
+        ".facet": [b"FACET FILE\n1\na\n0\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n1\na\n1 3\n1 2 3 0 0\n"],
         ".pts": [b"%d\n" % len(rows) + b"\n".join(rows) for rows in _clouds()],
         ".ugrid": [b"4 1 0 1 0 0 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 2 3\n5\n1 2 3 4\n"],
         ".p3d": [json.dumps({"auto-detect-format": True,
@@ -151,12 +152,10 @@ def rare(folder: Path, solid: Any, ball: Any) -> tuple[dict[str, list[bytes]], d
         found[f".pvt{letter}"] = [text.encode()]
     beside["a.pvtu"] = found[".pvtu"][0]
     beside |= {f.name: f.read_bytes() for f in folder.glob("s0.vt?")}
-    writers = {".g": vtkBYUWriter(), ".facet": vtkFacetWriter()}
-    for ending, write in writers.items():
-        write.SetInputData(ball)
-        name = write.SetGeometryFileName if ending == ".g" else write.SetFileName
-        name(str(folder / f"r{ending}"))
-        write.Write()
+    write = vtkBYUWriter()
+    write.SetInputData(ball)
+    write.SetGeometryFileName(str(folder / "r.g"))
+    write.Write()
     bare = solid.copy()
     bare.clear_data()
     for ending, kind in ((".node", "tetgen"), (".h5m", "h5m")):
