@@ -277,7 +277,7 @@ def prepare() -> None:
     from spacemap_vtk.io import trial
 
     memory.available = trial.available = lambda: FREE
-    trial._SECONDS = 2
+    trial._SECONDS = 1
     os.environ["SPACEMAP_CACHE"] = "off"
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", SpacemapWarning)
@@ -330,7 +330,7 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         board[_BOARD.size : _BOARD.size + len(data)] = data
         if target.tried and not ended:
             os.environ[EXPENDABLE] = "1"
-            signal.setitimer(signal.ITIMER_PROF, 1.0)  # ends this process
+            signal.setitimer(signal.ITIMER_PROF, 0.5)  # ends this process
         said_no, wrong = fault(target, data, one.room)
         signal.setitimer(signal.ITIMER_PROF, 0)
         os.environ.pop(EXPENDABLE, None)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.io import trial
+from spacemap_vtk.io import reading, trial
 from spacemap_vtk.io.reading import read_object
 
 VTU = b"""<VTKFile type="UnstructuredGrid"><UnstructuredGrid>
@@ -84,8 +85,8 @@ def test_a_lattice_that_ends_before_it_begins_has_no_points(tmp_path: Path) -> N
 
 def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(trial, "_SECONDS", 1)
-    with pytest.raises(InputError, match="SIGXCPU"):
-        trial.tried(tmp_path, f"{__name__}:busy")
+    with pytest.raises(InputError, match="SIGXCPU"), trial.tried(tmp_path, f"{__name__}:busy"):
+        pass
 
 
 def busy(path: Path) -> None:
@@ -109,6 +110,35 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
     os.utime(file, (1, 1))
     read_object(file)
     assert [task[2] for task in asked] == [file, file]
+
+
+def test_a_file_is_tried_again_when_one_that_it_names_has_changed(tmp_path: Path) -> None:
+    """What it names may be what is damaged, and end this process."""
+    (tmp_path / "a.ele").write_text("1 4 0\n1 1 2 3 4\n")
+    (tmp_path / "a.node").write_text("4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n")
+    assert read_object(tmp_path / "a.ele").data.GetNumberOfCells() == 1
+    (tmp_path / "a.node").write_text("# a file without an end")
+    with pytest.raises(InputError, match="SIGXCPU"):
+        read_object(tmp_path / "a.ele")
+
+
+@pytest.mark.parametrize("instant", ["while it is tried", "while it is read"])
+def test_a_file_that_is_cut_meanwhile_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, instant: str
+) -> None:
+    file = tmp_path / "a.obj"
+    file.write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+
+    def cut(*_: object) -> None:
+        file.write_bytes(b"v 0 0 0\nv 1 0 0\n")
+
+    if instant == "while it is tried":
+        monkeypatch.setattr(trial, "_asked", cut)
+    else:
+        read_object(file)
+        monkeypatch.setattr(reading, "quiet_vtk", lambda path: cut() or quiet_vtk(path))
+    with pytest.raises(InputError, match="has changed while it was read"):
+        read_object(file)
 
 
 def test_a_grid_that_ends_before_its_cells_is_points(tmp_path: Path) -> None:

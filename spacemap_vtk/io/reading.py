@@ -91,11 +91,11 @@ def read_with_vtk(path: Path, module: str, name: str) -> Any:
 
 def vtk_reader(path: Path, module: str, name: str) -> Any:
     """Return a reader of VTK's that has read a file."""
-    tried(path, f"{__name__}:read_with_vtk", module, name, needs=f"vtkmodules.{module}")
+    needs = f"vtkmodules.{module}"
     # Without pyvista, which ParaView's Python has not, and which would refuse a file for a
     # harmless message.
-    with quiet_vtk(path):
-        reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
+    with tried(path, f"{__name__}:read_with_vtk", module, name, needs=needs), quiet_vtk(path):
+        reader = getattr(importlib.import_module(needs), name)()
         reader.SetFileName(str(path))
         reader.Update()
         made = reader.GetOutputDataObject(0)

@@ -70,9 +70,8 @@ class ReaderSeries(MeshSeries):
     """One file with all steps, and VTK's reader for it."""
 
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
-        tried(file, f"{__name__}:open_series")
         self._reader = reader
-        with quiet_vtk(file):
+        with tried(file, f"{__name__}:open_series"), quiet_vtk(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
                 raise InputError(f"{file}: damaged or of another format", key="file")
@@ -85,8 +84,7 @@ class ReaderSeries(MeshSeries):
         super().__init__(file, list(info.Get(key)) if info.Has(key) else [0.0])
 
     def read(self, step: int) -> vtkPointSet:
-        tried(self.file, f"{__name__}:read_step", step)
-        with quiet_vtk(self.file):
+        with tried(self.file, f"{__name__}:read_step", step), quiet_vtk(self.file):
             self._reader.UpdateTimeStep(self.times[step])
         made = self._reader.GetOutputDataObject(0)
         copy = made.NewInstance()

@@ -15,8 +15,8 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -34,34 +34,68 @@ _children: list[subprocess.Popen[bytes]] = []
 _sound: set[str] = set()
 
 
-def tried(path: Path, function: str, *more: Any, needs: str = "") -> None:
-    """Let another process call "module:name" with a path and more; refuse what ends that."""
+@contextmanager
+def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[None]:
+    """Let another process call "module:name" with a path and more before this one reads the file.
+
+    What ends that process is refused, and so is what was not the same throughout.
+    """
     # What the function needs is imported once there, and not in a copy for each file.
     # ParaView has its readers' faults anyway, and no interpreter to start.
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
+        yield
         return
+    before = _state(path)
+    key = f"sound-{hashlib.sha256(repr((before, function, more)).encode()).hexdigest()[:40]}"
+    if key not in _sound and cache.load(key) is None:
+        size = sum(size or 0 for _, size, *_ in before)
+        allowed = int(_SECONDS + _EACH * size), available()
+        with _lock:
+            answer = _asked((needs, function, path, *more), *allowed)
+        if isinstance(answer, workers.EndedError):
+            why = answer.message.split()[-1]
+            raise InputError(
+                f"{path}: damaged, or too large: what reads it ends by {why}",
+                key="file",
+                cure="Write the file again, whole.",
+            )
+        if isinstance(answer, InputError):
+            raise answer
+        _require_same(path, before)
+        if answer is None:
+            _sound.add(key)
+            cache.store(key)
     try:
-        state = path.stat()
-    except OSError:
-        return  # whoever reads it says so
-    told = str(path.absolute()), state.st_size, state.st_mtime_ns, function, more
-    key = f"sound-{hashlib.sha256(repr(told).encode()).hexdigest()[:40]}"
-    if key in _sound or cache.load(key) is not None:
-        return
-    allowed = int(_SECONDS + _EACH * state.st_size), available()
-    with _lock:
-        answer = _asked((needs, function, path, *more), *allowed)
-    if isinstance(answer, workers.EndedError):
+        yield
+    except Exception:
+        _require_same(path, before)
+        raise
+    _require_same(path, before)
+
+
+def _state(path: Path) -> list[tuple[str, int | None, int, int]]:
+    """Return what tells whether a file is the one that it was, and those that it names."""
+    from spacemap_vtk.io.named import named
+
+    found: list[tuple[str, int | None, int, int]] = []
+    for each in (path, *(other for _, other in named(path))):
+        try:
+            state = os.stat(each)
+        except (OSError, ValueError):  # whoever reads it says so
+            found.append((os.path.abspath(each), None, 0, 0))
+        else:
+            told = state.st_size, state.st_mtime_ns, state.st_ino
+            found.append((os.path.abspath(each), *told))
+    return found
+
+
+def _require_same(path: Path, before: list[tuple[str, int | None, int, int]]) -> None:
+    if _state(path) != before:
         raise InputError(
-            f"{path}: damaged, or too large: what reads it ends by {answer.message.split()[-1]}",
+            f"{path}: it, or a file that it names, has changed while it was read",
             key="file",
-            cure="Write the file again, whole.",
+            cure="Read it again when what writes it has ended.",
         )
-    if isinstance(answer, InputError):
-        raise answer
-    if answer is None:
-        _sound.add(key)
-        cache.store(key)
 
 
 def _asked(task: Any, *limits: int | None) -> Any:

@@ -20,6 +20,8 @@ _NAMING = {
     **dict.fromkeys((".mha", ".mhd"), rb"(?m)^\s*ElementDataFile\s*=(.*)$"),
     **dict.fromkeys((".nrrd", ".nhdr"), rb"(?im)^data ?file:(.*)$"),
 }
+#: The other half of what TetGen writes.
+_BESIDE = {".ele": ".node", ".node": ".ele"}
 _XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 
@@ -32,7 +34,17 @@ def _names(path: Path) -> list[str]:
         found = in_xml(path)
     if ending == ".inp":  # looked for where the program runs, first
         found += [str(Path(word).absolute()) for word in found if os.path.isfile(word)]
+    if ending in _BESIDE:
+        found += [f"{path.stem}{_BESIDE[ending]}"]
+    if ending == ".foam":
+        found += [str(each.relative_to(path.parent)) for each in _case(path.parent)]
     return found + in_hdf(path)
+
+
+def _case(folder: Path) -> list[Path]:
+    """Return what OpenFOAM's reader looks for beside a file that says nothing."""
+    places = "system/controlDict", "constant/polyMesh/*", "[0-9]*/*"
+    return sorted(file for place in places for file in folder.glob(place))
 
 
 @reads(
@@ -64,11 +76,16 @@ def read_with_pyvista(path: Path) -> Any:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
-    tried(path, f"{__name__}:read_with_pyvista", needs="pyvista")
     said = io.StringIO()
     try:
         # meshio prints, and ends the program where it cannot read
-        with quiet_vtk(path), redirect_stdout(said), redirect_stderr(said), _quiet_logging():
+        with (
+            tried(path, f"{__name__}:read_with_pyvista", needs="pyvista"),
+            quiet_vtk(path),
+            redirect_stdout(said),
+            redirect_stderr(said),
+            _quiet_logging(),
+        ):
             # Whole: of a relative one pyvista takes a first folder "~" for the user's own.
             made = pv.read(path.absolute(), **other)
     except InputError:
