@@ -39,9 +39,20 @@ _GROUP_FILES = (
 
 def available() -> int | None:
     """Return how much memory can still be taken."""
-    free = _left_in_machine()
-    known = [left for left in (free, left_in_group()) if left is not None]
-    return min(known, default=None)
+    free = _left_in_machine(), left_in_group(), _left_in_process()
+    return min((left for left in free if left is not None), default=None)
+
+
+def _left_in_process() -> int | None:
+    """Return what "ulimit -v" leaves to this process; None without a limit."""
+    try:
+        import resource  # not on Windows
+
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except (ImportError, OSError, ValueError):
+        return None
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if most == resource.RLIM_INFINITY else max(most - used, 0)
 
 
 def _left_in_machine() -> int | None:

@@ -379,7 +379,7 @@ class Campaign:
         begin, log, edges = time.monotonic(), self.keep / "log", 0
         board = mmap.mmap(-1, _BOARD.size + LONGEST)
         target = targets()[self.name]
-        self.room.mkdir()
+        self.room.mkdir(exist_ok=True)
         if target.tried:
             furnish(self.room)
             if not self.guided:  # what reads is imported, what tries is started, before any fork

@@ -90,6 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments is None:
         # Next to nothing of what a command makes is garbage: to look for it seldom is enough.
         gc.set_threshold(20_000, 20, 20)
+        outlived()
     # What libraries log, of folders that they cannot write into for example, is no message.
     logging.getLogger().addHandler(_SILENT)
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -124,10 +125,42 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if not isinstance(error, BrokenPipeError):  # whoever reads it has read enough
                 _say(f"what is printed could not be written: {str(error.strerror).lower()}")
             _print_no_more()
+        elif isinstance(error, MemoryError):
+            _say(f"memory has run out: {str(error) or 'there is no more'}")
         else:
             _say(error)
         sys.exit(1)
     sys.exit(0)
+
+
+def outlived() -> None:
+    """Go on in a copy of this process where its memory is limited, and tell what ends that."""
+    # VTK's C++ aborts where it gets no memory: nothing in that process can say so.
+    try:
+        import resource  # not on Windows
+    except ImportError:
+        return
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if most == resource.RLIM_INFINITY:
+        return
+    child = os.fork()  # there are no threads yet
+    if child == 0:
+        resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal tells both
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _: os.kill(child, number))
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if -code in (signal.SIGABRT, signal.SIGSEGV, signal.SIGTRAP):
+        _say(
+            f"memory has run out: this shell allows {most / 2**30:.3g} GiB to a process (ended by "
+            f'{signal.Signals(-code).name}). Raise the limit: "ulimit -v unlimited".'
+        )
+        code = 1
+    if code < 0:
+        signal.signal(-code, signal.SIG_DFL)
+        os.kill(os.getpid(), -code)
+    os._exit(code)
 
 
 @contextmanager

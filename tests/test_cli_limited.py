@@ -1,0 +1,61 @@
+"""Commands where memory is limited, as by "ulimit -v": what VTK's C++ ends with is told."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+resource = pytest.importorskip("resource")
+
+_LIMITED = """
+import resource, sys, os, signal, time
+resource.setrlimit(resource.RLIMIT_AS, (2**30, resource.getrlimit(resource.RLIMIT_AS)[1]))
+from spacemap_vtk.cli.main import outlived
+from spacemap_vtk.memory import available
+outlived()
+"""
+_ARRAY = (
+    "from vtkmodules.vtkCommonCore import vtkUnsignedCharArray as A; A().SetNumberOfTuples(2**32)"
+)
+
+
+def limited(code: str) -> subprocess.Popen[str]:
+    words = [sys.executable, "-c", _LIMITED + code]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_what_vtk_ends_with_is_told() -> None:
+    process = limited(_ARRAY)
+    _, said = process.communicate()
+    assert process.returncode == 1
+    assert said.splitlines()[-1] == (
+        "spacemap: memory has run out: this shell allows 1 GiB to a process (ended by SIGABRT). "
+        'Raise the limit: "ulimit -v unlimited".'
+    )
+
+
+def test_any_other_end_is_that_of_the_command() -> None:
+    process = limited("print(available() <= 2**30); sys.exit(2)")
+    assert process.communicate() == ("True\n", "")
+    assert process.returncode == 2
+
+
+def test_a_signal_reaches_the_command() -> None:
+    process = limited("print('begun', flush=True); time.sleep(60)")
+    assert process.stdout is not None
+    process.stdout.readline()
+    begin = time.monotonic()
+    process.send_signal(signal.SIGTERM)
+    process.communicate()
+    assert process.returncode == -signal.SIGTERM
+    assert time.monotonic() - begin < 30
+
+
+def test_without_a_limit_nothing_is_copied() -> None:
+    code = "import os; from spacemap_vtk.cli.main import outlived; a = os.getpid(); outlived()"
+    done = subprocess.run([sys.executable, "-c", f"{code}; assert a == os.getpid()"], check=False)
+    assert done.returncode == 0
