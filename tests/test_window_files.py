@@ -86,7 +86,9 @@ def test_a_painted_object_shows_its_picture(open_scene: Any, tmp_path: Path) -> 
     assert red > blue + 80
     red, _, blue = image[height // 2, width // 2 + height // 8]
     assert blue > red + 80
-    # A picture of one's own takes its place, and undoing gives it back.
+    # A picture of one's own takes its place, and undoing gives it back; in the same texture, for
+    # VTK's collector would ask Python for OpenGL to free one, and stand for ever.
+    texture = window.view.scene_view.surface.GetTexture()
     Image.fromarray(np.full((8, 8, 3), (20, 200, 20), np.uint8)).save(tmp_path / "green.png")
     window.document.set("object", "texture", str(tmp_path / "green.png"))
     wait_until(lambda: settled(window))
@@ -95,6 +97,7 @@ def test_a_painted_object_shows_its_picture(open_scene: Any, tmp_path: Path) -> 
     window.document.undo.undo()
     wait_until(lambda: settled(window))
     assert np.abs(window.view.image().astype(int) - image).max() < 30
+    assert window.view.scene_view.surface.GetTexture() is texture
 
 
 def test_a_draft_opens(open_scene: Any) -> None:

@@ -200,8 +200,16 @@ class SheetActor(SurfaceActor):
         for name, pixels in zip(
             _LAYERS, layers(cloth.drawdown, *colors, cloth.layers), strict=True
         ):
-            self.GetProperty().RemoveTexture(name)  # or VTK warns that there is one
-            self.GetProperty().SetTexture(name, _texture(pixels))
+            texture = self.GetProperty().GetTexture(name)
+            if texture is None:
+                texture = _texture()
+                self.GetProperty().SetTexture(name, texture)
+            # the same one for good, see `SurfaceActor`
+            rows, columns, _ = pixels.shape
+            image = vtkImageData()
+            image.SetDimensions(columns, rows, 1)
+            image.GetPointData().SetScalars(to_array(pixels.reshape(-1, 4), "texels"))
+            texture.SetInputData(image)
 
     def shade(self, depth: float) -> None:
         """Have the contact shadows of yarns, so deep."""
@@ -308,13 +316,8 @@ def _of_crossings(
     return found[0], found[-1]
 
 
-def _texture(pixels: NDArray[np.uint8]) -> vtkTexture:
-    rows, columns, _ = pixels.shape
-    image = vtkImageData()
-    image.SetDimensions(columns, rows, 1)
-    image.GetPointData().SetScalars(to_array(pixels.reshape(-1, 4), "texels"))
+def _texture() -> vtkTexture:
     texture = vtkTexture()
-    texture.SetInputData(image)
     texture.SetColorModeToDirectScalars()
     texture.InterpolateOn()
     texture.MipmapOn()

@@ -56,6 +56,7 @@ class SurfaceActor(vtkActor):
         self.SetMapper(self._mapper)
         #: What its shader is made for.
         self._worn: tuple[object, ...] = ()
+        self._texture: vtkTexture | None = None
         self._table = vtkLookupTable()
         self.bar = scale_bar()
         self.bar.SetLookupTable(self._table)
@@ -121,16 +122,19 @@ class SurfaceActor(vtkActor):
             show_fibres(self, self._mapper, fibres)
 
     def _paint(self, picture: vtkImageData | None) -> None:
-        former = self.GetTexture()
         if picture is None:
             self.SetTexture(None)
-        elif former is None or former.GetInput() is not picture:
-            texture = vtkTexture()
-            texture.SetInputData(picture)
-            texture.InterpolateOn()
-            texture.MipmapOn()
-            texture.RepeatOn()
-            self.SetTexture(texture)
+            return
+        # One for good: VTK's collector, which holds a lock of all threads, asks for the window's
+        # OpenGL to free one. Python gives that, and may let a thread go on that waits for the lock.
+        if self._texture is None:
+            self._texture = vtkTexture()
+            self._texture.InterpolateOn()
+            self._texture.MipmapOn()
+            self._texture.RepeatOn()
+        if self._texture.GetInput() is not picture:
+            self._texture.SetInputData(picture)
+        self.SetTexture(self._texture)
 
     def _show_own(
         self, surface: vtkPolyData, plain: Sequence[int], picture: vtkImageData | None
