@@ -44,7 +44,11 @@ def opened(open_scene: Any, name: str) -> Any:
     return window
 
 
-def kinds() -> list[str]:
+#: Of kinds that take long, and have no section that the others do not.
+SLOW = "drape", "cantilever_test"
+
+
+def kinds() -> list[Any]:
     """Return the last of the scenes with the same sections: all are drawn in test_scenes.py."""
     found: dict[tuple[object, ...], str] = {}
     for name in library.names():
@@ -52,7 +56,8 @@ def kinds() -> list[str]:
         draft = "draft" in values.get("weave", {})
         key = *sorted(values), values.get("cage", {}).get("method"), draft
         found[key] = name
-    return list(found.values())
+    nightly = pytest.mark.nightly
+    return [pytest.param(name, marks=nightly if name in SLOW else ()) for name in found.values()]
 
 
 @pytest.mark.usefixtures("kept_modes")
