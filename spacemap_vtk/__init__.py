@@ -7,6 +7,7 @@ one of them, or none, does not wait for VTK.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import SpacemapWarning
@@ -69,4 +70,6 @@ def __getattr__(name: str) -> object:
     module = {**FILTERS, "connect": "spacemap_vtk.filters.base"}.get(name)
     if module is not None:
         return getattr(importlib.import_module(module), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # With these Python says which name may have been meant.
+    text = f"module {__name__!r} has no attribute {name!r}"
+    raise AttributeError(text, name=name, obj=sys.modules[__name__])

@@ -89,24 +89,27 @@ class SpacemapAccessor:
                 f"a {type(cage).__name__} is no mesh",
                 key="cage",
                 allowed="a pyvista mesh with a volume",
-                cure="Write deform(cage, displacement); a file is read by pyvista.read(file).",
+                cure="Write deform(cage, displacement); a file is read by pyvista.read(file), and "
+                "modal() makes a cage of its own.",
             )
         if isinstance(cage, pv.MultiBlock):
             cage = cage.combine(merge_points=True)
         volume = tetrahedral(_with_points(cage), "the cage")
         if isinstance(displacement, str):
-            data = volume.grid.GetPointData()
-            values = array_of(data, displacement, "deform")
+            values = array_of(volume.grid.GetPointData(), displacement, "deform")
         else:
             if callable(displacement):
                 displacement = displacement(np.array(cage.points, dtype=np.float64))
-            values = np.asarray(displacement, dtype=np.float64)
-            if values.shape != (cage.GetNumberOfPoints(), 3):
+            allowed = f"({cage.GetNumberOfPoints()}, 3): a row for each point of the cage"
+            try:
+                values = np.asarray(displacement, dtype=np.float64)
+            except (TypeError, ValueError) as error:
                 raise InputError(
-                    f"a displacement of shape {values.shape}",
-                    key="displacement",
-                    allowed=f"({cage.GetNumberOfPoints()}, 3): a row for each point of the cage",
-                )
+                    f"no array of numbers: {error}", key="displacement", allowed=allowed
+                ) from None
+            if values.shape != (cage.GetNumberOfPoints(), 3):
+                text = f"a displacement of shape {values.shape}"
+                raise InputError(text, key="displacement", allowed=allowed)
             values = values[volume.points]
         moving = vtkUnstructuredGrid()
         moving.ShallowCopy(volume.grid)
@@ -163,4 +166,8 @@ def _with_points(mesh: Any) -> Any:
         for number, name in enumerate(mesh.keys()):
             blocks.set_block_name(number, name)
         return blocks
+    if not isinstance(mesh, pv.DataSet):
+        raise InputError(
+            f"a {type(mesh).__name__} has no points", allowed="a mesh, or blocks of such"
+        )
     return mesh if isinstance(mesh, vtkPointSet) else mesh.cast_to_unstructured_grid()

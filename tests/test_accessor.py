@@ -55,6 +55,15 @@ def test_deform_refuses_in_words() -> None:
             pv.Sphere().spacemap.deform(guess)
     with pytest.raises(InputError, match=r"shape \(3, 3\); allowed: \(27, 3\)"):
         pv.Sphere().spacemap.deform(cage, np.zeros((3, 3)))
+    for made, why in (
+        (np.nan * cage.points, "27 of the cage's 27 displacements are no finite numbers"),
+        (["a"], r"displacement: no array of numbers: .*'a'.*; allowed: \(27, 3\)"),
+        (lambda points: [1.0, points], r"no array of numbers"),
+    ):
+        with pytest.raises(InputError, match=why):
+            pv.Sphere().spacemap.deform(cage, made)
+    with pytest.raises(InputError, match="a Table has no points"):
+        pv.Table(np.zeros((2, 2))).spacemap.deform(cage, cage.points)
     with pytest.raises(InputError, match=r'needs an array "displacement", and the input has none'):
         pv.Sphere().spacemap.deform(cage)
     with pytest.raises(InputError, match="no volume mesh"):

@@ -80,6 +80,19 @@ def test_a_ring_that_is_closed_between_two_updates_is_refused() -> None:
     first.RemoveAllInputConnections(0)
 
 
+def test_connect_says_what_to_write_instead() -> None:
+    with pytest.raises(
+        InputError, match=r"WeaveSource is a class\. Make one of it: WeaveSource\(\)"
+    ):
+        connect(WeaveSource, PatchTessellator())
+    with pytest.raises(InputError, match="PatchTessellator is a class"):
+        connect(WeaveSource(), PatchTessellator)
+    with pytest.raises(InputError, match=r"takes no input; .*connect\(data, stage\)"):
+        connect(PatchTessellator(), vtkPolyData())
+    with pytest.raises(InputError, match="nothing to connect"):
+        connect()
+
+
 class Waiting(Stage):
     """Waits to be let go on."""
 
@@ -276,7 +289,7 @@ def test_first_guesses_work_or_are_told_what_to_write() -> None:
     assert cage.output.GetNumberOfCells() == 20
     assert cage.GetOutput() is cage.update().output
     assert (weave.executions, cage.executions) == (1, 1)
-    for guess in ("ant.ply", np.zeros((3, 3)), WeaveSource):
+    for guess in ("ant.ply", np.zeros((3, 3)), vtkPoints):
         with pytest.raises(InputError, match=r"is no data of VTK's; .*pyvista.read"):
             cage(guess)
     for time in ("10 ms", [0.0, 0.1]):

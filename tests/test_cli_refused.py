@@ -108,6 +108,11 @@ def test_a_bad_scene_gets_one_message_and_touches_nothing(
             ["render", "plain_weave", "-o", "a.png", "--time", "0", "--time", "1"],
             ["--time is given more than once", '"spacemap figure"'],
         ),
+        (["render", "plain_weave", "-o", "a.png", "--time", "0,1"], ["several", "spacemap figure"]),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--times", "0,1"],
+            ["--times", "spacemap figure"],
+        ),
         (["export", "plain_weave", "-o", "a.docx"], [".vtu (patches or cage)"]),
         (["export", "plain_weave", "-o", "a.vtp", "--what", "cage"], ["--what", "surface"]),
         (

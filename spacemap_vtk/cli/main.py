@@ -19,6 +19,7 @@ from cyclopts import (
     CycloptsError,
     MissingArgumentError,
     RepeatArgumentError,
+    UnknownOptionError,
     UnusedCliTokensError,
 )
 
@@ -193,6 +194,8 @@ def _heard_interrupt() -> Iterator[None]:
 
 def _plain(error: CycloptsError) -> str:
     """Return what is wrong with the command line, and where its help is."""
+    from spacemap_vtk.cli.options import SEVERAL  # imports what a plain --version does not need
+
     command = " ".join(["spacemap", *(error.command_chain or ())])
     text, argument = str(error), error.argument
     if isinstance(error, UnusedCliTokensError):
@@ -202,10 +205,9 @@ def _plain(error: CycloptsError) -> str:
     elif isinstance(error, RepeatArgumentError):
         text = f'{error.token.keyword} is given more than once, and "{command}" takes one.'
         if error.token.keyword == "--time":
-            text += (
-                ' Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap '
-                'storyboard", and written by "spacemap export".'
-            )
+            text += f" {SEVERAL}"
+    elif isinstance(error, UnknownOptionError) and error.token.keyword == "--times":
+        text = f'"{command}" knows no --times. {SEVERAL}'
     return f'{text} See "{command} --help".'
 
 

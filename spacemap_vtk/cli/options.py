@@ -62,6 +62,11 @@ Paired = Annotated[
 Time = Annotated[
     str | None, Parameter(help="Time in s, as in 0.4 or 400ms; by default the scene's.")
 ]
+#: What takes more times than one.
+SEVERAL = (
+    'Several, as in --times 0,20ms, are drawn by "spacemap figure" and "spacemap storyboard", and '
+    'written by "spacemap export".'
+)
 Size = Annotated[
     str | None,
     Parameter(help="Width and height in pixels, as in 1920x1080; by default the scene's."),
@@ -120,6 +125,8 @@ def opened(
     for assignment in assignments:
         scene.set(assignment)
     if time is not None:
+        if "," in time:
+            raise InputError("several times", key="--time", value=time, allowed="one", cure=SEVERAL)
         with _naming("--time"):
             scene.view.time = time
     for option, key, value in (

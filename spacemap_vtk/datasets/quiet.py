@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,39 +15,43 @@ from spacemap_vtk.errors import InputError
 
 #: VTK's XML readers stumble over the range of an array with a NaN in it, which they do not need.
 _HARMLESS = "InformationKey"
+#: All threads of a process have one standard error, and one place for what VTK says: two that took
+#: them at once heard each other, or let VTK write to what was gone, and the program was aborted.
+_taken = threading.RLock()
 
 
 @contextmanager
 def quiet_stderr() -> Iterator[None]:
     """Let what libraries in C print of a damaged file go nowhere: it is told in words."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # a window without a console
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    os.close(nowhere)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+    with _taken:
+        try:
+            kept = os.dup(2)
+        except OSError:  # a window without a console
+            yield
+            return
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 @contextmanager
 def silent_vtk() -> Iterator[vtkStringOutputWindow]:
     """Let VTK say what it has to say there, and print nothing."""
-    window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkOutputWindow.SetInstance(window)
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
-    try:
-        with quiet_stderr():
+    with quiet_stderr():
+        window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+        vtkOutputWindow.SetInstance(window)
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it would print them once more
+        try:
             yield window
-    finally:
-        vtkOutputWindow.SetInstance(usual)
-        vtkLogger.SetStderrVerbosity(verbosity)
+        finally:
+            vtkOutputWindow.SetInstance(usual)
+            vtkLogger.SetStderrVerbosity(verbosity)
 
 
 @contextmanager

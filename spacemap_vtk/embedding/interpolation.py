@@ -192,6 +192,11 @@ def displacement_table(values: ArrayLike, vertex_count: int) -> Floats:
             f"displacements of shape {table.shape}",
             allowed=f"({vertex_count}, 3): a row for each vertex of the cage",
         )
+    if not np.isfinite(table).all():
+        wrong = int((~np.isfinite(table).all(axis=1)).sum())
+        raise InputError(
+            f"{wrong} of the cage's {vertex_count} displacements are no finite numbers"
+        )
     return table
 
 

@@ -330,7 +330,7 @@ def connect(*stages: Any) -> Any:
     Raises
     ------
     InputError
-        If there are more inputs than input ports.
+        If there are none, or more inputs than input ports, or one is no stage.
 
     Examples
     --------
@@ -338,7 +338,16 @@ def connect(*stages: Any) -> Any:
     >>> connect(WeaveSource(ends=1, picks=1), PatchTessellator()).update().executions
     1
     """
+    if not stages:
+        raise InputError("nothing to connect", cure="Write connect(source, stage, ...).")
     for before, stage in pairwise(stages):
+        if not isinstance(stage, vtkAlgorithm):
+            _require_data(stage)
+            raise InputError(
+                f"a {type(stage).__name__} takes no input",
+                allowed="a vtkAlgorithm",
+                cure="Data come first, as in connect(data, stage).",
+            )
         inputs = before if _several(before) else (before,)
         _require_ports(stage, len(inputs))
         for port, item in enumerate(inputs):
@@ -356,6 +365,9 @@ def _several(inputs: Any) -> bool:
 
 
 def _require_data(item: Any) -> None:
+    if isinstance(item, type) and issubclass(item, vtkAlgorithm):
+        name = item.__name__
+        raise InputError(f"{name} is a class", cure=f"Make one of it: {name}().")
     if not isinstance(item, vtkDataObject):
         raise InputError(
             f"a {type(item).__name__} is no data of VTK's",

@@ -1,0 +1,26 @@
+"""What VTK prints is heard by the thread whose file it is about."""
+
+from __future__ import annotations
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+from vtkmodules.vtkCommonCore import vtkOutputWindow
+
+from spacemap_vtk.datasets.quiet import silent_vtk
+
+
+def test_a_second_thread_waits_until_the_first_has_heard_all() -> None:
+    usual, inside = vtkOutputWindow.GetInstance(), threading.Event()
+
+    def listen() -> None:
+        with silent_vtk():
+            inside.set()
+
+    with ThreadPoolExecutor(1) as other:
+        with silent_vtk() as window:
+            waiting = other.submit(listen)
+            assert not inside.wait(0.1)
+            assert vtkOutputWindow.GetInstance() is window
+        waiting.result(60.0)
+    assert vtkOutputWindow.GetInstance() is usual
