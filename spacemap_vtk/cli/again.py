@@ -31,7 +31,12 @@ _UNSAID = {"place": "where it is seen from", "panels": "panels", "framed": "its 
 
 
 def again(
-    file: Path,
+    file: Annotated[
+        Path,
+        Parameter(
+            help='What "spacemap" has written, but .stl, .dtx and .txt, which have no room for it.'
+        ),
+    ],
     /,
     *,
     output: Annotated[
@@ -63,11 +68,6 @@ def again(
     --set the same is made of another scene.
 
     "spacemap again cloth.png --check", "spacemap again cloth.glb -o more.glb --set weave.ends=20"
-
-    Parameters
-    ----------
-    file : Path
-        What "spacemap" has written, but .stl, .dtx and .txt, which have no room for it.
     """
     from spacemap_vtk.scenes.origin import places, scene_of
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from cyclopts import Parameter
 
 Shell = Literal["bash", "zsh", "fish"]
 
@@ -52,17 +54,12 @@ class Answers(NamedTuple):
         return shlex.quote(" ".join(self.words))
 
 
-def completion(shell: Shell, /) -> None:
+def completion(shell: Annotated[Shell, Parameter(help="The shell.")], /) -> None:
     """Print what makes bash, zsh or fish complete words: commands, options, scenes, keys, files.
 
     bash: spacemap completion bash > ~/.local/share/bash-completion/completions/spacemap;
     zsh: eval "$(spacemap completion zsh)", in ~/.zshrc;
     fish: spacemap completion fish > ~/.config/fish/completions/spacemap.fish.
-
-    Parameters
-    ----------
-    shell : str
-        The shell.
     """
     print(_fish() if shell == "fish" else _bash(zsh=shell == "zsh"))
 

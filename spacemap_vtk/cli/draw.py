@@ -15,6 +15,8 @@ from spacemap_vtk.cli.options import (
     From,
     Quiet,
     ScaleBar,
+    SceneFile,
+    SceneName,
     Set,
     Size,
     Styled,
@@ -42,7 +44,7 @@ PictureFile = Annotated[Path, written_to(f"A {registry.written_words('picture')}
 
 
 def render(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     output: PictureFile,
@@ -69,13 +71,7 @@ def render(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw a scene, a draft or a mesh at one time.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
-    """
+    """Draw a scene, a draft or a mesh at one time."""
     order = Order("picture", output)
     if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
@@ -92,7 +88,7 @@ def render(
 
 
 def animate(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     output: Annotated[
@@ -125,11 +121,6 @@ def animate(
     A film that is stopped, by Ctrl-C or because the machine goes down, leaves its frames in a
     folder beside it, as film.mp4.frames: the same command goes on from there. Frames of another
     scene, or of other settings, are never used. The folder goes when the film is whole.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     order = Order("film", output)
     if workers is not None and workers < 1:
@@ -156,7 +147,7 @@ def animate(
 
 
 def storyboard(
-    scene: str = "plain_weave",
+    scene: SceneFile = "plain_weave",
     /,
     *,
     output: PictureFile,
@@ -180,11 +171,6 @@ def storyboard(
 
     The cage (a) above, the fabric (b) below, time to the right. With --motions the same scene moved
     in several ways, one below the other.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, or name of a scene (see "spacemap scenes").
     """
     order = Order("storyboard", output)
     chosen = opened(scene, set_, size=size)
@@ -199,7 +185,7 @@ def storyboard(
 
 
 def export(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     output: Annotated[Path, written_to(f"A {registry.written_words()} file.")],
@@ -268,11 +254,6 @@ def export(
     for each mode; --set modal.modes=12 for fewer.
 
     A .pvtp (surface) or .pvtu (patches) lists files of pieces in a folder beside, as ParaView does.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     try:
         if pieces is not None and pieces < 1:
@@ -317,13 +298,6 @@ def convert(
     -o cloth.wif".
 
     "spacemap convert cloth.dtx cloth.wif", "spacemap convert drawdown.png cloth.dtx"
-
-    Parameters
-    ----------
-    draft : Path
-        What is read.
-    output : Path
-        What is written: whole, or not at all.
     """
     from spacemap_vtk.io.draft_file import read_draft
 

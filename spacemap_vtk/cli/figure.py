@@ -11,6 +11,7 @@ from spacemap_vtk.cli.options import (
     ColorBy,
     Paired,
     Quiet,
+    SceneName,
     SetLists,
     Styled,
     carried_out,
@@ -31,7 +32,7 @@ _WIDTHS, _DOTS = (0.04, 1.2), (30.0, 1200.0)
 
 
 def figure(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     output: Annotated[Path, written_to(f"A {written_words('plot')} file.")],
@@ -91,11 +92,6 @@ def figure(
 
     Three dampings (rows) at three times (columns): "spacemap figure plain_weave -o damping.pdf
     --set response.alpha=0,5,50 --times 20ms,60ms,100ms --color displacement"
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     chosen = opened(scene, color=color, style=style)
     lists = []

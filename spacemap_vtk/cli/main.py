@@ -76,18 +76,7 @@ _FULL = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        In place of ``sys.argv[1:]``.
-
-    Raises
-    ------
-    SystemExit
-        Always, with 0, 1 or 2.
-    """
+    """Run the command line, by default that of the process, and exit with 0, 1 or 2."""
     if arguments is None:
         # Next to nothing of what a command makes is garbage: to look for it seldom is enough.
         gc.set_threshold(20_000, 20, 20)

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import (
     Json,
     Quiet,
+    SceneFile,
     Set,
     carried_out,
     flag,
@@ -29,7 +30,7 @@ from spacemap_vtk.units import aligned, parse_quantity
 
 
 def modes(
-    scene: str,
+    scene: SceneFile,
     /,
     *,
     plot: Annotated[
@@ -47,11 +48,6 @@ def modes(
     less than 90 % along an axis with a load, take more of them. Of what hangs (modal.gravity) it
     tells how far down, of a sheet its shadow, and of one on a disc (held by one sphere) Cusick's
     drape coefficient.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, or name of a scene (see "spacemap scenes").
     """
     sheet = None if plot is None else Order("shapes", plot)
     chosen = opened(scene, set_)
@@ -93,7 +89,7 @@ def modes(
 
 
 def plot(
-    scene: str,
+    scene: SceneFile,
     /,
     *,
     output: Annotated[
@@ -124,11 +120,6 @@ def plot(
 
     The time goes from 0 to response.duration. The frequency response is that to all loads of the
     scene as sines in phase. A motion by steps has none: in its place are the energies.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, or name of a scene (see "spacemap scenes").
     """
     order = Order("biaxial" if biaxial else "plot", output, quantity=quantity)
     chosen = opened(scene, set_)

@@ -34,6 +34,12 @@ def written_to(help: str) -> Parameter:
     return Parameter(name=["--output", "-o"], help=help)
 
 
+SceneFile = Annotated[
+    str, Parameter(help='Scene file, or name of a scene (see "spacemap scenes").')
+]
+SceneName = Annotated[
+    str, Parameter(help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes").')
+]
 Set = Annotated[
     tuple[str, ...],
     flag(

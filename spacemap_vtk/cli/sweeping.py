@@ -14,6 +14,7 @@ from spacemap_vtk.cli.options import (
     ColorBy,
     Paired,
     Quiet,
+    SceneName,
     SetLists,
     Size,
     flag,
@@ -43,7 +44,7 @@ _MOST_WARNINGS = 5
 
 
 def sweep(
-    scene: str,
+    scene: SceneName,
     /,
     *,
     output: Annotated[
@@ -98,11 +99,6 @@ def sweep(
 
     "spacemap sweep plain_weave -o square --zip --set weave.ends=5,7,9 --set weave.picks=5,7,9
     --size 640x480 --workers 4"
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     if workers is not None and (workers < 1 or cluster is not None):
         raise InputError(

@@ -14,6 +14,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import (
     Json,
     Quiet,
+    SceneName,
     Set,
     numbers_table,
     opened,
@@ -29,7 +30,13 @@ from spacemap_vtk.scenes import library
 
 
 def info(
-    scene: str,
+    scene: Annotated[
+        str,
+        Parameter(
+            help='Scene file, draft, mesh, or name of a scene (see "spacemap scenes"); picture or '
+            "film."
+        ),
+    ],
     /,
     *,
     time: Annotated[
@@ -48,11 +55,6 @@ def info(
     yarns, only what the draft says, with a warning. Of an object: its cells, points, extents,
     arrays and the faults of its surface; of its cage, the pieces and what lies outside. Of a
     picture, a film or data: version, order and scene that it was made by, see "spacemap again".
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes"); picture or film.
     """
     if _told_origin(Path(scene), json_):
         return
@@ -104,16 +106,11 @@ def _told_origin(file: Path, json_: bool) -> bool:
     return not opens
 
 
-def validate(scene: str, /, *, set_: Set = (), quiet: Quiet = False) -> None:
+def validate(scene: SceneName, /, *, set_: Set = (), quiet: Quiet = False) -> None:
     """Check a scene without drawing it.
 
     Every value, the draft, the cage's material, and that the fabric is feasible; a draft by itself
     is valid, with a warning, where its yarns have no room.
-
-    Parameters
-    ----------
-    scene : str
-        Scene file, draft, mesh, or name of a scene (see "spacemap scenes").
     """
     chosen = opened(scene, set_)
     chosen.check()
