@@ -36,7 +36,7 @@ LONGEST, SHORTEST = 500, 60
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",
-    "cli.hosts -> paraview": "the command that tells how ParaView finds the plugin",
+    "cli.window -> paraview": "the command that tells how ParaView finds the plugin",
 }
 #: Short files with a single importer that stay files of their own.
 SHORT = {

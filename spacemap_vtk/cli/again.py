@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from spacemap_vtk import __version__
-from spacemap_vtk.cli.options import Quiet, Set, flag, tell_warnings, written_to
-from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.cli.options import Quiet, Set, flag, progress, tell_warnings, written_to
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapError, printable
 from spacemap_vtk.io import provenance, registry

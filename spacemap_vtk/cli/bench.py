@@ -13,9 +13,9 @@ from spacemap_vtk.cli.options import (
     numbers_table,
     opened,
     print_json,
+    progress,
     tell_warnings,
 )
-from spacemap_vtk.cli.progress import progress
 
 #: Where no scene is named: the paper's experiment, and the same cloth of a hundred ends and picks.
 _SCENE, _LARGE = "plain_weave", ("weave.ends=100", "weave.picks=100")

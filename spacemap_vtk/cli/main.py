@@ -61,7 +61,7 @@ COMMANDS = {
     "materials": ("tell:materials", "List the measured fabrics a cage can be made of."),
     "keys": ("tell:keys", "Explain the sections and keys of a scene file."),
     "bench": ("bench:bench", "Print how long a new time takes, beside a copy of what is written."),
-    "paraview": ("hosts:paraview", "Print how to start ParaView with the plugin, or --check it."),
+    "paraview": ("window:paraview", "Print how to start ParaView with the plugin, or --check it."),
     "completion": ("completion:completion", "Print what makes bash, zsh or fish complete words."),
     "serve": ("window:serve", "Show a scene in a browser on this machine, live."),
     "gui": ("window:gui", "Open the window: see a fabric move, and change everything about it."),

@@ -19,10 +19,10 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
+    progress,
     tell_warnings,
     written_to,
 )
-from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import written_words

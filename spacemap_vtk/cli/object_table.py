@@ -6,8 +6,7 @@ from typing import Any
 
 from rich.console import Console
 
-from spacemap_vtk.cli.options import print_json, print_labelled, tell_warnings
-from spacemap_vtk.cli.progress import progress
+from spacemap_vtk.cli.options import print_json, print_labelled, progress, tell_warnings
 from spacemap_vtk.scenes.anatomy import body
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity

@@ -21,11 +21,11 @@ from spacemap_vtk.cli.options import (
     listed_times,
     numbers_table,
     opened,
+    progress,
     several_times,
     tell_warnings,
     written_to,
 )
-from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.errors import InputError, SpacemapError
 
 if TYPE_CHECKING:

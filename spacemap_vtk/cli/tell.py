@@ -20,9 +20,9 @@ from spacemap_vtk.cli.options import (
     opened,
     print_json,
     print_labelled,
+    progress,
     tell_warnings,
 )
-from spacemap_vtk.cli.progress import progress
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError, MissingLibraryError, printable
 from spacemap_vtk.io import provenance, registry

@@ -1,14 +1,16 @@
-"""The commands that show a scene live: in a window, or in a browser."""
+"""The commands that show a scene live: in a window, in a browser, or in ParaView."""
 
 from __future__ import annotations
 
 import gc
+import shlex
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from spacemap_vtk.app.requirements import require_window
-from spacemap_vtk.cli.options import Set
+from spacemap_vtk.cli.options import Set, flag
+from spacemap_vtk.paraview import environment
 from spacemap_vtk.scenes import library
 
 
@@ -81,3 +83,21 @@ def begin_collecting() -> None:
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
+
+
+def paraview(
+    *,
+    check: Annotated[bool, flag("Try the plugin in pvpython.")] = False,
+) -> None:
+    """Print how to start ParaView with the plugin, or --check it.
+
+    The plugin's place, and the environment for it. The lines are for a shell:
+    eval "$(spacemap paraview)" and then paraview.
+    """
+    if check:
+        print(environment.check())
+        return
+    print(f"# plugin: {environment.PLUGIN}")
+    for name, value in environment.variables().items():
+        rest = f'"${{{name}:+:${name}}}"' if name == "PYTHONPATH" else ""
+        print(f"export {name}={shlex.quote(value)}{rest}")

@@ -302,7 +302,7 @@ def _plot(order: Order, scene: Scene, file: Path, _tell: Tell) -> None:
 
 
 def _biaxial(_order: Order, scene: Scene, file: Path, _tell: Tell) -> None:
-    from spacemap_vtk.draw.biaxial_plot import biaxial_plot
+    from spacemap_vtk.draw.plots import biaxial_plot
 
     biaxial_plot(scene, file)
 

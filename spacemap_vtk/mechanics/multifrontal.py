@@ -20,8 +20,7 @@ from scipy.linalg import blas, lapack
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.mechanics.dissection import dissection
-from spacemap_vtk.mechanics.fronts import fronts
+from spacemap_vtk.mechanics.fronts import dissection, fronts
 from spacemap_vtk.memory import require
 
 FloatArray = NDArray[np.float64]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.weave_source import WeaveSource
-from spacemap_vtk.parameters import Parameter, Parameterised
+from spacemap_vtk.parameters import Parameter, Parameterised, Real
 from spacemap_vtk.units import format_quantity
 
 
@@ -46,3 +48,68 @@ def told_interval(parameter: Parameter[Any], interval: tuple[float, float] | Non
         "∞" if end == float("inf") else format_quantity(end, parameter.unit, 4) for end in interval
     )
     return f"feasible: {low} to {high}"
+
+
+#: Steps of a slider.
+STEPS = 1000
+#: Beyond this ratio of its ends a slider is scaled by logarithm.
+_WIDE = 50.0
+
+
+@dataclass(frozen=True)
+class SliderSpan:
+    """The numbers that a slider runs over, in equal steps or in equal ratios."""
+
+    #: Its ends.
+    low: float
+    high: float
+
+    @property
+    def scaled(self) -> bool:
+        """Whether steps are equal ratios."""
+        return self.low > 0.0 and self.high / self.low > _WIDE
+
+    def number(self, step: int) -> float:
+        """Return the number at a step."""
+        share = step / STEPS
+        if self.scaled:
+            number = self.low * (self.high / self.low) ** share
+        else:
+            number = self.low + share * (self.high - self.low)
+        return min(max(float(f"{number:.4g}"), self.low), self.high)
+
+    def step(self, number: float) -> int:
+        """Return the step nearest to a number."""
+        number = min(max(number, self.low), self.high)
+        if self.high <= self.low:
+            return 0
+        if self.scaled:
+            share = math.log(number / self.low) / math.log(self.high / self.low)
+        else:
+            share = (number - self.low) / (self.high - self.low)
+        return round(share * STEPS)
+
+
+def span_of(parameter: Real, value: Any, feasible: tuple[float, float] | None = None) -> SliderSpan:
+    """Return the span of a parameter's slider."""
+    low, high = parameter.minimum, parameter.maximum
+    open_low = parameter.above is not None and low is None
+    if feasible is not None and all(map(math.isfinite, feasible)):
+        low, high = feasible
+        return SliderSpan(low, max(high, low))
+    # Inside an end that is not allowed itself, by as much as a slider shows.
+    if open_low and parameter.below is not None:
+        inset = (parameter.below - (parameter.above or 0.0)) / STEPS
+        return SliderSpan((parameter.above or 0.0) + inset, parameter.below - inset)
+    # A vector's component has no default of its own.
+    size = abs(value or 0.0) or abs(getattr(parameter, "default", None) or 0.0)
+    size = size or (1e-2 if parameter.unit == "s" else 1.0)
+    if open_low:
+        low = size / 8.0
+    if low is None:
+        low = -4.0 * size
+    if high is None or high > 1e3 * max(size, low):
+        high = 4.0 * size if parameter.kind != "integer" else max(4.0 * size, low + 10)
+        if open_low:
+            high = 8.0 * size
+    return SliderSpan(float(low), float(max(high, low)))

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
-from spacemap_vtk.app.fields.span import STEPS, SliderSpan, span_of
+from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of
 from spacemap_vtk.app.widgets import row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
 from spacemap_vtk.units import pretty

@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from spacemap_vtk.app.fields.known import feasible_of, idle_of, resolved_of, told_interval
-from spacemap_vtk.app.fields.span import SliderSpan, span_of
+from spacemap_vtk.app.fields.known import (
+    SliderSpan,
+    feasible_of,
+    idle_of,
+    resolved_of,
+    span_of,
+    told_interval,
+)
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
