@@ -51,7 +51,10 @@ def ended(parent: QWidget, path: Path, ending: str) -> Path | None:
 
 def may_write_over(parent: QWidget, path: Path) -> bool:
     """Ask, if there is such a file."""
+    return not path.exists() or agreed(parent, "Write over it?", f"{path.name} already exists.")
+
+
+def agreed(parent: QWidget, title: str, question: str) -> bool:
+    """Ask whether to go on; by itself Enter does not."""
     box = QMessageBox.StandardButton
-    return not path.exists() or box.Yes == QMessageBox.question(
-        parent, "Write over it?", f"{path.name} already exists.", box.Yes | box.No, box.No
-    )
+    return box.Yes == QMessageBox.question(parent, title, question, box.Yes | box.No, box.No)

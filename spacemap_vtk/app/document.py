@@ -46,10 +46,8 @@ class Document(QObject):
     changed = Signal()
     #: Another scene is here.
     replaced = Signal()
-    #: Colours show what they did no more, after a change: what that was, in words.
-    uncolored = Signal(str)
-    #: What else a stage that is switched on or off has switched, in words.
-    switched = Signal(str)
+    #: What else a change has changed, in words: other stages, or what colours show.
+    told_beside = Signal(str)
     #: Undo or redo has led to a scene that is refused; all stays as it was.
     failed = Signal(object)
 
@@ -284,7 +282,7 @@ class Document(QObject):
         also["Off"] = [n for n in before if n not in after]
         words = "; ".join(f"{state}, too: {', '.join(n)}" for state, n in also.items() if n)
         if words:
-            self.switched.emit(words)
+            self.told_beside.emit(words)
 
     def _take_over(self, section: str, former: str) -> None:
         """Give a stage the values of the one of its role whose place it takes, by their names."""
@@ -315,7 +313,8 @@ class Document(QObject):
                 # What it showed has just gone: a run would be refused until it is reset.
                 self._put("view", "color", None)
                 self._scene = Scene(self.values, self.base)
-                self.uncolored.emit(COLORINGS[lost].label)
+                label = COLORINGS[lost].label
+                self.told_beside.emit(f'Own colours again: "{label}" is there no more')
         except InputError:
             self._parse(before.text)
             self._values = former

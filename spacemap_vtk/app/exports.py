@@ -15,13 +15,12 @@ from PySide6.QtCore import QObject, QProcess, QProcessEnvironment, QSettings, QT
 from PySide6.QtWidgets import (
     QFileDialog,
     QLabel,
-    QMessageBox,
     QProgressBar,
     QPushButton,
     QWidget,
 )
 
-from spacemap_vtk.app.ask_file import ended, last_folder
+from spacemap_vtk.app.ask_file import agreed, ended, last_folder
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.export_dialog import SIZES, Drawn, ExportDialog
 from spacemap_vtk.app.time_bar import TimeBar
@@ -186,11 +185,8 @@ class Exports(QObject):
 
     def may_leave(self) -> bool:
         """Ask whether what is being written may be lost."""
-        box = QMessageBox.StandardButton
         text = f"{self._target.name} is being written. Close, and give it up?"
-        return not self.busy or box.Yes == QMessageBox.question(
-            self._window, "Still writing", text, box.Yes | box.No, box.No
-        )
+        return not self.busy or agreed(self._window, "Still writing", text)
 
     def _free(self) -> bool:
         if self.busy:

@@ -10,21 +10,19 @@ from typing import Any, NamedTuple
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QGuiApplication, QImage, QPixmap, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QFrame,
     QHeaderView,
     QLabel,
     QPushButton,
     QScrollArea,
     QSplitter,
-    QTableWidget,
     QTableWidgetItem,
     QWidget,
 )
 
 from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
-from spacemap_vtk.app.widgets import column, later, note
+from spacemap_vtk.app.widgets import column, later, note, table
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.page import Paper, page
 from spacemap_vtk.draw.section_drawing import Colors, section_tile
@@ -147,16 +145,10 @@ class FiguresTab(QWidget):
         super().__init__()
         self._document, self._engine = document, engine
         self.hint = note()
-        self.table = QTableWidget(0, 3)
-        self.table.setObjectName("figures")
-        self.table.setHorizontalHeaderLabels(["", "Warp", "Weft"])
-        self.table.verticalHeader().hide()
+        self.table = table("figures", ["", "Warp", "Weft"])
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setShowGrid(False)
-        self.table.setAlternatingRowColors(True)
         self.copied = QPushButton("Copy")
         self.copied.setToolTip("The table, for a spreadsheet: numbers in columns, units beside")
         self.copied.clicked.connect(self._copy)

@@ -239,7 +239,7 @@ class MainWindow(QMainWindow):
         self.stages.switched.connect(self._switch_stage)
         self.stages.look(self.tools.eyes)
         self.properties.added.connect(self._switch_stage)
-        self.document.switched.connect(self._tell_done)
+        self.document.told_beside.connect(self._tell_done)
         self.properties.held.connect(self.director.hold)
         self._connect_errors()
         self.director.drawn.connect(self._drawn)
@@ -270,10 +270,8 @@ class MainWindow(QMainWindow):
         self.document.changed.connect(self._name)
         self.document.replaced.connect(self._name)
         self.document.undo.cleanChanged.connect(self._name)
-        self.tools.colored.connect(self._recolor)
-        self.tools.styled.connect(self._restyle)
+        self.tools.looked.connect(self._look)
         self.tools.backed.connect(self._back)
-        self.tools.switched.connect(self._switch)
         self.tools.hung.connect(self._hang)
         self.tools.clipped.connect(self._clip)
         self.tools.keys.thickened.connect(self._thicken)
@@ -311,7 +309,6 @@ class MainWindow(QMainWindow):
         self.errors.reported.connect(self.report)
         document.replaced.connect(self.errors.clear)
         document.replaced.connect(self._tell_elsewhere)
-        document.uncolored.connect(self._tell_uncolored)
 
     def _tell_elsewhere(self) -> None:
         first, *more = [*elsewhere(self.document.scene), ""]
@@ -319,23 +316,16 @@ class MainWindow(QMainWindow):
             and_more = f", and {len(more) - 1} more" if more[1:] else ""
             self.errors.warn(f"{first}{and_more}.", "elsewhere")
 
-    def _recolor(self, color: str) -> None:
-        self._try(self.document.set, "view", "color", None if color == "own" else color)
-
-    def _restyle(self, style: str) -> None:
-        usual = style == View.parameters["style"].default
-        self._try(self.document.set, "view", "style", None if usual else style)
-
     def _back(self, bottom: str | None, top: str | None) -> None:
         written = {"background": bottom, "background_top": top}
         self._try(self.document.set_many, "view", written)
 
-    def _switch(self, name: str, on: bool) -> None:
+    def _look(self, name: str, value: object) -> None:
         if name in ("fabric", "cage"):
-            self._show(name, on)
+            self._show(name, bool(value))
             return
-        usual = on == View.parameters[name].default
-        self._try(self.document.set, "view", name, None if usual else on)
+        usual = value == View.parameters[name].default
+        self._try(self.document.set, "view", name, None if usual else value)
 
     def _show(self, name: str, on: bool) -> None:
         # One of the two is always seen: what hides it shows the other.
@@ -347,8 +337,7 @@ class MainWindow(QMainWindow):
         if not scene.moves:  # there is one of the two
             self.tools.show_scene(scene)
             return
-        usual = seen == View.parameters["show"].default
-        self._try(self.document.set, "view", "show", None if usual else seen)
+        self._look("show", seen)
 
     def _switch_stage(self, section: str, on: bool = True) -> None:
         values = {}
@@ -380,8 +369,7 @@ class MainWindow(QMainWindow):
     def _thicken(self, steps: int) -> None:
         # In whole steps, so that as many back lead to where one was.
         now = round(math.log(self.document.scene.view.line_scale, _THICKER))
-        wanted = round(_THICKER ** (now + steps), 2)
-        self._try(self.document.set, "view", "line_scale", None if wanted == 1.0 else wanted)
+        self._look("line_scale", round(_THICKER ** (now + steps), 2))
 
     def _show_view(self) -> None:
         moves = self.document.scene.moves
@@ -393,9 +381,6 @@ class MainWindow(QMainWindow):
     def _tell_written(self, file: str) -> None:
         # Not as the view's own words, which the next frame replaces.
         self._tell_done(f"Written: {file}")
-
-    def _tell_uncolored(self, what: str) -> None:
-        self._tell_done(f'Own colours again: "{what}" is there no more')
 
     def _tell_done(self, what: str) -> None:
         self.statusBar().showMessage(what, _TOLD)

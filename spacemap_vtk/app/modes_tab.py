@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QLabel,
     QPushButton,
     QSlider,
-    QTableWidget,
     QTableWidgetItem,
     QWidget,
 )
@@ -27,7 +26,7 @@ from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.job import Swing
 from spacemap_vtk.app.plots.curves import Spectrum
 from spacemap_vtk.app.response_plot import ResponsePlot
-from spacemap_vtk.app.widgets import column, note, row
+from spacemap_vtk.app.widgets import column, note, row, table
 from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
@@ -82,13 +81,10 @@ class ModesTab(QWidget):
 
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
-        self.table = QTableWidget(0, len(_HEADINGS))
-        self.table.setObjectName("modes")
-        self.table.setHorizontalHeaderLabels(_HEADINGS)
+        self.table = table("modes", _HEADINGS)
         for place, tip in enumerate(_TIPS):
             self.table.horizontalHeaderItem(place).setTextAlignment(_SIDE)
             self.table.horizontalHeaderItem(place).setToolTip(tip)
-        self.table.verticalHeader().hide()
         header = self.table.horizontalHeader()
         # Not ResizeToContents, which would measure all rows anew at every single cell.
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
@@ -96,9 +92,6 @@ class ModesTab(QWidget):
         self.table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setShowGrid(False)
-        self.table.setAlternatingRowColors(True)
         self.amplitude = QSlider(Qt.Orientation.Horizontal)
         #: The amplitude in words, and how to go further.
         self.told = QLabel()

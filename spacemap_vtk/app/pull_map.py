@@ -21,6 +21,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from spacemap_vtk.draw.coloring import round_between
 from spacemap_vtk.fabric.biaxial import StretchMap
 
 #: Pixels left of, right of, above and below the map.
@@ -248,7 +249,7 @@ class PullMap(QWidget):
         for values, color, style in zip(fields, _COLORS[dark], styles, strict=True):
             painter.setPen(QPen(QColor(color), 1.3, style))
             lines = contour_generator(found.warp, found.weft, values)
-            for level in _round_levels(most):
+            for level in round_between(0.04 * most, most):
                 text = f"{size * level:g}{unit}"
                 for line in lines.lines(level):
                     points = [self.place(*point) for point in np.asarray(line)]
@@ -328,12 +329,3 @@ def _marks_of(stretch: NDArray[np.float64], pixels: float) -> NDArray[np.float64
 
 def _percent(mark: float) -> str:
     return f"{mark:+g}" if mark else "0"
-
-
-def _round_levels(largest: float) -> list[float]:
-    """Return 1, 2 and 5 times powers of ten, down to some hundredths of the largest."""
-    if not largest > 0.0:
-        return []
-    last = int(np.floor(np.log10(largest)))
-    levels = [k * 10.0**n for n in range(last - 2, last + 1) for k in (1.0, 2.0, 5.0)]
-    return [level for level in levels if 0.04 * largest <= level <= largest]

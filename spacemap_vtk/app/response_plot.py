@@ -15,6 +15,7 @@ from spacemap_vtk.app.document import Document
 from spacemap_vtk.app.engine import Engine
 from spacemap_vtk.app.plots.curves import Spectrum, moving, spectrum_of
 from spacemap_vtk.app.widgets import later
+from spacemap_vtk.draw.coloring import round_between
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.plots import handy
 
@@ -137,7 +138,7 @@ class ResponsePlot(QWidget):
                 room = QRectF(0, y - 8, frame.left() - 4, 16)
                 painter.drawText(room, Qt.AlignmentFlag.AlignRight, f"{10.0**power:g}")
         taken = -math.inf
-        for value in _round_between(*frequencies[[0, -1]]):
+        for value in round_between(*frequencies[[0, -1]]):
             x = float(self.x_of(value))
             if x - taken >= _APART and x + _APART / 2 < self.width():
                 taken = x
@@ -155,9 +156,3 @@ class ResponsePlot(QWidget):
         points = [QPointF(x, y) for x, y in zip(self.x_of(frequencies), ys, strict=True)]
         painter.drawPolyline(QPolygonF(points))
         painter.end()
-
-
-def _round_between(low: float, high: float) -> list[float]:
-    """Return 1, 2 and 5 times powers of ten within a range."""
-    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    return [f * 10.0**p for p in powers for f in (1, 2, 5) if low <= f * 10.0**p <= high]

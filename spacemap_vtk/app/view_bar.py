@@ -47,14 +47,10 @@ _ACROSS = (-1.0, 0.0, 0.0)
 class ViewBar(QToolBar):
     """What is shown, in which colours, from where."""
 
-    #: A key of `COLORINGS`.
-    colored = Signal(str)
+    #: A parameter of a scene's view, or "cage" or "fabric", and what it is to be.
+    looked = Signal(str, object)
     #: Colours at the bottom and at the top, as a scene file has them.
     backed = Signal(object, object)
-    #: A key of `STYLES`.
-    styled = Signal(str)
-    #: A key of `shown`, and whether that is to be seen.
-    switched = Signal(str, bool)
     #: Whether the cage shall hang before anything moves.
     hung = Signal(bool)
     #: Normal and origin of the plane that cuts; None: there is none, or its place is automatic.
@@ -88,7 +84,7 @@ class ViewBar(QToolBar):
                 self.eyes[role] = shown
             self.shown[name] = shown
         tip = "Let it hang under its weight, or whatever else it hangs under, before it moves (H)"
-        self.hang = action(self, "Hung", self._hang, "H", tip, checkable=True)
+        self.hang = action(self, "Hung", self.hung, "H", tip, checkable=True)
         self.addAction(self.hang)
         self.addSeparator()
         self.coloring = QComboBox()
@@ -104,7 +100,7 @@ class ViewBar(QToolBar):
         for alike in GROUPS:
             for name, coloring in alike.items():
                 self.colorings[name] = action(
-                    group, coloring.words, self._color_chosen, data=name, checkable=True
+                    group, coloring.words, self._chosen, data=("color", name), checkable=True
                 )
                 self.coloring_choices.append(self.colorings[name])
             self.coloring_choices.append(QAction(self))
@@ -129,9 +125,10 @@ class ViewBar(QToolBar):
         cameras.addActions(self.keys.cameras)
         cameras.addSeparator()
         tip = "Parallel projection (O)"
-        self.orthographic = action(self, "Orthographic", None, "O", tip, checkable=True)
-        self.orthographic.toggled.connect(view.set_orthographic)
-        view.flattened.connect(self._flattened)
+        self.orthographic = action(
+            self, "Orthographic", view.set_orthographic, "O", tip, checkable=True
+        )
+        view.flattened.connect(self.orthographic.setChecked)
         tip = "What is up stays up while the mouse turns it (T)"
         self.turntable = action(self, "Turntable", None, "T", tip, checkable=True)
         self.turntable.toggled.connect(self._turn_upright)
@@ -147,7 +144,9 @@ class ViewBar(QToolBar):
         self.styles: dict[str, QAction] = {}
         styles, group = self._menu("Style", "What it looks like"), QActionGroup(self)
         for name, style in STYLES.items():
-            self.styles[name] = action(group, style.label, self._styled, data=name, checkable=True)
+            self.styles[name] = action(
+                group, style.label, self._chosen, data=("style", name), checkable=True
+            )
         styles.addActions([*self.styles.values()])
         self.backgrounds: dict[str, QAction] = {}
         backgrounds = self._menu("Background", "What lies behind")
@@ -219,28 +218,20 @@ class ViewBar(QToolBar):
             setattr(self._view.look, name, on)
             self._view.refresh()
         if name not in _SIGNS or (name in self._asked and not on):
-            self.switched.emit(name, on)
+            self.looked.emit(name, on)
 
     def _colored(self, index: int) -> None:
-        self.colored.emit(self.coloring.itemData(index))
+        self.looked.emit("color", self.coloring.itemData(index))
 
-    def _color_chosen(self) -> None:
-        self.colored.emit(self.sender().data())
+    def _chosen(self) -> None:
+        self.looked.emit(*self.sender().data())
 
     def _aimed(self) -> None:
         self._view.reset_camera(self.sender().data())
 
-    def _flattened(self, on: bool) -> None:
-        self.orthographic.blockSignals(True)  # the camera is so already
-        self.orthographic.setChecked(on)
-        self.orthographic.blockSignals(False)
-
     def _turn_upright(self, on: bool) -> None:
         self._view.turntable = on
         QSettings().setValue("turntable", "true" if on else "false")
-
-    def _hang(self, on: bool) -> None:
-        self.hung.emit(on)
 
     def _clip(self, on: bool) -> None:
         normal, origin = self._view.last_cut or (_ACROSS, None)
@@ -248,9 +239,6 @@ class ViewBar(QToolBar):
 
     def _clipped_across(self) -> None:
         self.clipped.emit(tuple(self.sender().data()), None)
-
-    def _styled(self) -> None:
-        self.styled.emit(self.sender().data())
 
     def _backed(self) -> None:
         self.backed.emit(*self.sender().data())

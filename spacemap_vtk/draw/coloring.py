@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,14 @@ def round_numbers(low: float, high: float, most: int = 6) -> list[float]:
     step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= most)
     first, last = np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6)
     return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
+
+
+def round_between(low: float, high: float) -> list[float]:
+    """Return 1, 2 and 5 times powers of ten within a range; none where it begins at 0."""
+    if not low > 0.0:
+        return []
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    return [f * 10.0**p for p in powers for f in (1, 2, 5) if low <= f * 10.0**p <= high]
 
 
 def _corners(surface: vtkPolyData) -> NDArray[np.int64]:

@@ -55,12 +55,11 @@ def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> No
     right, above = ends * cell + gap, picks * cell + gap
     grids = {
         "drawdown": (shown.drawdown, (0.0, 0.0)),
-        "threading": (_marks(loom.threading, loom.shafts).T, (0.0, above)),
-        "treadling": (_marks(shown.lifted, shown.columns), (right, 0.0)),
+        "threading": (shown.marks("threading"), (0.0, above)),
+        "treadling": (shown.marks("treadling"), (right, 0.0)),
     }
     if loom.liftplan is None:
-        ties = (*loom.tieup, *((),) * (loom.treadles - len(loom.tieup)))
-        grids["tieup"] = _marks(ties, loom.shafts).T, (right, above)
+        grids["tieup"] = shown.marks("tieup"), (right, above)
     for name, (marks, corner) in grids.items():
         _grid(axes, paper, name, marks, corner, cell)
     far = right + (shown.columns + _NEAR) * cell, above + (loom.shafts + _NEAR) * cell
@@ -76,14 +75,6 @@ def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> No
         for number in _numbered(count, cell):
             y = begin + (number - 0.5) * cell
             axes.text(right - 0.5 * gap, y, str(number), **middle)
-
-
-def _marks(rows: tuple[tuple[int, ...], ...], columns: int) -> Marks:
-    """Return rows of numbers from 1 as a matrix."""
-    marks = np.zeros((len(rows), columns), bool)
-    for row, numbers in zip(marks, rows, strict=True):
-        row[[number - 1 for number in numbers if number <= columns]] = True
-    return marks
 
 
 def _grid(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -56,6 +58,15 @@ class Shown:
         """What is pressed at each pick: treadles, or in a liftplan shafts."""
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
+    def marks(self, panel: str) -> NDArray[np.bool_]:
+        """Return what is marked in a grid, numbers from 1 up along its columns: (rows, columns)."""
+        loom = self.loom
+        if panel == "threading":
+            return _marks(loom.threading, loom.shafts).T
+        if panel == "treadling":
+            return _marks(self.lifted, self.columns)
+        return _marks((*loom.tieup, *((),) * (loom.treadles - len(loom.tieup))), loom.shafts).T
+
     def strip(self, family: str) -> Colors:
         """Return the colours of the warp or the weft."""
         return self.warp if family == "warp" else self.weft
@@ -67,6 +78,14 @@ class Shown:
     def with_loom(self, loom: Loom) -> Shown:
         """Return the same on another loom, which weaves its own cloth."""
         return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
+
+
+def _marks(rows: Sequence[Sequence[int]], columns: int) -> NDArray[np.bool_]:
+    row = np.repeat(np.arange(len(rows)), [len(numbers) for numbers in rows])
+    number = np.fromiter(chain.from_iterable(rows), np.intp)
+    marks = np.zeros((len(rows), columns), bool)
+    marks[row[number <= columns], number[number <= columns] - 1] = True
+    return marks
 
 
 def shown_of(weave: WeaveSource) -> Shown:

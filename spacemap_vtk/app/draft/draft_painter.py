@@ -17,6 +17,12 @@ _LINED, _THREADED = 5, 6
 #: A heavier line after so many cells.
 GROUP = 4
 
+#: Of the light look and of the dark one.
+_INKS = (
+    ("#ffffff", "#f4f6f8", "#26323e", "#2d6a8e", "#e3e8ee", "#b4bec9", "#66717e", "#d9642c"),
+    ("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454"),
+)
+
 
 class Inks(NamedTuple):
     """Colours of a draft."""
@@ -33,21 +39,7 @@ class Inks(NamedTuple):
     @classmethod
     def of(cls, dark: bool) -> Inks:
         """Return those of the light or the dark look."""
-        words = (
-            ("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454")
-            if dark
-            else (
-                "#ffffff",
-                "#f4f6f8",
-                "#26323e",
-                "#2d6a8e",
-                "#e3e8ee",
-                "#b4bec9",
-                "#66717e",
-                "#d9642c",
-            )
-        )
-        return cls(*(QColor(word) for word in words))
+        return cls(*(QColor(word) for word in _INKS[dark]))
 
 
 class Painting:
@@ -60,13 +52,10 @@ class Painting:
     def paint(self, painter: QPainter, ratio: float) -> None:
         """Paint everything but what follows the mouse."""
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, False)
-        loom, panels = self._shown.loom, self._layout.panels
         self._threads(painter, ratio)
-        self._marks(painter, "threading", loom.threading, True, self._inks.mark)
-        self._marks(painter, "treadling", self._shown.lifted, False, self._inks.mark)
-        if "tieup" in panels:
-            ties = (*loom.tieup, *((),) * (loom.treadles - len(loom.tieup)))
-            self._marks(painter, "tieup", ties, True, self._inks.tie)
+        for name in ("threading", "treadling", "tieup"):
+            if name in self._layout.panels:
+                self._marks(painter, name)
         self._strip(painter, "warp", self._shown.warp)
         self._strip(painter, "weft", self._shown.weft)
         self._numbers(painter)
@@ -103,26 +92,13 @@ class Painting:
         self._image(painter, "drawdown", cells)
         self._lines(painter, "drawdown", faint=self._colored)
 
-    def _marks(
-        self,
-        painter: QPainter,
-        panel: str,
-        rows: tuple[tuple[int, ...], ...],
-        upright: bool,
-        ink: QColor,
-    ) -> None:
-        """Paint a grid of marks; `rows` are its columns where it is upright."""
+    def _marks(self, painter: QPainter, panel: str) -> None:
         x, y = self._layout.panels[panel]
         if not x.cells or not y.cells:
             return
-        first, second = (x, y) if upright else (y, x)
-        lines, places = _numbered(first), _numbered(second)
-        marks = np.zeros((len(lines), second.cells), dtype=bool)
-        for index, line in enumerate(lines):
-            marks[index, [number - 1 for number in rows[line] if number <= second.cells]] = True
-        marks = marks[:, places]
-        paper, color = _rgb(self._inks.paper), _rgb(ink)
-        cells = np.where((marks.T if upright else marks)[..., None], color, paper)
+        marks = self._shown.marks(panel)[np.ix_(_numbered(y), _numbered(x))]
+        ink = self._inks.tie if panel == "tieup" else self._inks.mark
+        cells = np.where(marks[..., None], _rgb(ink), _rgb(self._inks.paper))
         self._image(painter, panel, cells.astype(np.uint8))
         self._lines(painter, panel)
 

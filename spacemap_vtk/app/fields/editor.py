@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
@@ -81,14 +80,6 @@ class LineEditor(Editor):
         # Leaving a line that nobody touched is no edit.
         if self.is_new(self.line.text()):
             self.edited.emit(self.written(self.line.text()), 0)
-
-
-def written_from(text: str) -> Any:
-    """Return what a user's text stands for in a scene file."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text.strip()
 
 
 def leave_wheel(widget: QWidget) -> None:

@@ -78,6 +78,13 @@ class SliderSpan:
             number = self.low + share * (self.high - self.low)
         return min(max(float(f"{number:.4g}"), self.low), self.high)
 
+    def written(self, real: Real, step: int) -> Any:
+        """Return the number at a step as a scene file has it, with its unit."""
+        number = self.number(step)
+        if real.kind == "integer":
+            return round(number)
+        return real.show(number) if real.unit else number
+
     def step(self, number: float) -> int:
         """Return the step nearest to a number."""
         number = min(max(number, self.low), self.high)

@@ -9,9 +9,10 @@ from typing import Any
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QPushButton
 
-from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
 from spacemap_vtk.app.widgets import row
 from spacemap_vtk.parameters import Choice, Integer, Parameter
+from spacemap_vtk.scenes.assignments import value_of
 
 #: So many numbers are chosen from, not slid over.
 _FEW = 5
@@ -32,7 +33,7 @@ class TextEditor(LineEditor):
 
     def written(self, text: str) -> Any:
         """Return a number, a list or a string; None where a value can be left out."""
-        return None if text == "" and self.parameter.optional else written_from(text)
+        return None if text == "" and self.parameter.optional else value_of(text)
 
 
 class ChoiceEditor(Editor):

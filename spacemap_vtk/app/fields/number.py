@@ -16,10 +16,11 @@ from PySide6.QtWidgets import (
     QStyleOptionSlider,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel, written_from
+from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
 from spacemap_vtk.app.fields.known import STEPS, SliderSpan, span_of
 from spacemap_vtk.app.widgets import row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
+from spacemap_vtk.scenes.assignments import value_of
 from spacemap_vtk.units import pretty
 
 _Role = QPalette.ColorRole
@@ -161,7 +162,7 @@ class NumberEditor(LineEditor):
         self.line.setModified(False)  # it is taken: the line shows what comes of it
         if text.strip() == "" and self.parameter.optional:
             return None
-        return written_from(text.translate(_PLAIN))
+        return value_of(text.translate(_PLAIN))
 
     def _pressed(self) -> None:
         self._burst = next_burst()
@@ -177,12 +178,9 @@ class NumberEditor(LineEditor):
     def _slid(self, step: int) -> None:
         if self._span is None:
             return
-        number = self._span.number(step)
-        if self.real.kind == "integer":
-            written: Any = round(number)
-        else:
-            written = self.real.show(number) if self.real.unit and not self._bare else number
-        self.edited.emit(written, self._burst)
+        bare = self._bare and self.real.kind != "integer"
+        number = self._span.number(step) if bare else self._span.written(self.real, step)
+        self.edited.emit(number, self._burst)
 
 
 class VectorEditor(Editor):

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from spacemap_vtk.app.fields.editor import Editor, leave_wheel, written_from
+from spacemap_vtk.app.fields.editor import Editor, leave_wheel
 from spacemap_vtk.app.fields.number import next_burst
 from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
@@ -25,6 +25,7 @@ from spacemap_vtk.fabric import draft
 from spacemap_vtk.fabric.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.filters.weave_parameters import repeat_of
 from spacemap_vtk.parameters import Parameter
+from spacemap_vtk.scenes.assignments import value_of
 
 #: Weaves to choose from; any other name can be typed.
 COMMON = (
@@ -100,7 +101,7 @@ class PatternEditor(Editor):
 
     def _typed(self) -> None:
         if self.is_new(self.line.text()):
-            self.edited.emit(written_from(self.line.text()), 0)
+            self.edited.emit(value_of(self.line.text()), 0)
 
     def _painted(self, burst: int) -> None:
         self.edited.emit(draft.rows(self.grid.repeat), burst)

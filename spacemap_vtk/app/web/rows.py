@@ -83,11 +83,7 @@ class ParameterRows:
 
     def slid(self, key: str, step: int) -> Any:
         """Return what a step of a slider stands for in a scene file."""
-        real = _number(self._there[key][1])
-        number = self._spans[key].number(step)
-        if real.kind == "integer":
-            return round(number)
-        return real.show(number) if real.unit else number
+        return self._spans[key].written(_number(self._there[key][1]), step)
 
     def __contains__(self, key: object) -> bool:
         """Return whether there is such a row."""
