@@ -29,56 +29,23 @@ _WEDGES = np.array(
 _CORNERS = np.array([0, 1, 3, 2, 4, 5, 7, 6])
 
 
-def split_pyramids(cells: Cells) -> Cells:
-    """Return two tetrahedra for each pyramid.
-
-    Parameters
-    ----------
-    cells : (n, 5) int
-        In VTK's order: base, apex.
-
-    Returns
-    -------
-    (2 n, 4) int
-        In any orientation.
-    """
+def _pyramids(cells: Cells) -> Cells:
+    """Return two tetrahedra for each pyramid."""
     return joined(cells[:, 4:5], cut_quadrilaterals(cells[:, :4]))
 
 
-def split_wedges(cells: Cells) -> Cells:
-    """Return three tetrahedra for each wedge.
-
-    Parameters
-    ----------
-    cells : (n, 6) int
-        In VTK's order: one triangle, and the other above it.
-
-    Returns
-    -------
-    (3 n, 4) int
-        In any orientation.
-    """
+def _wedges(cells: Cells) -> Cells:
+    """Return three tetrahedra for each wedge."""
     turned = np.take_along_axis(cells, _WEDGES[cells.argmin(axis=1)], axis=1)
     # a pyramid on the face opposite of the lowest corner, and the rest
     base = np.concatenate((turned[:, [1, 2, 5, 4]], turned[:, :1]), axis=1)
     rest = turned[:, [0, 4, 5, 3]]
-    both = np.concatenate((split_pyramids(base).reshape(-1, 2, 4), rest[:, None]), axis=1)
+    both = np.concatenate((_pyramids(base).reshape(-1, 2, 4), rest[:, None]), axis=1)
     return both.reshape(-1, 4)
 
 
-def split_hexahedra(cells: Cells) -> Cells:
-    """Return six tetrahedra for each hexahedron.
-
-    Parameters
-    ----------
-    cells : (n, 8) int
-        In VTK's order.
-
-    Returns
-    -------
-    (6 n, 4) int
-        In any orientation.
-    """
+def _hexahedra(cells: Cells) -> Cells:
+    """Return six tetrahedra for each hexahedron."""
     first = _CORNERS[cells.argmin(axis=1)]
     # mirrored so that the lowest corner comes first
     order = _CORNERS[np.arange(8) ^ first[:, None]]  # binary place -> VTK's place
@@ -86,6 +53,11 @@ def split_hexahedra(cells: Cells) -> Cells:
     faces = turned[:, [[1, 3, 7, 5], [2, 3, 7, 6], [4, 5, 7, 6]]]
     triangles = cut_quadrilaterals(faces.reshape(-1, 4)).reshape(-1, 6, 3)
     return joined(turned[:, :1], triangles)
+
+
+#: What splits cells of so many corners, (n, corners) in VTK's order (a pyramid's apex last), into
+#: tetrahedra, (m, 4) in any orientation.
+SPLITS = {5: _pyramids, 6: _wedges, 8: _hexahedra}
 
 
 def joined(apex: Cells, triangles: Cells) -> Cells:

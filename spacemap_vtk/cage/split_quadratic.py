@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, joined, split_hexahedra
+from spacemap_vtk.cage.split import SPLITS, Cells, cut_quadrilaterals, joined
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def split_triquadratic(cells: Cells) -> Cells:
     (48 n, 4) int
         In any orientation.
     """
-    return split_hexahedra(cells[:, _EIGHT].reshape(-1, 8))
+    return SPLITS[8](cells[:, _EIGHT].reshape(-1, 8))
 
 
 def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:

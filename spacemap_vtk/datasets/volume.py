@@ -33,16 +33,16 @@ def _whole(cells: Cells) -> Cells:
 
 
 def _voxels(cells: Cells) -> Cells:
-    return split.split_hexahedra(cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
+    return split.SPLITS[8](cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
 
 
 _TETRAHEDRA = (10, 24, 71, 78)
 # For each of VTK's types: number of corners, how they are split.
 _KINDS: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
     **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
-    **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.split_hexahedra)),
-    **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.split_wedges)),
-    **dict.fromkeys((14, 27, 37, 74, 81), (5, split.split_pyramids)),
+    **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.SPLITS[8])),
+    **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.SPLITS[6])),
+    **dict.fromkeys((14, 27, 37, 74, 81), (5, split.SPLITS[5])),
     11: (8, _voxels),
 }
 # The same of quadratic cells: their nodes, of which those past the middles of edges are left out.

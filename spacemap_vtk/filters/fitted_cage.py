@@ -11,14 +11,8 @@ from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.place_parameters import Masses, RigidPlaces, Springs, Supports
-from spacemap_vtk.mechanics.fittings import Fittings, point_masses, spring_stiffness
-from spacemap_vtk.mechanics.supports import (
-    held_components,
-    held_directions,
-    loose_sides,
-    resting,
-    rigid_bodies,
-)
+from spacemap_vtk.mechanics.fittings import Fittings, fitted
+from spacemap_vtk.mechanics.supports import loose_sides, resting
 from spacemap_vtk.parameters import Text
 
 FloatArray = NDArray[np.float64]
@@ -72,27 +66,20 @@ class FittedCage(CageMaterial):
             axis = up_axis(grid)
             fixed = type(self).fixed.default if axis is None else (resting(vertices, axis),)
             self.in_use = {**self.in_use, "fixed": fixed}
-        with naming("fixed"):
-            held = held_components(vertices, fixed, mask)
-            normals = held_directions(vertices, fixed, mask)
-            loose = [] if self.springs else loose_sides(vertices, fixed, mask)
+        held, fittings = fitted(
+            vertices, elements, fixed, self.rigid, self.springs, self.masses, mask
+        )
+        loose = [] if self.springs else loose_sides(vertices, fixed, mask)
         for side in loose:
             self.warn(
                 f'the side "{side}" is one vertex of the cage, or few in a line, about which it '
                 "turns freely: what is not flat there is held by a box or a sphere that catches "
                 'more, as in fixed = "box(x0, x1, y0, y1, z0, z1)"'
             )
-        with naming("rigid"):
-            bodies = rigid_bodies(vertices, self.rigid, mask)
-        with naming("springs"):
-            springs = spring_stiffness(vertices, elements, self.springs, mask)
-        with naming("masses"):
-            masses = point_masses(vertices, self.masses, mask)
-        factors = (
-            _factors(grid, key, getattr(self, key))
-            for key in ("stiffness_factors", "density_factors")
+        return held, fittings._replace(
+            stiffness_factors=_factors(grid, "stiffness_factors", self.stiffness_factors),
+            mass_factors=_factors(grid, "density_factors", self.density_factors),
         )
-        return held, Fittings(normals, bodies, springs, masses, *factors)
 
 
 def _factors(grid: vtkUnstructuredGrid, key: str, name: str) -> FloatArray | None:

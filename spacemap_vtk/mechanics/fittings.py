@@ -6,15 +6,16 @@ factors by which tetrahedra are stiffer or heavier than the material.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.mechanics.loads import traction, wall
 from spacemap_vtk.mechanics.places import SIDES, Masks, caught, directions, parse
+from spacemap_vtk.mechanics.supports import held_components, held_directions, rigid_bodies
 
 FloatArray = NDArray[np.float64]
 
@@ -48,37 +49,63 @@ class Fittings(NamedTuple):
 NONE = Fittings()
 
 
+def fitted(
+    vertices: FloatArray,
+    cells: NDArray[np.int64],
+    fixed: Sequence[str],
+    rigid: Sequence[str],
+    springs: Sequence[str],
+    masses: Sequence[str],
+    masks: Masks | None = None,
+) -> tuple[NDArray[np.bool_], Fittings]:
+    """Return what of a cage cannot move, and what is fitted to it besides.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Positions in m.
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Linear or quadratic tetrahedra.
+    fixed, rigid, springs, masses : sequence of str
+        Places as `spacemap_vtk.mechanics.places.parse` reads them: supports, with components or a
+        direction; rigid bodies; springs with a stiffness in N/m of the whole place, or in N/m³ of a
+        side's area; masses in kg, which the vertices of each place share alike.
+    masks : callable, optional
+        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
+
+    Returns
+    -------
+    held : ndarray of bool, shape (V, 3)
+        Components that cannot move.
+    fittings : Fittings
+        Without factors.
+
+    Raises
+    ------
+    InputError
+        If a place catches no vertex, two bodies share one, a spring per area is not on a side that
+        has faces, or nothing could move; its key is the name of the argument.
+    """
+    with naming("fixed"):
+        held = held_components(vertices, fixed, masks)
+        normals = held_directions(vertices, fixed, masks)
+    with naming("rigid"):
+        bodies = rigid_bodies(vertices, rigid, masks)
+    with naming("springs"):
+        stiffness = spring_stiffness(vertices, cells, springs, masks)
+    with naming("masses"):
+        return held, Fittings(normals, bodies, stiffness, point_masses(vertices, masses, masks))
+
+
 def spring_stiffness(
     points: FloatArray,
     cells: NDArray[np.int64],
     springs: Iterable[str],
     masks: Masks | None = None,
 ) -> FloatArray | None:
-    """Return what springs add to the stiffness of each vertex.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    cells : ndarray of int64, shape (T, 4) or (T, 10)
-        Linear or quadratic tetrahedra.
-    springs : iterable of str
-        Places with a stiffness, as `spacemap_vtk.mechanics.places.parse` reads them: in N/m that of
-        the whole place, which its vertices share alike, in N/m³ that of a side's area, which they
-        share as a constant pressure.
-    masks : callable, optional
-        Returns the point array of a name, of shape (V,) or, for components, (V, 3).
-
-    Returns
-    -------
-    ndarray of float64, shape (V, 3, 3), or None
-        Symmetric [N/m]; None without springs.
-
-    Raises
-    ------
-    InputError
-        If a spring catches no vertex, or one per area is not on a side that has faces.
-    """
+    """Return what springs add to the stiffness of each vertex, (V, 3, 3) [N/m]; None without."""
+    # One in N/m is that of the whole place, which its vertices share alike; one in N/m³ is of a
+    # side's area, which they share as a constant pressure.
     parsed = [place for text in springs for place in parse(text, SPRINGS, what="spring")]
     if not parsed:
         return None
@@ -103,28 +130,7 @@ def spring_stiffness(
 def point_masses(
     points: FloatArray, masses: Iterable[str], masks: Masks | None = None
 ) -> FloatArray | None:
-    """Return the masses that are fitted to each vertex.
-
-    Parameters
-    ----------
-    points : ndarray of float64, shape (V, 3)
-        Vertices [m].
-    masses : iterable of str
-        Places with a mass, as `spacemap_vtk.mechanics.places.parse` reads them, which the vertices
-        of each share alike.
-    masks : callable, optional
-        As for `spring_stiffness`.
-
-    Returns
-    -------
-    ndarray of float64, shape (V,), or None
-        In kg; None without masses.
-
-    Raises
-    ------
-    InputError
-        If a mass catches no vertex.
-    """
+    """Return the masses fitted to each vertex, (V,) [kg], which those of a place share alike."""
     parsed = [place for text in masses for place in parse(text, MASSES, what="mass", whole=True)]
     if not parsed:
         return None

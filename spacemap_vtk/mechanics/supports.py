@@ -193,27 +193,7 @@ def held_directions(
 def rigid_bodies(
     vertices: FloatArray, places: Iterable[str], masks: Masks | None = None
 ) -> NDArray[np.int64] | None:
-    """Return which vertices move as one rigid piece.
-
-    Parameters
-    ----------
-    vertices : ndarray of float64, shape (V, 3)
-        Positions in m.
-    places : iterable of str
-        Each a body, as `spacemap_vtk.mechanics.places.parse` reads them without components.
-    masks : callable, optional
-        As for `held_components`.
-
-    Returns
-    -------
-    ndarray of int64, shape (V,), or None
-        The number of each vertex's body from 1 on, 0 where it belongs to none; None without places.
-
-    Raises
-    ------
-    InputError
-        If a place catches no vertex, or two share one.
-    """
+    """Return the number of each vertex's body, (V,), from 1 on, 0 of none; None without places."""
     parsed = [place for text in places for place in parse(text, what=BODY, whole=True)]
     if not parsed:
         return None
