@@ -32,8 +32,8 @@ CRITICAL = 1e-9
 LOST = 0.1
 
 
-class Oscillation(NamedTuple):
-    """Responses of single oscillators at one time, each of shape (n,)."""
+class Kernels(NamedTuple):
+    """All that a piecewise linear load needs, each of the broadcast shape of the arguments."""
 
     free: FloatArray
     """q after q(0) = 1, q̇(0) = 0 [1]."""
@@ -45,31 +45,10 @@ class Oscillation(NamedTuple):
     """Its derivative [1]."""
     step: FloatArray
     """q from rest under w = 1 [s²]; its derivative is `impulse`."""
-
-
-class Kernels(NamedTuple):
-    """All that a piecewise linear load needs, each of the broadcast shape of the arguments."""
-
-    free: FloatArray
-    free_rate: FloatArray
-    impulse: FloatArray
-    impulse_rate: FloatArray
-    step: FloatArray
-    """As in `Oscillation`."""
     ramp: FloatArray
     """q from rest under w = t [s³]; its derivative is `step`."""
     parabola: FloatArray
     """q from rest under w = t²/2 [s⁴]; its derivative is `ramp`."""
-
-
-def oscillate(
-    eigenvalues: ArrayLike, alpha: ArrayLike, beta: ArrayLike, time: ArrayLike
-) -> Oscillation:
-    """Return the responses of q̈ + (α + βλ) q̇ + λ q = w."""
-    stiffness, a, b, t = _checked_all(
-        (eigenvalues, alpha, beta, time), ("eigenvalues", "alpha", "beta", "time")
-    )
-    return Oscillation(*kernels(stiffness, (a + b * stiffness) / 2, t)[:5])
 
 
 def kernels(stiffness: FloatArray, half: FloatArray, time: FloatArray | float) -> Kernels:
