@@ -6,6 +6,7 @@ W3C's "CSV on the Web" has it.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,8 +23,6 @@ _COLUMNS = "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
 @writes(".csv", label="Table", holds=("yarns",))
 def write_csv(file: Path, surface: MovingSurface) -> None:
     """Write a row for each control point of each yarn's cubic Bézier curves, end to end."""
-    import json
-
     from spacemap_vtk.io.output import write
 
     curves = surface.curves
@@ -48,7 +47,5 @@ def _beside(file: Path) -> Path:
 @tells(".csv")
 def told_beside(path: Path) -> str | None:
     """Find the record in the file that tells of a table."""
-    import json
-
     found = json.loads(_beside(path).read_text(encoding="utf-8"))[NAME]
     return found if isinstance(found, str) else None

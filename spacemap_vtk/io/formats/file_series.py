@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -83,7 +84,6 @@ def open_file_series(file: Path) -> MeshSeries:
 
 
 def _entries(file: Path) -> list[tuple[float, str]]:
-    import json
 
     try:
         entries = json.loads(file.read_text(encoding="utf-8"))["files"]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
 from collections.abc import Iterable
 from contextlib import suppress
+from fractions import Fraction
 from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import MissingLibraryError, SpacemapError
@@ -85,9 +90,6 @@ def _write_gif(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> 
 
 
 def _write_mp4(file: Path, images: Iterable[NDArray[np.uint8]], rate: float) -> None:
-    import subprocess
-    from fractions import Fraction
-    from tempfile import TemporaryFile
 
     require_encoder(file)
     import numpy as np
@@ -142,8 +144,6 @@ def _require_end(file: Path, there: bool) -> None:
 
 def _try_on(file: Path) -> None:
     """Write more to a file that another program has broken off: the disk tells its reason."""
-    import os
-
     with file.open("ab") as torn:
         torn.write(bytes(2**20))
         torn.flush()
@@ -153,9 +153,6 @@ def _try_on(file: Path) -> None:
 @tells(".gif", ".mp4")
 def told_in_film(path: Path) -> str | None:
     """Find the record in a film's comment."""
-    import re
-    import subprocess
-
     if path.suffix.lower() == ".gif":
         from PIL import Image
 

@@ -6,6 +6,7 @@ those that there are (pygltflib) hold its JSON, and leave all that is in the buf
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +30,6 @@ _VERTICES, _INDICES = 34962, 34963
 @writes(".glb", label="glTF", holds=("moving", "modes"))
 def write_glb(file: Path, moving: MovingSurface) -> None:
     """Write a surface, its targets and their animations."""
-    import json
-
     import numpy as np
 
     from spacemap_vtk.datasets.moving_surface import linear
@@ -154,8 +153,6 @@ def _words(*numbers: int) -> bytes:
 @tells(".glb")
 def told_in_glb(path: Path) -> str | None:
     """Find the record among what the asset has beside."""
-    import json
-
     with path.open("rb") as stream:
         head = stream.read(20)
         length = min(int.from_bytes(head[12:16], "little"), path.stat().st_size)

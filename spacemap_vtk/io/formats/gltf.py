@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from pathlib import Path
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
 def _named(path: Path) -> list[dict[str, Any]]:
     """Return what a file says of its parts that lie beside it."""
-    import json
-
     content = path.read_bytes()
     if path.suffix.lower() == ".glb":
         if content[:4] != b"glTF":

@@ -7,7 +7,13 @@ them is in `spacemap_vtk/io/page`.
 
 from __future__ import annotations
 
+import base64
+import html
+import json
+import re
+import zlib
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,11 +41,6 @@ _PART = 3 * 2**21
 @writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and how much there is of each over time."""
-    import html
-    import json
-    import re
-    from itertools import chain
-
     from spacemap_vtk.io.output import write
 
     record = json.loads(told() or "{}")
@@ -143,15 +144,11 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
 
 def _json(value: Any) -> str:
     """Return JSON that ends no element of a page."""
-    import json
-
     return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     """Yield elements with all arrays, packed."""
-    import base64
-
     kept = b""
     for part in _packed(arrays):
         kept += part
@@ -165,7 +162,6 @@ def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     """Yield "raw deflate" of all arrays, and at last nothing."""
     # Of each column there is the step from row to row, of all of these the first bytes, then the
     # second ones: neighbours are alike, and what is alike takes no room.
-    import zlib
 
     import numpy as np
 
@@ -184,9 +180,6 @@ def _packed(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
 @tells(".html")
 def told_in_page(path: Path) -> str | None:
     """Find the record in what a page says of its scene, which comes before its data."""
-    import json
-    import re
-
     with path.open("rb") as stream:
         begin = stream.read(2**24)
     found = re.search(rb'<script type="application/json" id="scene">(.*?)</script>', begin, re.S)

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+import zlib
 from collections.abc import Callable, Iterable
+from html import unescape
+from io import BytesIO
 from pathlib import Path
+from struct import pack
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
@@ -29,8 +35,6 @@ _SEGMENT = 60_000
 @writes(".png", label="picture", holds=("picture",), alpha=True)
 def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
     """Write a picture."""
-    from io import BytesIO
-
     from PIL import Image
 
     if file.suffix.lower() == ".png" and not more:
@@ -43,9 +47,6 @@ def write_picture(file: Path, image: NDArray[np.uint8], **more: Any) -> None:
 
 def write_png(file: Path, image: NDArray[np.uint8]) -> None:
     """Write a picture, in half the time that Pillow takes, which tries five filters on each row."""
-    import zlib
-    from struct import pack
-
     import numpy as np
 
     height, width, depth = image.shape  # the third number: four with how much is covered
@@ -67,9 +68,6 @@ def write_png(file: Path, image: NDArray[np.uint8]) -> None:
 
 def _text_chunk() -> list[bytes]:
     """Return the record as PNG has it; nothing where there is none."""
-    import zlib
-    from struct import pack
-
     data = f"{NAME}\0{told()}".encode("latin-1")
     crc = pack(">I", zlib.crc32(b"tEXt" + data))
     return [pack(">I", len(data)), b"tEXt", data, crc] if told() else []
@@ -90,9 +88,6 @@ def add_record(png: bytes) -> list[bytes]:
 
 def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
     """Return a picture's pixels, once its width and height have been checked."""
-    import warnings
-    from io import BytesIO
-
     from PIL import Image
 
     from spacemap_vtk.datasets.quiet import quiet_stderr
@@ -121,8 +116,6 @@ def decoded(content: bytes, check: Callable[[int, int], None]) -> PillowImage:
 @tells(".png", ".jpg", ".jpeg")
 def told_in_picture(path: Path) -> str | None:
     """Find the record among a picture's texts."""
-    from io import BytesIO
-
     from PIL import Image
 
     with Image.open(
@@ -148,8 +141,6 @@ def write_frames(file: Path, images: Iterable[NDArray[np.uint8]], rate: float = 
 @writes(".png", ".jpg", ".jpeg", label="picture", holds=("plot",))
 def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     """Write a figure of matplotlib."""
-    from io import BytesIO
-
     from matplotlib import rc_context
 
     # matplotlib leaves a file open that it cannot write
@@ -170,9 +161,6 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
 @tells(".svg", ".pdf")
 def told_in_figure(path: Path) -> str | None:
     """Find the record among a drawing's, or a document's, own words."""
-    import re
-    from html import unescape
-
     content, name = path.read_bytes(), NAME.encode()
     if path.suffix.lower() == ".svg":
         found = re.search(rb"<dc:description>%s: (.*?)</dc:description>" % name, content)

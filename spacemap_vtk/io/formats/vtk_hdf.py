@@ -7,6 +7,7 @@ must not be let near a disk (`spacemap_vtk.io.output`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from hashlib import blake2b
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -124,8 +125,6 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
 
 def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) -> int:
     """Add rows to a table, unless they are its last ones; return the first one's number."""
-    from hashlib import blake2b
-
     import numpy as np
 
     digest = blake2b(np.ascontiguousarray(rows).data).digest()
