@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.fabric.axes import axes_of, woven_gaps
 from spacemap_vtk.fabric.cloth import FAMILIES, Cloth
 from spacemap_vtk.fabric.peirce import solve
-from spacemap_vtk.fabric.threads import Yarns
+from spacemap_vtk.fabric.yarn import section_factor
 
 #: Crossings that are looked at in one go: some ten megabytes.
 _CROSSINGS = 20_000
@@ -69,7 +68,8 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
             "cover": family.width / family.spacing,
             "yarn_length": float(len(crimp) * (2 * family.overhang + across) + excess.sum()),
         }
-        volume += float(np.mean(_area(yarns) * (1.0 + crimp))) / family.spacing
+        area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
+        volume += float(np.mean(area * (1.0 + crimp))) / family.spacing
     k1, k2 = result["warp"]["cover"], result["weft"]["cover"]
     result["cloths"] = len(cloth.sheets)
     result["thickness"] = thickness = cloth.sheet_thickness + 2.0 * cloth.level
@@ -94,11 +94,3 @@ def _excess_lengths(cloth: Cloth, number: int) -> NDArray[np.float64]:
         crimp = solve(gaps.spacing, rise, gaps.arc[:, 1:] + gaps.arc[:, :-1]).crimp
         excess[first : first + step] = (crimp * gaps.spacing).sum(axis=1)
     return excess[which]
-
-
-def _area(yarns: Yarns) -> NDArray[np.float64]:
-    """Return the area of each yarn's section, in m2."""
-    square = yarns.diameter**2
-    if yarns.section == "racetrack":
-        return square * (0.25 * pi + yarns.aspect - 1.0)
-    return square * (0.25 * pi * yarns.aspect)
