@@ -13,8 +13,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass, stiffness
+from spacemap_vtk.mechanics.elements import volumes
 from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.tetrahedra import volumes
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

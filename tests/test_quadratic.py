@@ -21,9 +21,8 @@ from spacemap_vtk.embedding.interpolation import Interpolation, quadratic_weight
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.mechanics.elasticity import assemble, mass, nodal_mass
-from spacemap_vtk.mechanics.elements import with_midpoints
+from spacemap_vtk.mechanics.elements import volumes, with_midpoints
 from spacemap_vtk.mechanics.materials import isotropic
-from spacemap_vtk.mechanics.tetrahedra import volumes
 
 YOUNG, POISSON, DENSITY = 2.1e6, 0.3, 300.0
 

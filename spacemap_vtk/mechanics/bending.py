@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.mechanics.elasticity import VOIGT
+from spacemap_vtk.mechanics.elements import volumes
 from spacemap_vtk.mechanics.kinematics import MeanGradient, strains
 from spacemap_vtk.mechanics.materials import volume_ratio
-from spacemap_vtk.mechanics.tetrahedra import volumes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

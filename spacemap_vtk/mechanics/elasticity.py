@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements import element
-from spacemap_vtk.mechanics.tetrahedra import (
+from spacemap_vtk.mechanics.elements import (
     FloatArray,
     IntArray,
     checked_mesh,
     edges_and_volumes,
+    element,
     volumes,
 )
 

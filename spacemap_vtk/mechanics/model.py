@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elasticity import nodal_mass
+from spacemap_vtk.mechanics.elements import checked_mesh
 from spacemap_vtk.mechanics.fittings import NONE, Fittings
 from spacemap_vtk.mechanics.materials import check_sizes
 from spacemap_vtk.mechanics.mesh_pencil import mesh_pencil
 from spacemap_vtk.mechanics.plates import Plate
 from spacemap_vtk.mechanics.residual_vectors import movable_mass, moved_by, residual_modes
 from spacemap_vtk.mechanics.shell import of_middle, of_quads
-from spacemap_vtk.mechanics.tetrahedra import checked_mesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -1,16 +1,28 @@
-"""Editors of one line: text, a choice, true and false, a colour, a file."""
+"""Editors with a line or a box: text, a choice, true and false, colours, a file, supports."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QCheckBox, QColorDialog, QComboBox, QFileDialog, QPushButton
+from PySide6.QtCore import QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QColorDialog,
+    QComboBox,
+    QFileDialog,
+    QGridLayout,
+    QPushButton,
+    QWidget,
+)
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, leave_wheel
-from spacemap_vtk.app.widgets import row
+from spacemap_vtk.app.widgets import column, row
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.places import SIDES, parse
 from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import value_of
 
@@ -145,3 +157,137 @@ def _bare(text: str) -> str:
     """Leave out quotes round the whole: people do not type them."""
     quoted = len(text) >= 2 and text[0] == text[-1] == '"' and '"' not in text[1:-1]
     return text[1:-1] if quoted else text
+
+
+#: The sides as one sees them from the front, in the order in which they stand.
+_WORDS = {
+    "+y": "top",
+    "+x": "right",
+    "+z": "front",
+    "-y": "bottom",
+    "-x": "left",
+    "-z": "back",
+}
+assert set(_WORDS) == set(SIDES)
+
+
+class SupportsEditor(LineEditor):
+    """A button for each side of the box, and a line for all that can be held."""
+
+    def __init__(self, parameter: Parameter[Any]) -> None:
+        super().__init__(parameter)
+        self.sides: dict[str, QPushButton] = {}
+        grid = QGridLayout()
+        grid.setSpacing(4)
+        for number, (side, word) in enumerate(_WORDS.items()):
+            button = QPushButton()
+            button.setObjectName("side")
+            button.setCheckable(True)
+            button.setToolTip(f"Hold the {word} side of the cage's box, {side}")
+            button.clicked.connect(self._clicked)
+            grid.addWidget(button, number // 3, number % 3)
+            self.sides[side] = button
+        column(self, grid, self.line, spacing=4)
+        self.show_value(())
+
+    def show_value(self, value: Any) -> None:
+        """Press the buttons of the sides that are held."""
+        self.show_text(" ".join(value or ()))
+        held = {support.shape: support for support in parse(self.shown)}
+        for side, button in self.sides.items():
+            button.setChecked(side in held)
+            partly = str(held[side]).removeprefix(side)[1:].strip("()") if side in held else ""
+            button.setText(f"{side} {_WORDS[side]}" + (f" ({partly})" if partly else ""))
+
+    def show_in_use(self, value: Any) -> None:
+        """Show in grey what is held of itself, or that nothing is."""
+        self.line.setPlaceholderText(" ".join(value or ()) or "nothing is held")
+
+    def _clicked(self) -> None:
+        side = next(s for s, button in self.sides.items() if button is self.sender())
+        kept = [str(support) for support in parse(self.shown) if support.shape != side]
+        if self.sides[side].isChecked():
+            kept.append(side)
+        self.edited.emit(" ".join(kept), 0)
+
+    def written(self, text: str) -> str:
+        """Return the text; one that can be read is what the buttons change from now on."""
+        with suppress(InputError):  # whoever takes it says what is wrong
+            parse(text)
+            self.shown = text
+        return text
+
+
+_SIDE, _GAP = 20, 3
+#: Side by side at most, in all the room and in half of it.
+_IN_A_ROW, _IN_HALF = 11, 5
+
+
+class ColorsEditor(LineEditor):
+    """A swatch for each colour of the series, which opens a dialog, and their digits."""
+
+    def __init__(self, parameter: Any) -> None:
+        super().__init__(parameter)
+        self.swatches = Swatches()
+        self.line.setToolTip("Colours as #rrggbb; several with commas, repeated over the yarns")
+        self._colors: list[str] = []
+        column(self, row(None, self.swatches, None), self.line, spacing=4)
+        self.swatches.chosen.connect(self._choose)
+
+    def stack(self) -> None:
+        self.swatches.in_a_row = _IN_HALF
+
+    def show_value(self, value: Any) -> None:
+        """Show swatches and digits."""
+        self.show_text("" if value is None else self.parameter.show(value))
+        self._colors = self.shown.split(", ") if self.shown else []
+        self.swatches.show_colors(self._colors)
+        self.line.setCursorPosition(0)
+
+    def _choose(self, number: int) -> None:
+        before = QColor(self._colors[number]) if self._colors else QColor("#2d6a8e")
+        color = QColorDialog.getColor(before, self, self.parameter.label)
+        if color.isValid():
+            colors = self._colors or [""]
+            changed = [*colors[:number], color.name(), *colors[number + 1 :]]
+            self.edited.emit(changed if len(changed) > 1 else changed[0], 0)
+
+
+class Swatches(QWidget):
+    """Colours side by side; a click chooses one."""
+
+    chosen = Signal(int)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.colors: list[str] = []
+        self.in_a_row = _IN_A_ROW
+        self.setCursor(Qt.CursorShape.PointingHandCursor)
+        self.setToolTip("Click to choose another colour")
+
+    def show_colors(self, colors: list[str]) -> None:
+        self.colors = colors
+        count = max(1, len(colors))
+        columns, rows = min(count, self.in_a_row), -(-count // self.in_a_row)
+        self.setFixedSize(QSize(columns * (_SIDE + _GAP), rows * (_SIDE + _GAP)))
+        self.update()
+
+    def place(self, number: int) -> QRectF:
+        row, column = divmod(number, self.in_a_row)
+        step = _SIDE + _GAP
+        return QRectF(column * step + 0.5, row * step + 0.5, _SIDE, _SIDE)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(QColor("#8a94a3"))
+        for number, color in enumerate(self.colors or [""]):
+            painter.setBrush(QColor(color) if color else Qt.BrushStyle.NoBrush)
+            painter.drawRoundedRect(self.place(number), 4, 4)
+        painter.end()
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        for number in range(max(1, len(self.colors))):
+            if self.place(number).contains(event.position()):
+                self.chosen.emit(number)
+                return

@@ -8,20 +8,20 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QLabel, QToolButton, QWidget
 
-from spacemap_vtk.app.fields.colors_editor import ColorsEditor
 from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.known import told_interval
 from spacemap_vtk.app.fields.lines import (
     ChoiceEditor,
     ColorEditor,
+    ColorsEditor,
     FileEditor,
     FlagEditor,
+    SupportsEditor,
     TextEditor,
     few,
 )
 from spacemap_vtk.app.fields.number import NumberEditor, VectorEditor
 from spacemap_vtk.app.fields.pattern import PatternEditor
-from spacemap_vtk.app.fields.supports_editor import SupportsEditor
 from spacemap_vtk.app.widgets import column, mark, note, row, tool_button
 from spacemap_vtk.parameters import AUTOMATIC, Integer, Parameter
 from spacemap_vtk.units import pretty
