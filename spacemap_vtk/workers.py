@@ -23,10 +23,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
+from spacemap_vtk.memory import available, require
 from spacemap_vtk.parallel import core_count
 
 #: The variable by which a process knows that it is one of these.
 EXPENDABLE = "SPACEMAP_EXPENDABLE"
+#: Bytes that a process takes before it does anything.
+_PYTHON = 300_000_000
 #: Seconds after which Ctrl-C is looked for: on Windows it does not end a wait.
 _PATIENCE = 0.5
 #: Seconds for a scheduler's answer.
@@ -92,6 +95,19 @@ def in_processes(
                 child.kill()
         for server in servers:
             server.join()
+
+
+def process_count(jobs: int, worth: int, need: int, asked: int | None) -> int:
+    """Return how many processes there is work and memory for; refuse more that are asked for."""
+    # At most `worth` by themselves; each takes so many bytes beside a Python of its own.
+    need, free = need + _PYTHON, available()
+    fits = jobs if free is None else max(1, free // need)
+    if asked is None:
+        return max(1, min(core_count(), fits, worth))
+    count, cure = min(asked, jobs), f"Take {fits} or fewer."
+    if count > 1:
+        require(count * need, f"{count} processes", key="--workers", value=asked, cure=cure)
+    return count
 
 
 def on_cluster(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from spacemap_vtk import cache
+from spacemap_vtk import cache, workers
 from spacemap_vtk.draw import filming
 from spacemap_vtk.draw.filming import FilmJob, KeptFrames
 from spacemap_vtk.draw.order import Order, carry_out
@@ -147,10 +147,10 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
     scene = Scene(VALUES)
 
     def count(width: int, frames: int, asked: int | None, free: float) -> int:
-        monkeypatch.setattr(filming, "available", lambda: int(free))
+        monkeypatch.setattr(workers, "available", lambda: int(free))
         return filming._count(scene, FilmJob.of(scene, (width, width), (), None), frames, asked)
 
-    monkeypatch.setattr(filming, "core_count", lambda: 4)
+    monkeypatch.setattr(workers, "core_count", lambda: 4)
     assert count(1000, 1000, None, 1e12) == 4
     assert count(1000, 50, None, 1e12) == 2
     assert count(64, 1000, None, 1e12) == 1

@@ -40,21 +40,19 @@ from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
-from spacemap_vtk.memory import available, require
-from spacemap_vtk.parallel import core_count
 from spacemap_vtk.scenes.footprint import fits_picture, picture_bytes
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, vanishing
-from spacemap_vtk.workers import EndedError, in_processes
+from spacemap_vtk.workers import EndedError, in_processes, process_count
 
 Image = NDArray[np.uint8]
 #: What is added to a film's name for the folder of its frames, and the file that says whose.
 _FOLDER, _MARK = ".frames", "of.txt"
 #: Frames that wait for whoever encodes them, and seconds between two looks at how that fares.
 _AHEAD, _PATIENCE = 4, 0.2
-#: What a process takes before it draws [bytes], and the pixels for which it is worth its start.
-_PROCESS, _WORTHWHILE = 300_000_000, 20_000_000
+#: Pixels for which a process is worth its start.
+_WORTHWHILE = 20_000_000
 
 
 class BusyError(InputError):
@@ -354,23 +352,14 @@ def draw_frame(task: tuple[FilmJob, KeptFrames, Extent, int]) -> list[str]:
 
 
 def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
-    """Return how many processes there is work and memory for; refuse more that are asked for."""
+    """Return how many processes draw frames."""
     if asked == 1 or not frames:
         return 1
     width, height = job.size
     if _sheet(scene, job) is not None:
         return asked or 1  # drawn piece by piece, it keeps the cores busy
-    need = _PROCESS
-    if scene.woven:
-        need += picture_bytes(scene, width * height, len(job.times))
-    free = available()
-    fits = max(1, free // need) if free is not None else frames
-    if asked is None:
-        return max(1, min(core_count(), fits, frames * width * height // _WORTHWHILE))
-    count = min(asked, frames)
-    what = f"{count} processes"
-    require(count * need, what, key="--workers", value=asked, cure=f"Take {fits} or fewer.")
-    return count
+    need = picture_bytes(scene, width * height, len(job.times)) if scene.woven else 0
+    return process_count(frames, frames * width * height // _WORTHWHILE, need, asked)
 
 
 def _sheet(scene: Scene, job: FilmJob) -> Sheet | None:

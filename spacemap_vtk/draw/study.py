@@ -29,8 +29,6 @@ from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.mechanics import blas_threads
-from spacemap_vtk.memory import available, require
-from spacemap_vtk.parallel import core_count
 from spacemap_vtk.scenes import anatomy, report
 from spacemap_vtk.scenes.assignments import ValueList
 from spacemap_vtk.scenes.figure_list import (
@@ -48,7 +46,7 @@ from spacemap_vtk.scenes.runs import Run, Sweep
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 from spacemap_vtk.vanishing import vanishing_folder
-from spacemap_vtk.workers import in_processes, on_cluster
+from spacemap_vtk.workers import in_processes, on_cluster, process_count
 
 #: What stands in the folder beside the runs.
 TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
@@ -56,8 +54,6 @@ TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
 _MARK = "files of a spacemap sweep"
 #: Seconds between two tables, of a sweep that goes on.
 _OFTEN = 2.0
-#: What a process takes before it does anything [bytes].
-_PROCESS = 300_000_000
 #: Of several threads of a process one draws and solves at a time: VTK collects its garbage for all.
 _alone = threading.Lock()
 
@@ -146,7 +142,8 @@ def carry_out_sweep(
     own = _claim(folder, sweep)
     found = {} if again else {run.name: kept for run in sweep.runs if (kept := _kept(folder, run))}
     waiting = [run for run in sweep.runs if run.name not in found]
-    count = 1 if cluster else _count(len(waiting), sweep.memory, workers)
+    runs = len(waiting)
+    count = 1 if cluster else process_count(runs, runs, sweep.memory, workers)
     with telling_refusals(folder):
         folder.mkdir(parents=True, exist_ok=True)
     _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
@@ -271,20 +268,3 @@ def _write_run(folder: Path, run: Run, result: Result) -> None:
 def _write(path: Path, text: str) -> None:
     with whole_file(path) as file:
         write(file, [text.encode()])
-
-
-def _count(runs: int, memory: int, asked: int | None) -> int:
-    """Return how many processes there is memory for; refuse more that are asked for."""
-    need, free = _PROCESS + memory, available()
-    fits = runs if free is None else max(1, free // need)
-    if asked is None:
-        return min(core_count(), fits)
-    count = min(asked, runs)
-    require(
-        count * need if count > 1 else 0,
-        f"{count} processes",
-        key="--workers",
-        value=asked,
-        cure=f"Take {fits} or fewer.",
-    )
-    return count
