@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, naming
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.formats.toml import parsed
+from spacemap_vtk.io.formats.toml import format_value, parsed
 from spacemap_vtk.mechanics import timefunctions
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.places import SIDES
@@ -78,7 +77,7 @@ class Numbers(Parameter[Any]):
 
     def text(self, value: Any) -> str:
         """Return TOML's spelling, in SI."""
-        return _toml(tuple(float(f"{v:.6g}") for v in value))
+        return format_value(tuple(float(f"{v:.6g}") for v in value))
 
     @property
     def form(self) -> str:
@@ -338,11 +337,7 @@ class Loads(Parameter[tuple[Load, ...]]):
 
     def text(self, value: tuple[Load, ...]) -> str:
         """Return TOML's spelling."""
-        tables = [
-            "{" + ", ".join(f"{name} = {_toml(v)}" for name, v in load._values.items()) + "}"
-            for load in value
-        ]
-        return "[" + ", ".join(tables) + "]"
+        return format_value([load._values for load in value])
 
 
 class DeadLoads(Loads):
@@ -419,13 +414,3 @@ def _from_text(text: str) -> Any:
         return parsed(f"value = {text or '[]'}")["value"]
     except ValueError as error:
         raise InputError(f"not a list of tables: {error}") from None
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, (str, Path)):
-        return json.dumps(str(value), ensure_ascii=False)
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return repr(value)
