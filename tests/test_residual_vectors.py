@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.cage.lattice import lattice
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.mechanics import loads
 from spacemap_vtk.mechanics.eigen import lowest
 from spacemap_vtk.mechanics.elements import with_midpoints
@@ -19,7 +22,6 @@ from spacemap_vtk.mechanics.kinematics import (
     MeanGradient,
     largest_rotation,
     strains,
-    symmetric_tensors,
     von_mises,
 )
 from spacemap_vtk.mechanics.materials import isotropic
@@ -173,8 +175,12 @@ def test_strain_of_a_linear_field_and_stress_of_a_bar(quadratic):
     x = slope + slope.T
     expected = [slope[0, 0], slope[1, 1], slope[2, 2], x[1, 2], x[2, 0], x[0, 1]]
     np.testing.assert_allclose(strain, np.tile(expected, (len(cells), 1)), atol=1e-12)
-    tensor = symmetric_tensors(strain, engineering=True)[0]
+    grid = vtkUnstructuredGrid()
+    LoadedCage.add_stress(grid, strain, strain)
+    tensor = vtk_to_numpy(grid.GetCellData().GetArray("strain"))[0]
     np.testing.assert_allclose(tensor, [*np.diag(slope), x[0, 1] / 2, x[1, 2] / 2, x[0, 2] / 2])
+    stress = vtk_to_numpy(grid.GetCellData().GetArray("stress"))[0]
+    np.testing.assert_allclose(stress, [*np.diag(slope), x[0, 1], x[1, 2], x[0, 2]])
     # Uniaxial stress: von Mises is its size. Pure shear: √3 times it.
     np.testing.assert_allclose(von_mises(np.array([[0, -7.0, 0, 0, 0, 0]])), 7.0)
     np.testing.assert_allclose(von_mises(np.array([[0, 0, 0, 0, 2.0, 0]])), 2 * math.sqrt(3))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.cage.split import SPLITS, Cells, cut_quadrilaterals, joined
+from spacemap_vtk.cage.split import Cells, cut_quadrilaterals, joined
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ HEXAHEDRON = CellKind(
 # Eight hexahedra of the 27 nodes of a triquadratic one: x + 3y + 9z in VTK's order.
 _NODES = [0, 8, 1, 11, 24, 9, 3, 10, 2, 16, 22, 17, 20, 26, 21, 19, 23, 18]
 _NODES += [4, 12, 5, 15, 25, 13, 7, 14, 6]
-_EIGHT = np.array(
+EIGHT = np.array(
     [
         [_NODES[corner + x + 3 * y + 9 * z] for corner in (0, 1, 4, 3, 9, 10, 13, 12)]
         for z in (0, 1)
@@ -106,22 +106,6 @@ def split_quadratic(cells: Cells, kind: CellKind) -> Cells:
             else:
                 parts.append(joined(chosen[:, [apex]], cut_quadrilaterals(chosen[:, face])))
     return np.concatenate(parts)
-
-
-def split_triquadratic(cells: Cells) -> Cells:
-    """Return linear tetrahedra of hexahedra of 27 nodes, all of which become corners.
-
-    Parameters
-    ----------
-    cells : (n, 27) int
-        In VTK's order.
-
-    Returns
-    -------
-    (48 n, 4) int
-        In any orientation.
-    """
-    return SPLITS[8](cells[:, _EIGHT].reshape(-1, 8))
 
 
 def _ring(corner: int, kind: CellKind, middle: dict[Any, int]) -> list[int]:

@@ -35,7 +35,11 @@ def gui(
     splash = Splash(scene)
     from spacemap_vtk.app.launch import launch
 
-    begin_collecting()
+    # A frame of a drag makes some thousand small objects, and hardly any of them in cycles. With
+    # Python's own thresholds a tenth of its time would go into looking at them.
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+    gc.enable()
     launch(scene, splash.give_way_to)
 
 
@@ -72,17 +76,6 @@ def serve(
             server.open_browser(once)
 
     server.serve(scene, set_, host, port, told)
-
-
-def begin_collecting() -> None:
-    """Let garbage be looked for, seldom, among what is made from now on.
-
-    A frame of a drag makes some thousand small objects, and hardly any of them in cycles. With
-    Python's own thresholds a tenth of its time would go into looking at them.
-    """
-    gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
-    gc.enable()
 
 
 def paraview(

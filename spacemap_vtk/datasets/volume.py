@@ -14,12 +14,12 @@ from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPointSet, vtkUnstructure
 
 from spacemap_vtk.cage import split
 from spacemap_vtk.cage.split_quadratic import (
+    EIGHT,
     HEXAHEDRON,
     PYRAMID,
     TETRAHEDRON,
     WEDGE,
     split_quadratic,
-    split_triquadratic,
 )
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.extent import FILLED
@@ -34,6 +34,10 @@ def _whole(cells: Cells) -> Cells:
 
 def _voxels(cells: Cells) -> Cells:
     return split.SPLITS[8](cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
+
+
+def _triquadratic(cells: Cells) -> Cells:
+    return split.SPLITS[8](cells[:, EIGHT].reshape(-1, 8))
 
 
 _TETRAHEDRA = (10, 24, 71, 78)
@@ -53,7 +57,7 @@ _QUADRATIC: dict[int, tuple[int, Callable[[Cells], Cells]]] = {
     **dict.fromkeys((27, 37), (13, partial(split_quadratic, kind=PYRAMID))),
 }
 # Without any others beside them all of their nodes are used.
-_TRIQUADRATIC = {29: (27, split_triquadratic)}
+_TRIQUADRATIC = {29: (27, _triquadratic)}
 # Points, lines and polygons, straight and curved: they have no volume.
 _NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
 

@@ -21,7 +21,7 @@ from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.damping import Damping, rayleigh
-from spacemap_vtk.mechanics.kinematics import symmetric_tensors, von_mises
+from spacemap_vtk.mechanics.kinematics import von_mises
 from spacemap_vtk.mechanics.timefunctions import step
 from spacemap_vtk.parameters import Choice, Flag, Integer, Parameter, Real, Series, Text, Vector
 from spacemap_vtk.units import GRAVITY
@@ -288,8 +288,9 @@ class LoadedCage(Stage):
     def add_stress(output: vtkUnstructuredGrid, strain: FloatArray, stress: FloatArray) -> None:
         """Write strain and stress of each tetrahedron, (T, 6) both."""
         cells = output.GetCellData()
-        add_array(cells, "strain", symmetric_tensors(strain, engineering=True))
-        add_array(cells, "stress", symmetric_tensors(stress, engineering=False))
+        order = [0, 1, 2, 5, 3, 4]  # VTK's, whose shears are a tensor's: half of engineering's
+        add_array(cells, "strain", strain[:, order] * [1, 1, 1, 0.5, 0.5, 0.5])
+        add_array(cells, "stress", stress[:, order])
         add_array(cells, "von_mises", von_mises(stress))
 
     @staticmethod

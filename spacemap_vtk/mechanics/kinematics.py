@@ -121,24 +121,3 @@ def von_mises(stress: FloatArray) -> FloatArray:
     """
     parts = stress @ _MISES
     return np.asarray(np.sqrt(np.einsum("ti,ti->t", parts, parts)))
-
-
-def symmetric_tensors(components: FloatArray, *, engineering: bool) -> FloatArray:
-    """Return strains or stresses in VTK's order of a symmetric tensor.
-
-    Parameters
-    ----------
-    components : ndarray of float64, shape (T, 6)
-        As xx, yy, zz, yz, zx, xy.
-    engineering : bool
-        Whether shears are in engineering measure, and to be halved.
-
-    Returns
-    -------
-    ndarray of float64, shape (T, 6)
-        As xx, yy, zz, xy, yz, xz, of a tensor.
-    """
-    result = components.take((0, 1, 2, 5, 3, 4), axis=1)
-    if engineering:
-        result[:, 3:] *= 0.5
-    return result
