@@ -159,6 +159,8 @@ def _within(read: Callable[[], Any], seconds: int, free: int | None) -> None:
     with suppress(ImportError, ValueError, OSError):
         import resource  # not on Windows
 
+        # What ends by its limits, or by a fault, leaves no image of its memory on the disk.
+        resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
         used = resource.getrusage(resource.RUSAGE_SELF)
         spent = int(used.ru_utime + used.ru_stime)
         most = resource.getrlimit(resource.RLIMIT_CPU)[1]
