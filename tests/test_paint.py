@@ -93,6 +93,13 @@ def test_colours_alone(tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh.cell_data["color"], [[255, 0, 0], [0, 128, 255]])
 
 
+@pytest.mark.parametrize("word", ["nan", "red", "1e999"])
+def test_what_is_no_colour_is_told(tmp_path: Path, word: str) -> None:
+    library = f"newmtl left\nKd {word} 0 0\nnewmtl right one\nKd 0 0.5 1\n"
+    source = updated(file=two_squares(tmp_path, library))
+    assert f'"Kd {word} 0 0" is no colour' in source.warnings[0]
+
+
 def test_what_is_missing_is_told(tmp_path: Path) -> None:
     source = updated(file=two_squares(tmp_path, "newmtl left\nmap_Kd gone.png\n"))
     assert source.picture is None

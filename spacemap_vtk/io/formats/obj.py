@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,9 +113,12 @@ def _library(path: Path, paint: Paint) -> dict[str, Material]:
         if words[:1] == ["newmtl"]:
             made = found[" ".join(words[1:])] = Material()
         elif words[:1] == ["Kd"] and len(words) >= 4:
-            try:
-                made.color = float(words[1]), float(words[2]), float(words[3])
-            except ValueError:
+            red = green = blue = math.nan
+            with suppress(ValueError):
+                red, green, blue = map(float, words[1:4])
+            if math.isfinite(red + green + blue):
+                made.color = red, green, blue
+            else:
                 paint.notes.append(f'{path}: "{" ".join(words)}" is no colour')
         elif words[:1] == ["map_Kd"] and len(words) > 1:
             file = path.parent / _picture(words[1:])
