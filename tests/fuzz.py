@@ -334,7 +334,8 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         said_no, wrong = fault(target, data, one.room)
         signal.setitimer(signal.ITIMER_PROF, 0)
         os.environ.pop(EXPENDABLE, None)
-        if ended and not said_no and wrong is None:
+        slow = ended == -signal.SIGPROF  # here, and not within what a trial may take
+        if ended and not slow and not said_no and wrong is None:
             wrong = f"ended by {-ended} after others", f"{index}: alone it is read"
         index, refused, ended = index + 1, refused + said_no, 0
         if wrong is not None and wrong[0] not in seen:
