@@ -36,10 +36,8 @@ _sound: set[str] = set()
 
 @contextmanager
 def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[None]:
-    """Let another process call "module:name" with a path and more before this one reads the file.
-
-    What ends that process is refused, and so is what was not the same throughout.
-    """
+    """Let another process call "module:name" with a path and more before this one reads the file."""
+    # What ends that process is refused, and so is what has not been the same throughout.
     # What the function needs is imported once there, and not in a copy for each file.
     # ParaView has its readers' faults anyway, and no interpreter to start.
     if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
