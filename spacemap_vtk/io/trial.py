@@ -36,7 +36,7 @@ _sound: set[str] = set()
 
 @contextmanager
 def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[None]:
-    """Let another process call "module:name" with a path and more before this one reads the file."""
+    """Let another process call "module:name" with a path and more before this one reads."""
     # What ends that process is refused, and so is what has not been the same throughout.
     # What the function needs is imported once there, and not in a copy for each file.
     # ParaView has its readers' faults anyway, and no interpreter to start.
