@@ -24,10 +24,13 @@ from shiboken6 import isValid
 from window import settled
 
 from spacemap_vtk.app.draft.layout import Place
+from spacemap_vtk.app.job import Swing
 
 LEFT = Qt.MouseButton.LeftButton
 #: Seconds that something may take to be seen, or to be there for the mouse.
 PATIENCE = 120.0
+#: How often in a row it is looked whether the window rests before a picture is kept.
+_STILL = 25
 #: How the sentences of a walk begin that are done; a name stands in ** **, what is typed in ` `.
 _BOLD, _CODE = r"\*\*(.+?)\*\*", r"`([^`]+)`"
 _KIND = r"(?:the (tab|stage|scene|mode|row|file|box|button|colour) )?"
@@ -43,7 +46,7 @@ class Walk:
         self.name, self.window, self.look = file.stem, window, look
         self._pictures, self._each = pictures, each
         self._deeds = list(self._read(file.read_text("utf-8")))
-        self._at, self._begun, self._stirred, self._pause = 0, 0.0, 0.0, 0
+        self._at, self._begun, self._quiet, self._pause = 0, 0.0, 0, 0
         self._error: BaseException | None = None
         self._loop = QEventLoop()
         #: Whether the mouse is in the midst of something: nothing else is done meanwhile.
@@ -71,8 +74,9 @@ class Walk:
         words, waits, find, act = self._deeds[self._at]
         try:
             if waits and not self._rests():
-                self._stirred = time.monotonic()
+                self._quiet = 0
                 raise NotSeen("the window is not at rest")
+            self._quiet += 1
             found = find()
         except NotSeen as error:
             if time.monotonic() > self._begun + PATIENCE:
@@ -82,7 +86,7 @@ class Walk:
             self._fail(words, error)
             return
         self._at += 1
-        self._begun, self._pause = time.monotonic(), 20
+        self._begun, self._quiet, self._pause = time.monotonic(), 0, 20
         try:
             act(found)
         except Exception as error:
@@ -105,7 +109,7 @@ class Walk:
         window = self.window
         if not isValid(window):
             return True
-        playing = window.times.playing or window.director.swing is not None
+        playing = window.times.playing or isinstance(window.director.swing, Swing)
         before = front()
         active = isinstance(before, QMenu) or QApplication.activeWindow() is before.window()
         if not active:
@@ -130,8 +134,9 @@ class Walk:
                 yield (name, True, self._painted, lambda _, n=name: self._shoot(n))
 
     def _painted(self) -> None:
-        if time.monotonic() < max(self._begun, self._stirred) + 0.15:
-            raise NotSeen("a menu takes a while to go, and what is drawn to reach the screen")
+        # Not seconds: a process that others have held up has drawn nothing in them.
+        if self._quiet < _STILL or (isValid(self.window) and self.window.engine.beside is not None):
+            raise NotSeen("tabs and fields follow, and what is drawn takes a while to be seen")
 
     def _deeds_of(self, step: str) -> Iterator[Any]:
         end = 0

@@ -43,12 +43,14 @@ def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
 
 def settled(window: Any) -> bool:
     """Whether a smooth frame of the present wishes is drawn, and nothing runs."""
+    from spacemap_vtk.app.job import Swing
+
     director = window.director
     frame = window.view.frame
     return (
         frame is not None
         and frame.generation == director.generation
-        and (not frame.coarse or director.swing is not None)
+        and (not frame.coarse or isinstance(director.swing, Swing))
         and not window.engine.busy
         # Made, but not drawn yet: the thread can be done before its word arrives. Asked for after
         # "busy": the thread hands the frame over first.

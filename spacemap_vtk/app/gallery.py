@@ -118,7 +118,7 @@ class _Pictures(QListWidget):
         cell = room // max(1, room // (_WIDTH + 16))
         width = cell - 12
         self.setIconSize(QSize(width, round(width * _FORM)))
-        lines = 2 * self.fontMetrics().lineSpacing()
+        lines = 3 * self.fontMetrics().lineSpacing()  # the longest titles have three
         self.setGridSize(QSize(cell, round(width * _FORM) + lines + 16))
         for number in range(self.count()):  # as wide as each other, whatever their titles
             self.item(number).setSizeHint(self.gridSize() - QSize(4, 4))

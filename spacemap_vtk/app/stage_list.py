@@ -152,7 +152,7 @@ class StageList(QTreeWidget):
         item.setIcon(_NAME, self._dots[state])
         item.setToolTip(_TIME, words)
         item.setToolTip(_RUNS, words)
-        item.setForeground(_NAME, QBrush(QColor("#9aa3ae")) if state == "off" else QBrush())
+        item.setForeground(_NAME, QBrush(QColor("#808b98")) if state == "off" else QBrush())
 
     def show_run(self, section: str, seconds: float, executions: int) -> None:
         """Show how long a stage ran last, and how often it has run."""
@@ -165,6 +165,8 @@ class StageList(QTreeWidget):
         for section, (seconds, executions) in self._runs.items():
             self._write(section, seconds, executions)
         self._runs.clear()
+        # Of a column that gets narrower Qt leaves pixels of what was written before.
+        self.viewport().update()
 
     def _write(self, section: str, seconds: float, executions: int) -> None:
         item = self.items[section]

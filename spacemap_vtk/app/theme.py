@@ -19,7 +19,7 @@ _COLORS = {
     _Role.HighlightedText: ("#ffffff", "#0d1116"),
     _Role.ToolTipBase: ("#1f2730", "#e6eaf0"),
     _Role.ToolTipText: ("#ffffff", "#1d232b"),
-    _Role.PlaceholderText: ("#8a94a3", "#7d8998"),
+    _Role.PlaceholderText: ("#6b7583", "#93a0ae"),
     _Role.Mid: ("#cfd6de", "#3a4553"),
     _Role.Link: ("#2d6a8e", "#6db3dc"),
     _Role.LinkVisited: ("#2d6a8e", "#6db3dc"),

@@ -60,11 +60,15 @@ class ShadeLayer:
         window, camera = below.GetRenderWindow(), below.GetActiveCamera()
         width, height = window.GetSize()
         window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
-        depth = metres_from(camera, vtk_to_numpy(self._depth).reshape(height, width))
+        drawn = vtk_to_numpy(self._depth).reshape(height, width)
+        plates = [(slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear]
+        for plate in plates:  # in front of all, they would throw a shadow on it
+            drawn[plate] = 1.0
+        depth = metres_from(camera, drawn)
         pixels = self._relief * pixels_of(camera, height)
         shade = softened(contact_shade(depth, self._relief, pixels, self._strength, thin=2))
-        for left, low, right, high in self.clear:
-            shade[round(low) : round(high), round(left) : round(right)] = 1.0
+        for plate in plates:
+            shade[plate] = 1.0
         black = np.zeros((height, width, 4), np.uint8)
         black[..., 3] = 255.5 - 255.0 * shade
         self._image.SetDimensions(width, height, 1)

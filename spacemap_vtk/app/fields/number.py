@@ -98,6 +98,7 @@ class NumberEditor(LineEditor):
         self._in_use: float | None = None
         self._feasible: tuple[float, float] | None = None
         self._span: SliderSpan | None = None
+        self._stacked = False
         self._burst = 0
         self.slider.valueChanged.connect(self._slid)
         self.slider.sliderPressed.connect(self._pressed)
@@ -107,6 +108,7 @@ class NumberEditor(LineEditor):
         """Let the slider stand below the line."""
         self._layout.setDirection(QBoxLayout.Direction.TopToBottom)
         self._layout.setSpacing(1)
+        self._stacked = True
         self.line.setMinimumWidth(34)
         self.line.setMaximumWidth(_WIDEST)
 
@@ -127,6 +129,9 @@ class NumberEditor(LineEditor):
             self.line.setText(self.shown)
             self.line.setCursorPosition(0)
         self.slider.setEnabled(self._value is not None)
+        if not self._stacked:  # what is in use has the room of a slider that cannot be dragged
+            self.slider.setVisible(value is not None)
+            self.line.setMaximumWidth(_WIDEST if value is None else _LINE)
         if not self.slider.isSliderDown():
             self._place_slider()
 
