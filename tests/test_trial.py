@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
+import gc
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -92,6 +95,20 @@ def test_what_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 def busy(path: Path) -> None:
     while time.process_time():
         pass
+
+
+def test_who_gives_up_leaves_no_process_and_no_pipe(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Python tells what is left as a warning, which is an error here."""
+    monkeypatch.setattr(trial, "_children", [])
+    trial.tried(tmp_path, "os:stat")
+    monkeypatch.setattr(trial, "_SECONDS", 3)
+    threading.Timer(0.5, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        trial.tried(tmp_path, f"{__name__}:busy")
+    assert trial._children == []
+    gc.collect()
 
 
 def test_a_file_is_tried_once_and_again_when_it_has_changed(

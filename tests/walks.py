@@ -25,6 +25,7 @@ from window import settled
 
 from spacemap_vtk.app.draft.layout import Place
 from spacemap_vtk.app.job import Swing
+from spacemap_vtk.units import parse_quantity
 
 LEFT = Qt.MouseButton.LeftButton
 #: Seconds that something may take to be seen, or to be there for the mouse.
@@ -321,6 +322,14 @@ def _seen(walk: Walk, no: str | None, words: str) -> Deeds:
     yield lambda: see(words, there=no is None), lambda _: None
 
 
+def _past(walk: Walk, time: str) -> Deeds:
+    def find() -> None:
+        if walk.window.times.time <= parse_quantity(time, "s"):
+            raise NotSeen("the time does not get there")
+
+    yield find, lambda _: None
+
+
 def _file(walk: Walk, name: str) -> Deeds:
     def find() -> None:
         if not Path(name).is_file() or not Path(name).stat().st_size:
@@ -353,6 +362,7 @@ _GRAMMAR: dict[str, tuple[str, Callable[..., Deeds]]] = {
     "resize": (r"[Mm]ake the window (\d+) × (\d+) pixels", _resize),
     "close": (r"[Cc]lose the window", _close),
     "file": (rf"[Tt]he file {_CODE} is there", _file),
+    "past": (rf"until past {_CODE}", _past),
     "start": (rf"Start {_CODE}", lambda walk, words: iter(())),
     "seen": (r"([Nn]o )?(?<!\*)\*([^*]+\*?)\*(?!\*)", _seen),
 }

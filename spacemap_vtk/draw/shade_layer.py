@@ -61,7 +61,9 @@ class ShadeLayer:
         width, height = window.GetSize()
         window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
         drawn = vtk_to_numpy(self._depth).reshape(height, width)
-        plates = [(slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear]
+        plates = [
+            (slice(round(b), round(t)), slice(round(a), round(r))) for a, b, r, t in self.clear
+        ]
         for plate in plates:  # in front of all, they would throw a shadow on it
             drawn[plate] = 1.0
         depth = metres_from(camera, drawn)

@@ -110,7 +110,9 @@ def _asked(task: Any, *limits: int | None) -> Any:
     try:
         answer, left = workers.ask(_children[0], (task, limits))
     except BaseException:  # Ctrl-C: its answer to this would be taken for one to the next
-        _children.pop().kill()
+        child = _children.pop()
+        child.kill()
+        workers.end(child)
         raise
     if left is None:
         _children.clear()
