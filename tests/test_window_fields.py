@@ -125,6 +125,37 @@ def test_a_swatch_opens_the_dialog_for_its_colour(
     assert [c for k, c in enumerate(after) if k != 6] == [c for k, c in enumerate(before) if k != 6]
 
 
+def test_what_is_automatic_is_seen_as_it_is_in_use(
+    open_scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_scene("plain_weave")
+    colors = editor(window, "weave", "weft_color")
+    window.document.set("weave", "weft_color", None)
+    wait_until(lambda: colors.swatches.colors == ["#e8c78f"])
+    asked: list[str] = []
+    monkeypatch.setattr(
+        QColorDialog, "getColor", lambda before, *_: asked.append(before.name()) or QColor()
+    )
+    click(colors.swatches, colors.swatches.place(0).center().toPoint())
+    assert asked == ["#e8c78f"]
+    window.properties.rows["weft_color"].automatic.click()
+    assert window.document.written("weave", "weft_color") == "#e8c78f"
+    # A line has the room of a slider that could not be dragged.
+    gap = editor(window, "weave", "layer_gap")
+    assert not gap.slider.isVisibleTo(gap)
+    text = gap.line.placeholderText()
+    assert gap.line.fontMetrics().horizontalAdvance(text) < gap.line.width() - 8
+    window.document.set("weave", "layer_gap", "0.1 mm")
+    assert gap.slider.isVisibleTo(gap)
+    # Warp and weft of one value are one number, to as many digits as tell it.
+    window.document.set_many("modal", {"elements": "sheet", "tensile_rigidity": None})
+    window.stages.choose("modal")
+    row = window.properties.rows["tensile_rigidity"]
+    wait_until(lambda: row.resolved is not None)
+    assert row.editor.line.placeholderText() == "0.65 N/m"
+    wait_until(lambda: settled(window))
+
+
 def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:
     window = open_scene()
     loads = editor(window, "response", "loads")

@@ -64,7 +64,7 @@ class LineEditor(Editor):
         """Show it in grey, in place of where it comes from."""
         if isinstance(value, float):
             value = float(f"{value:.4g}")
-        elif self.parameter.kind == "series" and isinstance(value, tuple):
+        elif isinstance(value, tuple) and all(isinstance(each, float) for each in value):
             value = self.parameter.convert([float(f"{each:.4g}") for each in value])
         text = self.parameter.automatic if value is None else pretty(self.parameter.show(value))
         self.line.setPlaceholderText(text)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.filters.cage_material import CageMaterial
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.parameters import Parameter, Parameterised, Real
@@ -27,7 +28,11 @@ def feasible_of(part: Parameterised) -> dict[str, tuple[float, float]]:
 def resolved_of(part: Parameterised) -> dict[str, Any]:
     """Return what automatic parameters are resolved to."""
     try:
-        return dict(part.found) if isinstance(part, WeaveSource) else {}
+        if not isinstance(part, WeaveSource):
+            return {}
+        colors = {n: t.colors for n, t in zip(FAMILIES, part.cloth.threads, strict=True)}
+        alike = {n: c[0].tolist() for n, c in colors.items() if (c == c[0]).all()}
+        return {**part.found, **{f"{n}_color": tuple(c) for n, c in alike.items()}}
     except SpacemapError:
         return {}
 

@@ -244,8 +244,14 @@ class ColorsEditor(LineEditor):
         self.swatches.show_colors(self._colors)
         self.line.setCursorPosition(0)
 
+    def show_in_use(self, value: Any) -> None:
+        """Show it on the swatch, too."""
+        super().show_in_use(value)
+        if not self._colors:
+            self.swatches.show_colors([] if value is None else [self.parameter.show(value)])
+
     def _choose(self, number: int) -> None:
-        before = QColor(self._colors[number]) if self._colors else QColor("#2d6a8e")
+        before = QColor(self.swatches.colors[number] if self.swatches.colors else "#2d6a8e")
         color = QColorDialog.getColor(before, self, self.parameter.label)
         if color.isValid():
             colors = self._colors or [""]

@@ -246,6 +246,6 @@ def editor_of(parameter: Parameter[Any]) -> Editor:
 
 
 def _plain(value: Any, text: str) -> Any:
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and not text.startswith("#"):
         return list(value)
     return value if isinstance(value, int) else text
