@@ -102,11 +102,12 @@ def test_who_gives_up_leaves_no_process_and_no_pipe(
 ) -> None:
     """Python tells what is left as a warning, which is an error here."""
     monkeypatch.setattr(trial, "_children", [])
-    trial.tried(tmp_path, "os:stat")
+    with trial.tried(tmp_path, "os:stat"):
+        pass
     monkeypatch.setattr(trial, "_SECONDS", 3)
     threading.Timer(0.5, _thread.interrupt_main).start()
-    with pytest.raises(KeyboardInterrupt):
-        trial.tried(tmp_path, f"{__name__}:busy")
+    with pytest.raises(KeyboardInterrupt), trial.tried(tmp_path, f"{__name__}:busy"):
+        pass
     assert trial._children == []
     gc.collect()
 

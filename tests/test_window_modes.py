@@ -12,6 +12,7 @@ from window import require_display, scene_of, settled, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
+from PySide6.QtGui import QBrush  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.datasets.arrays import array_of, points_of  # noqa: E402
@@ -107,6 +108,23 @@ def test_the_table_follows_the_scene(open_scene: Any, tmp_path: Path) -> None:
     window.document.set("modal", "modes", 5)
     wait_until(lambda: settled(window))
     assert window.modes.table.rowCount() == 5
+
+
+def test_masses_of_the_modes_before_are_grey(open_scene: Any) -> None:
+    window = open_scene()
+    window.tabs.setCurrentWidget(window.modes)
+
+    def fresh() -> bool:
+        cell = window.modes.table.item(0, 3)
+        return cell is not None and cell.text() != "" and cell.foreground() == QBrush()
+
+    wait_until(fresh)
+    drawn: list[bool] = []
+    connection = window.director.drawn.connect(lambda _: drawn.append(fresh()))
+    window.document.set("modal", "elements", "sheet")
+    wait_until(lambda: settled(window) and fresh())
+    window.director.drawn.disconnect(connection)
+    assert drawn[0] is False
 
 
 # Wide, as at first, and as narrow as it gets.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QShowEvent
+from PySide6.QtGui import QBrush, QPalette, QShowEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -104,7 +104,7 @@ class ModesTab(QWidget):
         #: What all modes do together, and what each moves.
         self.response = ResponsePlot(document, engine)
         self.response.chosen.connect(self._chosen)
-        self.response.found.connect(self._show_masses)
+        self.response.found.connect(self._found)
         #: What swings: a sheet, with its mass and bending length, or tetrahedra.
         self.sheet = note(name="note")
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.told)
@@ -119,6 +119,8 @@ class ModesTab(QWidget):
             margins=(6, 6, 6, 6),
         )
         self._known: Any = None
+        #: The modes and damping that the masses and the response shown are of.
+        self._found_of: Any = None
         self._mode: int | None = None
         self._begun = 0.0
         self._timer = QTimer(self)
@@ -194,8 +196,14 @@ class ModesTab(QWidget):
         for place in range(self.table.columnCount() - 1):
             self.table.resizeColumnToContents(place)
 
+    def _found(self, spectrum: Spectrum) -> None:
+        self._found_of = self._known if self.response.current else None
+        self._show_masses(spectrum)
+
     def _show_masses(self, spectrum: Spectrum) -> None:
-        """Write the effective masses, which are computed after the frame."""
+        """Write the effective masses, in grey those of the modes before until these are there."""
+        old = self._found_of != self._known
+        self.response.fade(old)
         if len(spectrum.shares) != self.table.rowCount():
             return  # of other modes: theirs are on the way
         sums = spectrum.shares.cumsum(axis=0)
@@ -207,7 +215,10 @@ class ModesTab(QWidget):
                 f"{x}: {a:.1%}, with those above {b:.1%}"
                 for x, a, b in zip("xyz", share, total, strict=True)
             )
-            item.setToolTip("Effective mass, of what can move\n" + "\n".join(lines))
+            whose = "of the modes before" if old else "of what can move"
+            item.setToolTip(f"Effective mass, {whose}\n" + "\n".join(lines))
+            faint = self.palette().brush(QPalette.ColorRole.PlaceholderText)
+            item.setForeground(faint if old else QBrush())
         self._fit()
 
     def show_turns(self, turns: bool) -> None:

@@ -50,6 +50,7 @@ class ResponsePlot(QWidget):
         self.spectrum: Spectrum | None = None
         self.frequencies: NDArray[np.float64] = np.zeros(0)
         self.mode: int | None = None
+        self._faded = False
         #: How the scene moves that is drawn, and that whose response was asked for.
         self._drawn = self._asked = ""
         self._rest = later(self, self._ask, _REST)
@@ -64,6 +65,16 @@ class ResponsePlot(QWidget):
             still = not frame.coarse or self._drawn == before
             if still and self._drawn != self._asked and not self._rest.isActive():
                 self._rest.start()
+
+    @property
+    def current(self) -> bool:
+        """Whether what was asked for last is how the scene moves that is drawn."""
+        return self._drawn == self._asked
+
+    def fade(self, old: bool) -> None:
+        """Draw the curve in grey while it is of modes that were before."""
+        self._faded = old
+        self.update()
 
     def forget(self) -> None:
         """Show nothing until another response is there."""
@@ -150,7 +161,7 @@ class ResponsePlot(QWidget):
             at, chosen = float(self.x_of(self.frequencies[number])), number == self.mode
             painter.setPen(QPen(accent if chosen else line, 2.0 if chosen else 0.6))
             painter.drawLine(QPointF(at, frame.top()), QPointF(at, frame.bottom()))
-        painter.setPen(QPen(accent, 1.3))
+        painter.setPen(QPen(line if self._faded else accent, 1.3))
         levels = top - np.log10(np.maximum(response / size, 10.0 ** (top - 2 * _DECADES)))
         ys = frame.top() + levels * high
         points = [QPointF(x, y) for x, y in zip(self.x_of(frequencies), ys, strict=True)]
