@@ -335,6 +335,26 @@ def test_at_rest_it_has_the_shadows_of_pictures_and_the_same_colours(open_scene:
     assert not view.plotter.shade.on
 
 
+def test_what_is_written_over_the_cloth_throws_no_shadow_on_it(open_scene: Any) -> None:
+    window = open_scene("twill_2_2")
+    view = window.view
+    view.zoom(4.0)  # cloth all round
+    window.tools.shown["scale_bar"].trigger()  # it would take the other's place
+    pictures = []
+    for _ in range(2):
+        wait_until(lambda: settled(window) and not view.steering)
+        pictures.append(view.image().astype(int))
+        if len(pictures) == 1:
+            _, low, right, high = (round(end) for end in view.plotter.shade.clear[0])
+            window.tools.shown["triad"].trigger()
+    beside = slice(-high, -low or None), slice(right + 3, right + 20)
+    with_, without = (picture[beside] for picture in pictures)
+    assert with_.std() > 20
+    # A shadow of the plate takes 70 off; what lies below it and is not seen gives back some.
+    assert np.median(without - with_) == 0.0
+    assert abs((without - with_).mean()) < 15.0
+
+
 def test_moves_of_the_mouse_that_come_together_are_drawn_once(open_scene: Any) -> None:
     window = open_scene()
     widget, at, drawn = window.view.plotter, QPoint(300, 300), []
