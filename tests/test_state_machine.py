@@ -38,7 +38,6 @@ from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
-    initialize,
     invariant,
     precondition,
     rule,
@@ -228,10 +227,6 @@ class Machine(RuleBasedStateMachine):
         else:
             node.stage.SetInputConnection(port, chosen.stage.GetOutputPort())
 
-    @initialize(data=st.data())
-    def begin(self, data: Any) -> None:
-        self.line(data)
-
     @precondition(lambda self: len(self.nodes) + 8 <= MOST)
     @rule(data=st.data())
     def line(self, data: Any) -> None:
@@ -249,7 +244,7 @@ class Machine(RuleBasedStateMachine):
                 self.join(node, port, last[takes])
             last[node.makes] = node
 
-    @precondition(lambda self: len(self.nodes) < MOST)
+    @precondition(lambda self: 0 < len(self.nodes) < MOST)
     @rule(kind=st.sampled_from(sorted(STAGES)), data=st.data())
     def make(self, kind: str, data: Any) -> None:
         self.counts["step: make a stage"] += 1
@@ -285,6 +280,7 @@ class Machine(RuleBasedStateMachine):
             below = next(n for n in self.held if node in n.closure())
             node.stage = self.found(below, below.stage, {})[node]
 
+    @precondition(lambda self: self.held)
     @rule(data=st.data(), back=st.integers(0, 3))
     def change(self, data: Any, back: int) -> None:
         self.counts["step: set"] += 1
@@ -310,6 +306,7 @@ class Machine(RuleBasedStateMachine):
         assert (node.stage.GetMTime() == changed) == same
         node.version += not same
 
+    @precondition(lambda self: self.held)
     @rule(data=st.data(), how=st.sampled_from(["alone", "with others", "misspelt"]))
     def refuse(self, data: Any, how: str) -> None:
         self.counts["step: refuse"] += 1
@@ -325,10 +322,12 @@ class Machine(RuleBasedStateMachine):
         assert node.stage.settings == node.settings
         assert node.stage.GetMTime() == changed
 
+    @precondition(lambda self: self.held)
     @rule(data=st.data(), time=st.sampled_from(TIMES))
     def update(self, data: Any, time: float | None) -> None:
         self.bring(pick(data, self.held), time)
 
+    @precondition(lambda self: self.held)
     @rule(data=st.data(), time=st.sampled_from(TIMES))
     def update_end(self, data: Any, time: float | None) -> None:
         ends = [node for node in self.held if not any(node in n.above for n in self.nodes)]
