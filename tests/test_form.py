@@ -14,11 +14,11 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw import form
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.form import Sheet, sides_seen
+from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.draw.surface_actor import natural_span, scale_share
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.scenes.scene import Scene
 
 YARNS = 64
@@ -216,12 +216,12 @@ def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPa
 
 def test_facets_are_as_many_as_can_be_seen() -> None:
     for pixels in (0.1, 1.0, 8.0, 30.0, 64.0):
-        sides = sides_seen(1.0, pixels)
+        sides = sides_seen(pixels)
         for count, fits in ((sides, True), (sides - 1, False)):
             if count:
                 bulge = 0.5 * pixels * (1.0 - math.cos(math.pi / 4 / count))
                 assert (bulge <= 0.3) is fits, (pixels, count)
-    assert sides_seen(1.0, 1e6) == 12
+    assert sides_seen(1e6) == 12
 
 
 def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:

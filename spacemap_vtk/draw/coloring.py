@@ -34,7 +34,7 @@ _SCALES = {
 def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
     """Return the number at each point of a surface that its colour shows."""
     if color == "clearance":
-        return clearances(surface)
+        return _kept_clearances(surface)
     name, of_cells = COLORINGS[color].array, surface.GetCellData()
     array = surface.GetPointData().GetArray(name)
     if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
@@ -118,6 +118,21 @@ def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
     values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
     values[_corners(surface)] = of_cells[:, None]
     return values
+
+
+#: What was measured last, and when what it was measured of was made.
+_last: tuple[tuple[int, ...], NDArray[np.float32] | None] = (), None
+
+
+def _kept_clearances(surface: vtkPolyData) -> NDArray[np.float32] | None:
+    """Return the distances of a surface that others may have asked for: a scale, its picture."""
+    global _last
+    # No two things of VTK's have been made or changed at one time of its clock.
+    parts = surface.GetPoints(), surface.GetPointData().GetNormals(), surface.GetPolys()
+    made = tuple(0 if part is None else part.GetMTime() for part in parts)
+    if _last[0] != made:
+        _last = made, clearances(surface)
+    return _last[1]
 
 
 def clearances(

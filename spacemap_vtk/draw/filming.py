@@ -16,6 +16,7 @@ from contextlib import closing, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
+from math import prod
 from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Any
@@ -33,14 +34,14 @@ from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.picture import Extent, Picture, over_motion
+from spacemap_vtk.draw.picture import Extent, Picture, choosing, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
-from spacemap_vtk.scenes.footprint import fits_picture, picture_bytes
+from spacemap_vtk.scenes.footprint import Asked, fits_picture, picture_bytes
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, vanishing
@@ -80,6 +81,11 @@ class FilmJob:
         settings = {name: part.settings for name, part in scene.parts.items()}
         times = tuple(scene.animation.frame_times())
         return cls(scene.file, settings, scene.given, times, size, tuple(panels), place)
+
+    @property
+    def asked(self) -> Asked:
+        """What it takes its memory for."""
+        return Asked(self.size, len(self.times), self.panels)
 
     def scene(self) -> Scene:
         """Return the scene, not yet run."""
@@ -317,7 +323,8 @@ def _drawn_by(
     """Let processes draw frames, and yield what reads each."""
     prepare_offscreen()
     # What is solved here they find in the cache.
-    extent = over_motion(scene, job.times, _sheet(scene, job))
+    choose = choosing(scene, job.size, job.panels, job.place)
+    extent = over_motion(scene, job.times, _sheet(scene, job), choose)
     tasks = [(job, kept, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
@@ -355,17 +362,15 @@ def _count(scene: Scene, job: FilmJob, frames: int, asked: int | None) -> int:
     """Return how many processes draw frames."""
     if asked == 1 or not frames:
         return 1
-    width, height = job.size
     if _sheet(scene, job) is not None:
         return asked or 1  # drawn piece by piece, it keeps the cores busy
-    need = picture_bytes(scene, width * height, len(job.times)) if scene.woven else 0
-    return process_count(frames, frames * width * height // _WORTHWHILE, need, asked)
+    need = picture_bytes(scene, job.asked) if scene.woven else 0
+    return process_count(frames, frames * prod(job.size) // _WORTHWHILE, need, asked)
 
 
 def _sheet(scene: Scene, job: FilmJob) -> Sheet | None:
     """Return what stands for yarns that are not in memory together."""
-    width, height = job.size
-    return Sheet.of(scene, fits_picture(scene, width * height, len(job.times)))
+    return Sheet.of(scene, fits_picture(scene, job.asked))
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,14 @@ from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
+from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.footprint import fits_picture, require_picture, require_sheet
+from spacemap_vtk.scenes.footprint import (
+    Asked,
+    fits_picture,
+    require_picture,
+    require_sheet,
+)
 from spacemap_vtk.scenes.scene import Scene
 
 #: Below so many pixels a yarn is not seen as one.
@@ -31,8 +36,6 @@ SMALLEST_YARN = 2.0
 _MANY_PATCHES = 300_000
 #: More quadrilaterals are a mistake in their number: they take minutes.
 _MOST_QUADS = 500_000_000
-#: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
-_CHORD, _MOST_SIDES = 0.3, 12
 #: Diameters in pixels from which on plies are made, and fibres are shaded.
 _PLIED, _STRANDS = 16.0, 10.0
 #: Most quadrilaterals along each side of a sheet: some pixels each, and so fine as cages bend.
@@ -62,6 +65,8 @@ class Sheet:
             self.cloth: Cloth = scene.weave.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
         self._flat = self.moved = sheet_of(self.cloth, self.cells)
+        #: Facets of a patch that is measured: those of the yarns that are drawn, if any are.
+        self.sides = AUTOMATIC_SIDES
         #: What the colours show at each crossing, (2 or 1, picks, ends); None: nothing of them.
         self.crossings: NDArray[Any] | None = None
         #: Numbers that have the ends of the scale; None: those of the crossings.
@@ -83,17 +88,18 @@ class Sheet:
             return None  # the stage says why
         sides = scene.surface.subdivisions
         few = _MANY_PATCHES if few is None else few
-        many = not fits or (sides is None and patches > few)
-        return cls(scene, patches) if many and patches * (sides or 1) ** 2 < _MOST_QUADS else None
+        if sides is not None and patches * sides**2 >= _MOST_QUADS:
+            return None
+        return cls(scene, patches) if not fits or (sides is None and patches > few) else None
 
     @classmethod
-    def required(cls, scene: Scene, pixels: int, frames: int = 1) -> Sheet | None:
-        """Return the sheet for pictures of so many pixels, as `of` does; refuse too large ones."""
-        sheet = cls.of(scene, fits_picture(scene, pixels, frames))
+    def required(cls, scene: Scene, asked: Asked) -> Sheet | None:
+        """Return the sheet for pictures, as `of` does; refuse too large ones."""
+        sheet = cls.of(scene, fits_picture(scene, asked))
         if sheet is None:
-            require_picture(scene, pixels, frames)
+            require_picture(scene, asked)
         else:
-            require_sheet(scene, pixels)
+            require_sheet(scene, asked)
         return sheet
 
     def serves(self, scene: Scene) -> bool:
@@ -115,11 +121,19 @@ class Sheet:
         cage = self._scene.cage
         return cage.method in ("carved", "tetwild") and any(cage is s for s in self._scene.stages)
 
-    def update(self, time: float) -> vtkPolyData:
-        """Return the sheet at a time [s]."""
+    def place(self, time: float) -> vtkPolyData:
+        """Return where the sheet is at a time [s]."""
         scene = self._scene
         scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one)
-        return self.ride(scene.deformed_cage if scene.moves else None)
+        if scene.moves:
+            self._move(scene.deformed_cage)
+        return self.moved
+
+    def update(self, time: float) -> vtkPolyData:
+        """Return the sheet at a time [s], with what its crossings do."""
+        self.place(time)
+        self._cross(self._scene.deformed_cage if self._scene.moves else None, coarse=False)
+        return self.moved
 
     def ride(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
         """Return the sheet where a cage takes it; without one it lies still."""
@@ -162,8 +176,9 @@ class Sheet:
         rows = self.cells[1] + 1, self.cells[0] + 1, 3
         points = points_of(self.moved).astype(np.float64).reshape(rows)
         settings = [s.settings for s in self._scene.stages if s.makes == "object"]
+        settings.append({"sides": self.sides})
         if self._sampled is None or settings != self._settings:
-            self._sampled, self._settings = SampledClearances(self._scene), settings
+            self._sampled, self._settings = SampledClearances(self._scene, self.sides), settings
         rest = points_of(self._flat).astype(np.float64).reshape(rows)
         return self._sampled.at(cage, strains_of(points, rest), self.crimp)
 
@@ -193,22 +208,11 @@ def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int
     return pixels_of(camera, height) * camera.GetDistance() / near
 
 
-def sides_seen(diameter: float, scale: float) -> int:
-    """Return how many facets a quarter of a yarn needs to look round at so many pixels a metre."""
-    radius = 0.5 * diameter * scale
-    if radius <= _CHORD:
-        return 1
-    half = math.acos(1.0 - _CHORD / radius)
-    return max(1, min(_MOST_SIDES, math.ceil(math.pi / 4 / half)))
-
-
 def form_seen(cloth: Cloth, scale: float) -> tuple[int, bool]:
     """Return what `PatchTessellator.choose` takes: facets, and whether fibres are seen."""
     thickest = max(float(np.max(threads.diameter)) for threads in cloth.threads)
     plies = max(int(np.max(threads.plies)) for threads in cloth.threads)
-    sides = sides_seen(thickest, scale)
     # A flattened yarn's diameter is its height: seen is its width.
-    thickest = max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
-    if plies > 1 and thickest * scale > _PLIED:  # their outline is as many times as curved
-        sides = min(_MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
-    return sides, thickest * scale > _STRANDS
+    widest = max(float(np.max(threads.diameter)) * threads.aspect for threads in cloth.threads)
+    sides = sides_seen(thickest * scale, plies if widest * scale > _PLIED else 1)
+    return sides, widest * scale > _STRANDS

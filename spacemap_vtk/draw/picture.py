@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPointSet
+from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Viewpoint, aim, metres_from, pixels_of, upward
@@ -26,22 +27,22 @@ from spacemap_vtk.draw.shading import contact_shade, part_with
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import require_picture
+from spacemap_vtk.scenes.footprint import (
+    SAMPLES,
+    Asked,
+    grain_of,
+    panels_of,
+    require_picture,
+    widths_of,
+)
 from spacemap_vtk.scenes.scene import Scene
 
 Image = NDArray[np.uint8]
 #: Points that span a motion, (n, 3), and the ends of its scale.
 Extent = tuple[NDArray[np.float64], Span | None]
 
-#: A pixel of the picture is the mean of a block of drawn ones, this many wide and high. Two show
-#: yarns in shadows, which know one depth for each, as well as with four of OpenGL's samples in
-#: each, and in a third of the time; so do three without shadows, and four a cage's thin lines.
-#: Lines before yarns are drawn with samples.
-_BLOCK, _BLOCK_UNSHADED, _BLOCK_OF_LINES, _SAMPLES = 2, 3, 4, 4
 #: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
 _FINE = 4.0
-#: Longest side of what is drawn so large, in pixels of the picture: graphics cards know a largest.
-_LARGE = 2048
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
 _USUAL, _LEAST = 960, 0.6
 
@@ -104,45 +105,39 @@ class Picture:
         self._place, self._bare, self._clear = place, bare, bare or clear
         self.scene = scene
         width, height = size or picture_size(scene)
-        demand = width * height, len(times)
-        sheet = Sheet.required(scene, *demand)
-        chosen = scene.view.show if scene.moves else "fabric"
-        panels = show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
-        room, self._span = extent or over_motion(scene, times, sheet)
+        panels = panels_of(scene, show)
+        self._asked = Asked((width, height), len(times), panels)
+        sheet = Sheet.required(scene, self._asked)
+        choose = choosing(scene, (width, height), show, place, bare)
+        room, self._span = extent or over_motion(scene, times, sheet, choose)
         self._relief = relief_of(scene)
-        # The last panel takes the pixels that do not divide evenly.
-        widths = [width // len(panels)] * len(panels)
-        widths[-1] += width - sum(widths)
         self.panels: list[_Panel] = []
-        for panel, w in zip(panels, widths, strict=True):
+        for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
             self.panels.append(self._panel(scene, panel, (w, height), room))
         #: What all yarns are in; None: they are few, and in memory together.
         self.sheet = sheet
         #: What makes the yarns one piece after another; None: they are together, or not seen.
         self.pieces: DrawnPieces | None = None
         self._choose_form(room, height)
-        if self.pieces is not None:
-            require_picture(scene, *demand, self.pieces.count)
-        self._cut = cut_of(scene.view, scene.polygons if sheet is None else sheet.moved)
+        self._cut = cut_of(scene.view, scene.patches if sheet is None else sheet.moved)
 
     def _choose_form(self, room: NDArray[np.float64], height: int) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
         if not scene.woven:
             return
-        cloth, automatic = scene.weave.cloth, scene.surface.subdivisions is None
-        scale = pixels_per_metre(camera, room, height)
-        sides, strands = form_seen(cloth, scale)
-        scene.surface.choose(sides, strands)
-        pixels = scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
-        if pixels < _FINE:
-            self.panels[-1].window.render_window.SetMultiSamples(_SAMPLES)
+        strands, pixels = _choose_facets(scene, room, camera, height)
+        fine = pixels < _FINE
+        asked = self._asked._replace(sides=scene.surface.sides, fine=fine)
+        if fine:
+            self.panels[-1].window.render_window.SetMultiSamples(SAMPLES)
         if self.sheet is None:
-            return
-        if automatic and pixels < SMALLEST_YARN:
+            require_picture(scene, asked)
+        elif scene.surface.subdivisions is None and pixels < SMALLEST_YARN:
             scene.warn(f"drawn as a sheet: a yarn is {pixels:.2g} pixels")
         else:
             self.pieces = DrawnPieces(scene, scene.surface.sides, strands)
+            require_picture(scene, asked, self.pieces.count)
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
@@ -243,11 +238,7 @@ class Picture:
         view = scene.view
         look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
-        block, samples = _BLOCK, _SAMPLES
-        if panel == "fabric" and shaded:
-            samples = 0
-        elif panel != "both" and max(size) <= _LARGE:
-            block, samples = _BLOCK_UNSHADED if panel == "fabric" else _BLOCK_OF_LINES, 0
+        block, samples = grain_of(panel, shaded, size)
         window = Offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
         # Dots and lines grow with the picture, as letters do, down to where they can be seen.
@@ -259,11 +250,7 @@ class Picture:
             window.add_in_front(shown.loads.through)
         # Panels side by side are of one scale, so all leave the room that one needs for numbers.
         room = 0.0 if self._span is None or self._bare else scale_share(size)
-        camera = window.camera
-        aspect = (1 - room) * size[0] / size[1]
-        aim(camera, extent, aspect, camera_of(scene), view.zoom)
-        if self._place is not None:
-            self._place.take(camera)
+        _aim(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
         behind = gradient(size, view.look.below, view.look.above)
         if self._clear:
             behind = nothing(size)
@@ -275,39 +262,102 @@ class Picture:
             panel.window.close()
 
 
-def over_motion(scene: Scene, times: Sequence[float], sheet: Sheet | None = None) -> Extent:
-    """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
+def _aim(
+    scene: Scene,
+    camera: vtkCamera,
+    room: NDArray[np.float64],
+    aspect: float,
+    place: Viewpoint | None,
+) -> None:
+    """Place a camera where a scene's picture is seen from, or where somebody says."""
+    aim(camera, room, aspect, camera_of(scene), scene.view.zoom)
+    if place is not None:
+        place.take(camera)
+
+
+def _choose_facets(
+    scene: Scene, room: NDArray[np.float64], camera: vtkCamera, height: int
+) -> tuple[bool, float]:
+    """Choose facets by what is seen of a yarn; return whether fibres are, and a yarn's pixels."""
+    cloth, scale = scene.weave.cloth, pixels_per_metre(camera, room, height)
+    sides, strands = form_seen(cloth, scale)
+    scene.surface.choose(sides, strands)
+    return strands, scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
+
+
+def choosing(
+    scene: Scene,
+    size: tuple[int, int],
+    show: Sequence[str] = (),
+    place: Viewpoint | None = None,
+    bare: bool = False,
+) -> Callable[[NDArray[np.float64]], float]:
+    """Return what lets a scene have the facets of pictures of some points, see `over_motion`."""
+
+    def choose(room: NDArray[np.float64]) -> float:
+        if not scene.woven:
+            return 0.0
+        camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
+        scaled = COLORINGS[scene.view.color].numbers and not bare
+        share = scale_share((width, size[1])) if scaled else 0.0
+        _aim(scene, camera, room, (1 - share) * width / size[1], place)
+        return _choose_facets(scene, room, camera, size[1])[1]
+
+    return choose
+
+
+def over_motion(
+    scene: Scene,
+    times: Sequence[float],
+    sheet: Sheet | None = None,
+    choose: Callable[[NDArray[np.float64]], float] | None = None,
+) -> Extent:
+    """Return points that span the scene over some of the times, (n, 3), and its scale's ends.
+
+    The scale is that of the facets that `choose` chooses for these points, where nobody has said
+    how many there are to be, and which has the pixels of a yarn.
+    """
     sheet = sheet or Sheet.of(scene)
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[NDArray[np.floating]] = []
-    ends: list[float] = []
     for time in chosen:
         if sheet is not None:
-            drawn = sheet.update(time)
-            clouds.append(points_of(drawn))
+            clouds.append(points_of(sheet.place(time)))
         else:
-            scene.update(time)
-            drawn = scene.polygons
+            scene.update_stage(scene.stage("warp") or scene.source, time)
             clouds.append(_some(_points(scene.patches)))
         arrows = arrows_of(scene, time) if scene.view.loads else None
         if arrows is not None:
             clouds.append(arrows.reach)
-        numbers = measure(drawn, scene.view.color)
-        if sheet is not None and numbers is None and COLORINGS[scene.view.color].numbers:
-            numbers = sheet.crossings if sheet.ends is None else sheet.ends
-        if numbers is not None:
-            ends += [float(numbers.min()), float(numbers.max())]
         if scene.moves:
             clouds.append(moved_points(scene.deformed_cage))
     if scene.view.ghost:
-        clouds.append(_some(rest_of(drawn)))
+        clouds.append(_some(rest_of(scene.patches if sheet is None else sheet.moved)))
     room = np.concatenate(clouds, dtype=np.float64)
     if scene.view.ground:
         up, shadow = upward(camera_of(scene)), room.copy()
         shadow[:, up] = room[:, up].min()
         room = np.concatenate([room, shadow])
+    # Facets cost more than what moves them: they are made once it is known how many, if at all.
+    pixels = 0.0 if choose is None else choose(room)
+    if sheet is not None and pixels >= SMALLEST_YARN:
+        sheet.sides = scene.surface.sides
+    numbered = COLORINGS[scene.view.color].numbers
+    ends = [end for time in chosen for end in _ends(scene, time, sheet)] if numbered else []
     return room, natural_span(np.array(ends)) if ends else None
+
+
+def _ends(scene: Scene, time: float, sheet: Sheet | None) -> list[float]:
+    """Return the least and the largest number that colours show at a time, if any."""
+    if sheet is None:
+        scene.update(time)
+        numbers = measure(scene.polygons, scene.view.color)
+    else:
+        numbers = measure(sheet.update(time), scene.view.color)
+        if numbers is None:
+            numbers = sheet.crossings if sheet.ends is None else sheet.ends
+    return [] if numbers is None else [float(numbers.min()), float(numbers.max())]
 
 
 def together(extents: Sequence[Extent]) -> Extent:

@@ -24,7 +24,7 @@ from spacemap_vtk.fabric.partition import telling_parts
 from spacemap_vtk.fabric.point_clearance import crossing_means, spread_over
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, PatchTessellator
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.scene import Scene
 
@@ -170,9 +170,9 @@ class Clearances(NamedTuple):
 class SampledClearances:
     """How far the yarns of a cloth are from one another, from tiles that hold all its weaves."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, sides: int) -> None:
         self._stages = OwnStages(scene)
-        self._stages.surface.choose(AUTOMATIC_SIDES)
+        self._stages.surface.choose(sides)
         self._parts, self._weaves, _ = telling_parts(self._stages.cloth, _MOST)
         #: What was found last, and for which cage.
         self._last: tuple[NDArray[Any], Clearances | None] | None = None

@@ -42,6 +42,8 @@ from spacemap_vtk.parameters import Integer
 STRANDS = "strands"
 #: Subdivisions where nobody says how many, and nobody knows how large a patch is seen.
 AUTOMATIC_SIDES = 4
+#: How far a facet may be from what is round, in pixels, and most of them along a quarter circle.
+_CHORD, _MOST_SIDES = 0.3, 12
 
 
 class PatchTessellator(Stage):
@@ -170,6 +172,30 @@ class PatchTessellator(Stage):
         if self._kept is None or not self._kept.serves(grid, self.sides):
             self._kept = _Patches(grid, self.sides)
         return self._kept
+
+
+def sides_seen(pixels: float, plies: int = 1) -> int:
+    """Return how many facets a quarter of a yarn of some pixels needs to look round.
+
+    Parameters
+    ----------
+    pixels : float
+        Its diameter.
+    plies : int, optional
+        That make its outline.
+
+    Returns
+    -------
+    int
+        Subdivisions.
+    """
+    radius = 0.5 * pixels
+    if radius <= _CHORD:
+        return 1
+    sides = max(1, min(_MOST_SIDES, math.ceil(math.pi / 4 / math.acos(1.0 - _CHORD / radius))))
+    if plies > 1:  # the outline is as many times as curved
+        sides = min(_MOST_SIDES, max(2 * plies, math.ceil(1.5 * sides)))
+    return sides
 
 
 def polygons_of(data: vtkDataSet) -> vtkPolyData:
