@@ -16,21 +16,20 @@ from spacemap_vtk.draw import form
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
-from spacemap_vtk.scenes.footprint import picture_bytes, require_picture, sheet_bytes
+from spacemap_vtk.scenes.footprint import Asked, picture_bytes, require_picture, sheet_bytes
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
 import json, resource, sys
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
-from spacemap_vtk.scenes.footprint import picture_bytes, sheet_bytes
+from spacemap_vtk.scenes.footprint import Asked, picture_bytes, sheet_bytes
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
-scene, size, times = Scene(json.loads(sys.argv[1])), (640, 480), json.loads(sys.argv[2])
+scene, times, size = Scene(json.loads(sys.argv[1])), json.loads(sys.argv[2]), (640, 480)
+asked = Asked(size, len(times))
 small = scene.surface.subdivisions is None and scene.weave.cloth.size[0] > 600
-estimate = sheet_bytes(scene, size[0] * size[1]) if small else picture_bytes(
-    scene, size[0] * size[1], len(times)
-)
+estimate = sheet_bytes(scene, asked) if small else picture_bytes(scene, asked)
 with open("/proc/self/statm") as stream:
     before = int(stream.read().split()[1]) * resource.getpagesize()
 picture = Picture(scene, times, size)
@@ -47,19 +46,27 @@ print(json.dumps([estimate, peak, "llvmpipe" in renderer]))
 
 @pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
 @pytest.mark.parametrize(
-    ("yarns", "subdivisions", "moves", "times"),
+    ("yarns", "subdivisions", "moves", "times", "view"),
     [
-        (120, 2, False, [0.0]),
-        pytest.param(120, 2, True, [0.1, 0.2], marks=pytest.mark.nightly),
-        pytest.param(200, 1, False, [0.0], marks=pytest.mark.nightly),
-        (800, "auto", False, [0.0]),
-        pytest.param(2000, "auto", True, [0.1], marks=pytest.mark.nightly),
+        (10, "auto", False, [0.0], {}),
+        (120, 2, False, [0.0], {}),
+        pytest.param(120, 2, True, [0.1, 0.2], {}, marks=pytest.mark.nightly),
+        pytest.param(200, 1, False, [0.0], {}, marks=pytest.mark.nightly),
+        pytest.param(60, 4, False, [0.0], {}, marks=pytest.mark.nightly),
+        pytest.param(60, 4, False, [0.0], {"color": "clearance"}, marks=pytest.mark.nightly),
+        pytest.param(60, "auto", True, [0.1], {"color": "velocity"}, marks=pytest.mark.nightly),
+        (10, "auto", True, [0.1], {"show": "side by side"}),
+        pytest.param(10, "auto", True, [0.1], {"show": "both"}, marks=pytest.mark.nightly),
+        (800, "auto", False, [0.0], {}),
+        pytest.param(800, "auto", True, [0.1], {"color": "clearance"}, marks=pytest.mark.nightly),
+        pytest.param(2000, "auto", True, [0.1], {}, marks=pytest.mark.nightly),
     ],
 )
 def test_the_estimate_is_what_a_run_takes(
-    yarns: int, subdivisions: int | str, moves: bool, times: list[float]
+    yarns: int, subdivisions: int | str, moves: bool, times: list[float], view: dict[str, str]
 ) -> None:
     values = {
+        "view": view,
         "weave": {"ends": yarns, "picks": yarns},
         "surface": {"subdivisions": subdivisions},
         **({"response": {}} if moves else {}),
@@ -76,6 +83,7 @@ def test_the_estimate_is_what_a_run_takes(
     estimate, peak, software = json.loads(done.stdout)
     assert estimate > 0.9 * peak
     if software:
+        print(f"{values}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
         assert estimate < 1.3 * peak
 
 
@@ -84,8 +92,9 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
 ) -> None:
     # Of yarns that are drawn one after another there would be too many facets.
     monkeypatch.setattr(form, "_MOST_QUADS", 0)
-    scene = Scene({"weave": {"ends": 60, "picks": 60}, "response": {}})
-    size = picture_bytes(scene, 640 * 480)
+    weave = {"ends": 60, "picks": 60}
+    scene = Scene({"weave": weave, "surface": {"subdivisions": 4}, "response": {}})
+    size = picture_bytes(scene, Asked((640, 480)))
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: int(0.7 * size))
     with pytest.raises(SizeError) as caught:
         Picture(scene, [0.1], (640, 480))
@@ -96,17 +105,17 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     assert found is not None
     # What the message says will do does.
     scene.surface.subdivisions = int(found[1])
-    require_picture(scene, 640 * 480)
+    require_picture(scene, Asked((640, 480)))
     scene.surface.subdivisions = 4
     scene.weave.ends = scene.weave.picks = int(found[2])
-    require_picture(scene, 640 * 480)
+    require_picture(scene, Asked((640, 480)))
     with pytest.raises(SizeError, match="a film of"):
-        require_picture(scene, 640 * 480, frames=100)
+        require_picture(scene, Asked((640, 480), 100))
 
 
 def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 800, "picks": 800}})
-    size = sheet_bytes(scene, 640 * 480)
+    size = sheet_bytes(scene, Asked((640, 480)))
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size)
     with pytest.raises(
         SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"

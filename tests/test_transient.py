@@ -327,6 +327,15 @@ def test_what_steps_cannot_have_is_refused() -> None:
         Stepped(cage).at(float("nan"))
 
 
+def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
+    points, cells = lattice((0, 1, 0, 1, 0, 1), (1, 1, 1))
+    held = np.repeat(points[:, 2:] > 0.5, 3, axis=1)
+    motion = Stepped(cage_of(Model(points, cells, isotropic(1e4, 0.3), 300.0, held)))
+    with pytest.raises(SizeError, match=r"5e\+13 steps or more, up to 1e\+12 s, would need"):
+        motion.at(1e12)
+    assert len(motion.rows) == 1
+
+
 def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = pendulum(30, tolerance=1.0, max_step=0.004)
     monkeypatch.setattr(memory, "SMALL", 0)

@@ -197,6 +197,8 @@ class Stepped(Motion):
         ------
         InputError
             If the time is not a finite number.
+        SizeError
+            If memory does not hold the steps up to it.
         SolverError
             If no step leads on, however short.
         """
@@ -205,6 +207,12 @@ class Stepped(Motion):
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
         first = self.reached
+        least = min(max(time - first, 0.0) / self.max_step, 1e30)
+        require(
+            round(least) * self._rows[0].nbytes,
+            f"{least:.3g} steps or more, up to {time:g} s,",
+            cure="Ask for an earlier time, or allow longer steps (max_step).",
+        )
         with blas_threads.one():
             while self.reached <= time:
                 self._step()

@@ -31,7 +31,7 @@ _BLOCK, _BLOCK_UNSHADED, _BLOCK_OF_LINES, SAMPLES = 2, 3, 4, 4
 _LARGE = 2048
 #: OpenGL's libraries, and what compiles shaders; what a pixel takes that is drawn, read and made
 #: part of a smaller picture; its shade; and its colour and depth once more for each sample.
-_GRAPHICS, _DRAWN, _SHADE, _SAMPLE = 92_000_000, 42, 15, 8
+_GRAPHICS, _DRAWN, _SHADE, _SAMPLE = 100_000_000, 42, 15, 8
 #: What OpenGL holds of a quadrilateral: two triangles' corners, and whose they are; and of a point
 #: of the surface: place and normal, once more in VTK's own copy.
 _QUAD, _POINT = 40, 48
@@ -50,7 +50,7 @@ _TREES = 25_000_000
 #: crossing, where that is shown; what tiles take in which clearances are measured, and a crossing
 #: then.
 _TEXELS, _SHEET, _MOVED, _CROSSED = 40, 75_000_000, 70_000_000, 800
-_TILES, _MEASURED = 350_000_000, 240
+_TILES, _MEASURED = 120_000_000, 145
 #: What rides along with three numbers a point.
 _VECTORS = ("velocity", "acceleration", "equilibrium", "linear_displacement")
 #: Runs of the same picture differ by a tenth, and it is better to refuse than to be killed.
