@@ -339,9 +339,10 @@ def test_a_time_beyond_all_memory_is_refused_before_a_step() -> None:
 def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     motion = pendulum(30, tolerance=1.0, max_step=0.004)
     monkeypatch.setattr(memory, "SMALL", 0)
-    monkeypatch.setattr(memory, "available", lambda: 1000)
+    # Enough for 75 steps, not for twice the 64 that there is room for at first.
+    monkeypatch.setattr(memory, "available", lambda: motion.rows[0].nbytes * 100)
     with pytest.raises(SizeError, match=r"keeping more than 64 steps of 30 degrees.*coarser cage"):
-        motion.reach(1.0)
+        motion.reach(0.3)
     reached = motion.reached
     monkeypatch.undo()
     motion.reach(reached + 0.01)

@@ -312,11 +312,9 @@ def over_motion(
     sheet: Sheet | None = None,
     choose: Callable[[NDArray[np.float64]], float] | None = None,
 ) -> Extent:
-    """Return points that span the scene over some of the times, (n, 3), and its scale's ends.
-
-    The scale is that of the facets that `choose` chooses for these points, where nobody has said
-    how many there are to be, and which has the pixels of a yarn.
-    """
+    """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
+    # The scale is that of the facets that `choose` chooses for these points; it returns the pixels
+    # from yarn to yarn.
     sheet = sheet or Sheet.of(scene)
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
