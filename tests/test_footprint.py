@@ -16,18 +16,18 @@ from spacemap_vtk.draw import form
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
-from spacemap_vtk.scenes.footprint import Asked, picture_bytes, require_picture, sheet_bytes
+from spacemap_vtk.scenes.footprint import PictureAsked, picture_bytes, require_picture, sheet_bytes
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
 import json, resource, sys
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
-from spacemap_vtk.scenes.footprint import Asked, picture_bytes, sheet_bytes
+from spacemap_vtk.scenes.footprint import PictureAsked, picture_bytes, sheet_bytes
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
 
 scene, times, size = Scene(json.loads(sys.argv[1])), json.loads(sys.argv[2]), (640, 480)
-asked = Asked(size, len(times))
+asked = PictureAsked(size, len(times))
 small = scene.surface.subdivisions is None and scene.weave.cloth.size[0] > 600
 estimate = sheet_bytes(scene, asked) if small else picture_bytes(scene, asked)
 with open("/proc/self/statm") as stream:
@@ -94,7 +94,7 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     monkeypatch.setattr(form, "_MOST_QUADS", 0)
     weave = {"ends": 60, "picks": 60}
     scene = Scene({"weave": weave, "surface": {"subdivisions": 4}, "response": {}})
-    size = picture_bytes(scene, Asked((640, 480)))
+    size = picture_bytes(scene, PictureAsked((640, 480)))
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: int(0.7 * size))
     with pytest.raises(SizeError) as caught:
         Picture(scene, [0.1], (640, 480))
@@ -105,17 +105,17 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     assert found is not None
     # What the message says will do does.
     scene.surface.subdivisions = int(found[1])
-    require_picture(scene, Asked((640, 480)))
+    require_picture(scene, PictureAsked((640, 480)))
     scene.surface.subdivisions = 4
     scene.weave.ends = scene.weave.picks = int(found[2])
-    require_picture(scene, Asked((640, 480)))
+    require_picture(scene, PictureAsked((640, 480)))
     with pytest.raises(SizeError, match="a film of"):
-        require_picture(scene, Asked((640, 480), 100))
+        require_picture(scene, PictureAsked((640, 480), 100))
 
 
 def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 800, "picks": 800}})
-    size = sheet_bytes(scene, Asked((640, 480)))
+    size = sheet_bytes(scene, PictureAsked((640, 480)))
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size)
     with pytest.raises(
         SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"

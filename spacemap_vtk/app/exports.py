@@ -34,7 +34,7 @@ from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.output import whole_folder
 from spacemap_vtk.io.registry import DATA, name_filter, writable, written, written_filters
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import Asked
+from spacemap_vtk.scenes.footprint import PictureAsked
 
 #: Milliseconds that a process which is ended has for ending its own.
 _PATIENCE = 500
@@ -171,7 +171,7 @@ class Exports(QObject):
         process = self._process
         if process is not None:
             self._error = Cancelled("the export was stopped")
-            # Asked first: processes of its own, which draw and encode, it ends itself.
+            # PictureAsked first: processes of its own, which draw and encode, it ends itself.
             process.terminate()
             QTimer.singleShot(_PATIENCE, process, process.kill)
 
@@ -209,7 +209,7 @@ class Exports(QObject):
 
         def check(path: Path, size: tuple[int, int], frames: int) -> None:
             Order(kind, _numbered(kind, path))
-            Sheet.required(scene, Asked(size, frames))
+            Sheet.required(scene, PictureAsked(size, frames))
 
         sizes = {"Window": seen, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._proposal(ending), scene.view.transparent

@@ -41,7 +41,7 @@ from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
-from spacemap_vtk.scenes.footprint import Asked, fits_picture, picture_bytes
+from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, picture_bytes
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, vanishing
@@ -83,9 +83,9 @@ class FilmJob:
         return cls(scene.file, settings, scene.given, times, size, tuple(panels), place)
 
     @property
-    def asked(self) -> Asked:
+    def asked(self) -> PictureAsked:
         """What it takes its memory for."""
-        return Asked(self.size, len(self.times), self.panels)
+        return PictureAsked(self.size, len(self.times), self.panels)
 
     def scene(self) -> Scene:
         """Return the scene, not yet run."""

@@ -23,7 +23,7 @@ from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import (
-    Asked,
+    PictureAsked,
     fits_picture,
     require_picture,
     require_sheet,
@@ -93,7 +93,7 @@ class Sheet:
         return cls(scene, patches) if not fits or (sides is None and patches > few) else None
 
     @classmethod
-    def required(cls, scene: Scene, asked: Asked) -> Sheet | None:
+    def required(cls, scene: Scene, asked: PictureAsked) -> Sheet | None:
         """Return the sheet for pictures, as `of` does; refuse too large ones."""
         sheet = cls.of(scene, fits_picture(scene, asked))
         if sheet is None:

@@ -29,7 +29,7 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import (
     SAMPLES,
-    Asked,
+    PictureAsked,
     grain_of,
     panels_of,
     require_picture,
@@ -106,7 +106,7 @@ class Picture:
         self.scene = scene
         width, height = size or picture_size(scene)
         panels = panels_of(scene, show)
-        self._asked = Asked((width, height), len(times), panels)
+        self._asked = PictureAsked((width, height), len(times), panels)
         sheet = Sheet.required(scene, self._asked)
         choose = choosing(scene, (width, height), show, place, bare)
         room, self._span = extent or over_motion(scene, times, sheet, choose)

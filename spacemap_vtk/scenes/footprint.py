@@ -57,7 +57,7 @@ _VECTORS = ("velocity", "acceleration", "equilibrium", "linear_displacement")
 _MARGIN = 1.1
 
 
-class Asked(NamedTuple):
+class PictureAsked(NamedTuple):
     """What pictures are to be."""
 
     #: In pixels.
@@ -93,7 +93,7 @@ def grain_of(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]
     return _BLOCK, SAMPLES
 
 
-def _pixel_bytes(scene: Scene, asked: Asked) -> int:
+def _pixel_bytes(scene: Scene, asked: PictureAsked) -> int:
     """Return what windows and the pictures in them take."""
     panels, total = panels_of(scene, asked.panels), 0
     for panel, width in zip(panels, widths_of(asked.size[0], len(panels)), strict=True):
@@ -114,12 +114,12 @@ def drawing_bytes(quads: int, points: int) -> int:
     return _QUAD * quads + _POINT * points + min(_SORTED * quads, _RUNS * _RUN)
 
 
-def picture_bytes(scene: Scene, asked: Asked) -> int:
+def picture_bytes(scene: Scene, asked: PictureAsked) -> int:
     """Return what it takes to draw the fabric of a scene, from the weave to the picture."""
     return _picture_bytes(scene, scene.weave.counts, _sides(scene, asked), asked)
 
 
-def _sides(scene: Scene, asked: Asked) -> int:
+def _sides(scene: Scene, asked: PictureAsked) -> int:
     """Return how many facets patches have along each side, or about how many can be seen."""
     if asked.sides or scene.surface.subdivisions:
         return asked.sides or scene.surface.sides
@@ -131,7 +131,7 @@ def _sides(scene: Scene, asked: Asked) -> int:
     return patch_tessellator.sides_seen(scale * scene.view.zoom * thickest)
 
 
-def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: Asked) -> int:
+def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: PictureAsked) -> int:
     quads, points = counts.patches * n**2, counts.patches * (n + 1) ** 2
     warp, columns, view, films = scene.warp, 0, scene.view, asked.frames > 1
     if scene.moves:
@@ -160,7 +160,7 @@ def _picture_bytes(scene: Scene, counts: Counts, n: int, asked: Asked) -> int:
     return total + (drawn + measured if films else max(drawn, measured))
 
 
-def fits_picture(scene: Scene, asked: Asked) -> bool:
+def fits_picture(scene: Scene, asked: PictureAsked) -> bool:
     """Return whether pictures fit into memory if all yarns are there together."""
     try:
         require_picture(scene, asked)
@@ -169,7 +169,7 @@ def fits_picture(scene: Scene, asked: Asked) -> bool:
     return True
 
 
-def require_picture(scene: Scene, asked: Asked, pieces: int = 1) -> None:
+def require_picture(scene: Scene, asked: PictureAsked, pieces: int = 1) -> None:
     """Refuse pictures that would not fit into memory, before any is taken."""
     if scene.woven:
         with scene.naming_file():
@@ -180,7 +180,7 @@ def require_picture(scene: Scene, asked: Asked, pieces: int = 1) -> None:
         require(round(_MARGIN * size), what, key="size", cure="Take a smaller one.")
 
 
-def sheet_bytes(scene: Scene, asked: Asked) -> int:
+def sheet_bytes(scene: Scene, asked: PictureAsked) -> int:
     """Return what it takes to draw a scene's cloth as a sheet."""
     ends, picks = scene.weave.cloth.size
     solved = COLORINGS[scene.view.color].array in crimp_interchange.CrimpInterchange.provides
@@ -192,7 +192,7 @@ def sheet_bytes(scene: Scene, asked: Asked) -> int:
     return _GRAPHICS + fixed + each * ends * picks + pixels
 
 
-def require_sheet(scene: Scene, asked: Asked) -> None:
+def require_sheet(scene: Scene, asked: PictureAsked) -> None:
     """Refuse a picture of a sheet that would not fit into memory, before any is taken."""
     with scene.naming_file(), naming_section("view"):
         require(
@@ -203,7 +203,7 @@ def require_sheet(scene: Scene, asked: Asked) -> None:
         )
 
 
-def _require_picture(scene: Scene, asked: Asked, pieces: int) -> None:
+def _require_picture(scene: Scene, asked: PictureAsked, pieces: int) -> None:
     try:
         with naming_section(scene.weave.section):
             ends, picks = scene.weave.cloth.size

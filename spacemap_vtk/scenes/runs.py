@@ -20,7 +20,7 @@ from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
 from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import Asked, picture_bytes
+from spacemap_vtk.scenes.footprint import PictureAsked, picture_bytes
 from spacemap_vtk.scenes.scene import Scene
 
 #: More are a mistake in the lists.
@@ -110,7 +110,7 @@ class Sweep:
 def _bytes(scene: Scene) -> int:
     """Return what it takes to draw a fabric; of one drawn in parts all that there is."""
     try:
-        return picture_bytes(scene, Asked(picture_size(scene))) if scene.woven else 0
+        return picture_bytes(scene, PictureAsked(picture_size(scene))) if scene.woven else 0
     except SizeError:
         return sys.maxsize
 
