@@ -204,6 +204,14 @@ def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told.sheet is None  # who says how many facets gets them
 
 
+def test_distances_on_few_facets_are_said_to_be_rough() -> None:
+    view = {"color": "clearance"}
+    _, few = drawn({"ends": 9, "picks": 9}, 90, view=view)
+    assert "a yarn has 8 facets around" in "".join(few.scene.warnings)
+    _, many = drawn({"ends": 9, "picks": 9}, 90, view=view, surface={"subdivisions": 4})
+    assert "rough" not in "".join(many.scene.warnings)
+
+
 def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     weave = {"ends": 300, "picks": 300}
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 300_000_000)

@@ -43,6 +43,8 @@ Extent = tuple[NDArray[np.float64], Span | None]
 
 #: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
 _FINE = 4.0
+#: Facets a quarter of a yarn from which distances are right to about a hundredth of its diameter.
+_ROUND = 4
 #: Height of a picture in which a point is a pixel, and the least part of a pixel that it becomes.
 _USUAL, _LEAST = 960, 0.6
 
@@ -131,6 +133,8 @@ class Picture:
         asked = self._asked._replace(sides=scene.surface.sides, fine=fine)
         if fine:
             self.panels[-1].window.render_window.SetMultiSamples(SAMPLES)
+        if scene.view.color == "clearance":
+            self._tell_of_facets()
         if self.sheet is None:
             require_picture(scene, asked)
         elif scene.surface.subdivisions is None and pixels < SMALLEST_YARN:
@@ -138,6 +142,14 @@ class Picture:
         else:
             self.pieces = DrawnPieces(scene, scene.surface.sides, strands)
             require_picture(scene, asked, self.pieces.count)
+
+    def _tell_of_facets(self) -> None:
+        """Say that distances on few facets are rough: each is taken for flat."""
+        if (sides := self.scene.surface.sides) < _ROUND:
+            self.scene.warn(
+                "distances between yarns are rough: in a picture of this size a yarn has "
+                f"{4 * sides} facets around; surface.subdivisions = {_ROUND} measures them finely"
+            )
 
     def draw(self, time: float) -> Image:
         """Return the picture at a time.
