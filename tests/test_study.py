@@ -183,6 +183,6 @@ def test_more_processes_than_memory_are_refused(
     monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 2**30)
     monkeypatch.setattr("spacemap_vtk.workers.available", lambda: 2**30)
     sweep = sweep_of(scene, ["weave.warp_spacing=linspace(0.5 mm, 0.6 mm, 9)"])
-    with pytest.raises(InputError, match=r"9 processes would need .* Take 3 or fewer"):
+    with pytest.raises(InputError, match=r"9 processes would need .* Take 2 or fewer"):
         carry_out_sweep(sweep, tmp_path / "cloth", workers=9)
     assert not (tmp_path / "cloth").exists()
