@@ -197,8 +197,9 @@ def test_the_wheel_scrolls_past_fields_and_changes_none(open_scene: Any) -> None
         window.stages.choose(section)
         page = window.properties
         fields = [*page.findChildren(QSlider), *page.findChildren(QComboBox)]
-        assert len(fields) > 2
-        for field in fields:
+        seen = [field for field in fields if field.isVisible()]  # a slider that is idle is not
+        assert len(seen) > 2
+        for field in seen:
             page.verticalScrollBar().setValue(0)
             page.ensureWidgetVisible(field)
             before = page.verticalScrollBar().value()
