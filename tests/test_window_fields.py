@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -152,6 +153,16 @@ def test_what_is_automatic_is_seen_as_it_is_in_use(
     wait_until(lambda: row.resolved is not None)
     assert row.editor.line.placeholderText() == "0.65 N/m"
     wait_until(lambda: settled(window))
+
+
+def test_a_new_fabric_shows_at_once_what_is_automatic(open_scene: Any) -> None:
+    window = open_scene("twill_2_2")
+    ends = editor(window, "weave", "ends")
+    window.properties._limited = perf_counter() + 60.0  # as behind limits that took long
+    window.gallery.new_button.click()
+    wait_until(lambda: settled(window))
+    assert ends.line.text() == ""
+    assert ends.line.placeholderText() == "7"
 
 
 def test_a_load_is_added_changed_and_removed(open_scene: Any) -> None:

@@ -192,6 +192,7 @@ class Properties(QScrollArea):
 
     def _forget(self) -> None:
         self._found, self._in_use = {}, {}
+        self._limited = 0.0  # what this one's come to is shown at once
         for row in self.rows.values():
             row.show_resolved(None)  # what came of another scene's automatic values
 
