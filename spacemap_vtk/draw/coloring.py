@@ -130,9 +130,10 @@ def _kept_clearances(surface: vtkPolyData) -> NDArray[np.float32] | None:
     # No two things of VTK's have been made or changed at one time of its clock.
     parts = surface.GetPoints(), surface.GetPointData().GetNormals(), surface.GetPolys()
     made = tuple(0 if part is None else part.GetMTime() for part in parts)
-    if _last[0] != made:
-        _last = made, clearances(surface)
-    return _last[1]
+    kept = _last  # another thread may put its own there
+    if kept[0] != made:
+        kept = _last = made, clearances(surface)
+    return kept[1]
 
 
 def clearances(
