@@ -171,7 +171,7 @@ class Exports(QObject):
         process = self._process
         if process is not None:
             self._error = Cancelled("the export was stopped")
-            # PictureAsked first: processes of its own, which draw and encode, it ends itself.
+            # Asked first: processes of its own, which draw and encode, it ends itself.
             process.terminate()
             QTimer.singleShot(_PATIENCE, process, process.kill)
 
