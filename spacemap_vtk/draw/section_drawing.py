@@ -29,8 +29,8 @@ _SUB = "₁₂"
 _ACCENT = ("#c8372d", "#ff8a7a")
 #: Of the yarns of warp and weft, (n, 3) each, or (1, 3) of all.
 Colors = Sequence[NDArray[np.uint8]] | NDArray[np.uint8]
-#: Least height of a drawing, in mm: that of its upright words.
-_LEAST = 36.0
+#: Least height of a drawing, in mm: that of its upright words; and of a cloth that has room for words.
+_LEAST, _THIN = 36.0, 12.0
 
 
 class _Sheet(NamedTuple):
@@ -141,7 +141,7 @@ def _draw_dimensions(sheet: _Sheet, cut: CrossSection) -> None:
     crests = [(cut.centres[k, 0], cut.passes[k]) for k in (bend.begin, bend.end)]
     _upright(sheet, crests[0], crests[1], right + _STEP, f"h{own}", bend.height)
     _arc_length(sheet, cut, bend, ceiling, own)
-    _angle(sheet, cut, cut.bends[0], own)
+    _angle(sheet, cut, cut.bends[0], own, (floor, ceiling))
 
 
 def _arc_length(sheet: _Sheet, cut: CrossSection, bend: Bend, ceiling: float, own: str) -> None:
@@ -163,7 +163,9 @@ def _arc_length(sheet: _Sheet, cut: CrossSection, bend: Bend, ceiling: float, ow
     sheet.axes.text(text[0], text[1], words, color=color, fontsize=TEXT, ha="center", va="bottom")
 
 
-def _angle(sheet: _Sheet, cut: CrossSection, bend: Bend, own: str) -> None:
+def _angle(
+    sheet: _Sheet, cut: CrossSection, bend: Bend, own: str, heights: tuple[float, float]
+) -> None:
     from matplotlib.patches import Arc
 
     begin, end = cut.centres[[bend.begin, bend.end], 0]
@@ -184,8 +186,11 @@ def _angle(sheet: _Sheet, cut: CrossSection, bend: Bend, own: str) -> None:
     sides = {"theta1": begun + min(0, turn), "theta2": begun + max(0, turn)}
     arc = Arc(tuple(vertex), 2 * reach, 2 * reach, edgecolor=ink, linewidth=0.5, **sides)
     sheet.axes.add_patch(arc)
-    plate = {"facecolor": sheet.paper.color, "alpha": 0.7, "linewidth": 0, "pad": 0.8}
     text = vertex + (reach + 1.0) * half
+    floor, ceiling = heights
+    if ceiling - floor < _THIN:  # the words would hide the yarns
+        text[1] = max(text[1], ceiling + 2.4) if half[1] > 0 else min(text[1], floor - 2.4)
+    plate = {"facecolor": sheet.paper.color, "alpha": 0.7, "linewidth": 0, "pad": 0.8}
     _words_at(sheet, text, words, ha="left" if way > 0 else "right", va="center", bbox=plate)
 
 
@@ -208,7 +213,9 @@ def _upright(
     half = 0.5 * letters_wide(words)
     middle = np.clip(0.5 * (low + high), half, sheet.axes.get_ylim()[1] - half)
     place, side = np.array([line + 0.5 * way, middle]), "right" if way < 0 else "left"
-    _words_at(sheet, place, words, ha=side, va="center", rotation=90)
+    # Other dimensions' lines break off where there are letters.
+    plate = {"facecolor": sheet.paper.color, "linewidth": 0, "pad": 0.3}
+    _words_at(sheet, place, words, ha=side, va="center", rotation=90, bbox=plate, zorder=2.5)
 
 
 def _level(
