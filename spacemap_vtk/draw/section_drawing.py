@@ -29,7 +29,7 @@ _SUB = "₁₂"
 _ACCENT = ("#c8372d", "#ff8a7a")
 #: Of the yarns of warp and weft, (n, 3) each, or (1, 3) of all.
 Colors = Sequence[NDArray[np.uint8]] | NDArray[np.uint8]
-#: Least height of a drawing, in mm: that of its upright words; and of a cloth that has room for words.
+#: Least height of a drawing, in mm: that of its upright words; of a cloth that has room for some.
 _LEAST, _THIN = 36.0, 12.0
 
 
