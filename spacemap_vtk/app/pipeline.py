@@ -15,11 +15,11 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
 from spacemap_vtk.app.interrupt import Interrupt, Interrupted
 from spacemap_vtk.app.job import Job, Pull, Swing
-from spacemap_vtk.datasets.arrays import add_array, array_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.form import Sheet
-from spacemap_vtk.draw.frame import Frame, add_shape, copied, frame_of
+from spacemap_vtk.draw.frame import Frame, add_shape, frame_of
 from spacemap_vtk.draw.near import NearYarns
 from spacemap_vtk.draw.sheet_actor import thinned
 from spacemap_vtk.errors import SizeError

@@ -19,6 +19,7 @@ from vtkmodules.vtkCommonDataModel import (
     VTK_TETRA,
     vtkCellArray,
     vtkFieldData,
+    vtkImageData,
     vtkPointSet,
     vtkUnstructuredGrid,
 )
@@ -73,6 +74,13 @@ def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
     data.AddArray(to_array(values, name))
 
 
+def copied(data: Any) -> Any:
+    """Return a data object of its own that shares the arrays."""
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    return copy
+
+
 def add_number(data: vtkFieldData, name: str, value: float) -> None:
     """Add an array of one number."""
     array = vtkDoubleArray()
@@ -92,6 +100,15 @@ def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> Non
         role = source.IsArrayAnAttribute(i)
         if role >= 0:
             target.SetActiveAttribute(array.GetName(), role)
+
+
+def to_image(pixels: NDArray[np.uint8]) -> vtkImageData:
+    """Return an image of pixels, (height, width, n), the lowest row first."""
+    height, width, depth = pixels.shape
+    image = vtkImageData()
+    image.SetDimensions(width, height, 1)
+    image.GetPointData().SetScalars(to_array(pixels.reshape(-1, depth), "pixels"))
+    return image
 
 
 #: Names of arrays that a message lists.

@@ -27,15 +27,13 @@ def data_at(
         return moving(scene, [time], tolerance, lambda *_: None, span)
     if what in ("draft", "analysis"):  # a draft needs no room for its yarns
         return scene.data(what)
+    from spacemap_vtk.datasets.arrays import copied
+
     # Of a cage nothing below it is needed.
     scene.update_stage(scene.deforming if what == "cage" else scene.stages[-1], time)
-    made = scene.data(what)
-    data = made.NewInstance()  # its own: what the pipeline has it would take for up to date
-    data.ShallowCopy(made)
+    data = copied(scene.data(what))  # what the pipeline has it would take for up to date
     if scene.moves:
-        from vtkmodules.vtkCommonDataModel import vtkDataObject
-
-        data.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)  # VTK's formats tell it
+        data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats tell it
     return data
 
 

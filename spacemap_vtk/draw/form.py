@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.camera import pixels_of
-from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
 from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of
 from spacemap_vtk.errors import SpacemapError

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, copied
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.coloring import add_measure
-from spacemap_vtk.draw.load_arrows import Arrows, Loaded, load_arrows
+from spacemap_vtk.draw.load_arrows import Arrows, load_arrows
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
 from spacemap_vtk.scenes.scene import Scene
@@ -124,7 +125,7 @@ def relief_of(scene: Scene) -> float:
 def arrows_of(scene: Scene, time: float) -> Arrows | None:
     """Return what acts on a scene's cage; None where that is not known."""
     mover = scene.stage("mover")
-    if not isinstance(mover, Loaded):
+    if not isinstance(mover, LoadedCage):
         return None
     solver = scene.stage("solver")
     dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.hangs else ()
@@ -149,10 +150,3 @@ def add_shape(
     add_array(data, "displacement", moved)
     if isinstance(rotation, RotationStrain):
         rotation.rebuild(cage)
-
-
-def copied(data: Any) -> Any:
-    """Return a data object of its own that shares the arrays."""
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
-    return copy

@@ -1,4 +1,4 @@
-"""What stands round the object: its ghost, the cage, supports, loads, dots, a cut."""
+"""What stands round the object: outlines, its ghost, the cage, supports, loads, dots, a cut."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from spacemap_vtk.draw.load_arrows import KINDS, Arrows
 from spacemap_vtk.draw.surface_actor import rgb, rgb_table
 from spacemap_vtk.embedding.triangles import boundary
 from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.styles import Style
 
 #: Normal and origin of a plane; the normal points to what stays in sight.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -28,17 +29,61 @@ THIN, _FAINT = 1.2, (0.55, 0.45)
 _DENSE = 1000
 
 
-class GhostActor(vtkActor):
+#: Of each vertex of what is drawn in lines round yarns.
+_WIDER = """
+  //VTK::PositionVC::Impl
+  vec2 away = (normalMatrix * normalMC).xy;
+  vec2 across = vec2(length(vec3(MCDCMatrix[0][0], MCDCMatrix[1][0], MCDCMatrix[2][0])),
+                     length(vec3(MCDCMatrix[0][1], MCDCMatrix[1][1], MCDCMatrix[2][1])));
+  gl_Position.xy += away / max(length(away), 1e-6) * min(wider * gl_Position.w, most * across);
+  // Behind what it surrounds, should that be open.
+  vec4 back = gl_Position;
+  back.z += 0.2 * most * length(vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]));
+  back.w += 0.2 * most * length(vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]));
+  gl_Position = vec4(gl_Position.xy * back.w / gl_Position.w, back.zw);
+"""
+
+
+class PlainActor(vtkActor):
+    """What is of one colour, and is not picked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.SetMapper(vtkPolyDataMapper())
+        self.GetMapper().ScalarVisibilityOff()
+        self.SetPickable(False)
+
+
+class OutlineActor(PlainActor):
+    """Lines round yarns: their far sides, a little wider, in one colour."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetMapper().SetVBOShiftScaleMethod(0)
+        self.GetProperty().FrontfaceCullingOn()
+        shader = self.GetShaderProperty()
+        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
+        line = "  gl_FragData[0] = vec4(diffuseColor, 1.0);"
+        shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, line, False)
+
+    def show(
+        self, surface: vtkPolyData, style: Style, pixels: float, size: tuple[int, int], most: float
+    ) -> None:
+        """Draw lines of so many pixels, of `size` in all, and at most so wide [m]."""
+        self.GetMapper().SetInputData(surface)
+        self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
+        uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
+        uniforms.SetUniform2f("wider", [2.0 * pixels / side for side in size])
+        uniforms.SetUniformf("most", most)
+
+
+class GhostActor(PlainActor):
     """The fabric at rest, pale: its moved points less their displacement."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._mapper = vtkPolyDataMapper()
-        self._mapper.ScalarVisibilityOff()
-        self.SetMapper(self._mapper)
         self.GetProperty().SetColor(*rgb("#8a94a3"))
         self.GetProperty().SetOpacity(0.25)
-        self.SetPickable(False)
 
     def show(self, surface: vtkPolyData, closed: bool = False) -> None:
         """Draw where a surface comes from."""
@@ -48,23 +93,19 @@ class GhostActor(vtkActor):
             rest.SetPoints(to_points(rest_of(surface)))
             # Those of the moved one would cast its folds on what is flat.
             rest.GetPointData().SetNormals(None)
-        self._mapper.SetInputData(rest)
+        self.GetMapper().SetInputData(rest)
         # Far sides, seen through near ones, would darken it.
         self.GetProperty().SetBackfaceCulling(closed)
 
 
-class CageActor(vtkActor):
+class CageActor(PlainActor):
     """The cage's edges, moved."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._mapper = vtkPolyDataMapper()
-        self._mapper.ScalarVisibilityOff()
-        self.SetMapper(self._mapper)
         # Blended as it is drawn, after the cloth: VTK's own way costs a quarter of a frame more.
         self.ForceOpaqueOn()
         self.GetProperty().SetLighting(False)
-        self.SetPickable(False)
         self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
 
     def show(
@@ -81,18 +122,15 @@ class CageActor(vtkActor):
                 self._kept = elements, to_cells(_edges(elements, points_of(cage)))
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
             lines.SetLines(self._kept[1])
-        self._mapper.SetInputData(lines)
+        self.GetMapper().SetInputData(lines)
 
 
-class DotsActor(vtkActor):
+class DotsActor(PlainActor):
     """Dots at points."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._mapper = vtkPolyDataMapper()
-        self.SetMapper(self._mapper)
         self.GetProperty().SetRenderPointsAsSpheres(True)
-        self.SetPickable(False)
 
     def place(self, points: NDArray[np.floating[Any]]) -> None:
         """Draw dots at some points, (n, 3)."""
@@ -100,7 +138,7 @@ class DotsActor(vtkActor):
         if len(points):
             dots.SetPoints(to_points(points))
             dots.SetVerts(to_cells(np.arange(len(points)).reshape(-1, 1)))
-        self._mapper.SetInputData(dots)
+        self.GetMapper().SetInputData(dots)
 
 
 class SupportActor(DotsActor):

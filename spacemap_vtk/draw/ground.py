@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTexture
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkRenderingCore import vtkTexture
 
-from spacemap_vtk.datasets.arrays import to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import to_array, to_cells, to_image, to_points
+from spacemap_vtk.draw.glyphs import PlainActor
 from spacemap_vtk.draw.shading import blurred
 
 #: Share of the shadow that is left free on each side of what casts it, and most cells of the rest:
@@ -20,22 +21,18 @@ _MARGIN, _CELLS, _POINTS = 0.21, 92, 1.5
 _MOST, _SLICES, _SHARP, _SOFT = 150_000, 4, 0.01, 0.1
 
 
-class GroundActor(vtkActor):
+class GroundActor(PlainActor):
     """A shadow on a plane across one of the axes."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._mapper, self._image, texture = vtkPolyDataMapper(), vtkImageData(), vtkTexture()
-        self._mapper.ScalarVisibilityOff()
-        self.SetMapper(self._mapper)
-        texture.SetInputData(self._image)
+        texture = vtkTexture()
         texture.SetColorModeToDirectScalars()
         texture.InterpolateOn()
         texture.EdgeClampOn()
         self.SetTexture(texture)
         self.GetProperty().LightingOff()
         self.ForceTranslucentOn()
-        self.SetPickable(False)
 
     def show(
         self, points: NDArray[np.floating[Any]], up: int, floor: float, strength: float
@@ -57,11 +54,9 @@ class GroundActor(vtkActor):
                 spread = cells * (_SHARP + _SOFT * (number + 0.5) / _SLICES)
                 cast = blurred(found.reshape(cells, cells).astype(np.float32), spread)
                 light *= 1.0 - cast
-        black = np.zeros((cells**2, 4), np.uint8)
-        black[:, 3] = np.rint(255.0 * strength * (1.0 - light.ravel()))
-        self._image.SetDimensions(cells, cells, 1)
-        self._image.GetPointData().SetScalars(to_array(black, "shadow"))
-        self._image.Modified()
+        black = np.zeros((cells, cells, 4), np.uint8)
+        black[..., 3] = np.rint(255.0 * strength * (1.0 - light))
+        self.GetTexture().SetInputData(to_image(black))
         square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
         corners = np.full((4, 3), floor)
         corners[:, sides] = corner + length * square
@@ -69,4 +64,4 @@ class GroundActor(vtkActor):
         ground.SetPoints(to_points(corners))
         ground.SetPolys(to_cells(np.arange(4).reshape(1, 4)))
         ground.GetPointData().SetTCoords(to_array(square.astype(np.float32), "texels"))
-        self._mapper.SetInputData(ground)
+        self.GetMapper().SetInputData(ground)

@@ -6,8 +6,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+from vtkmodules.vtkRenderingCore import vtkActor
 
 from spacemap_vtk.scenes.styles import Style
 
@@ -103,44 +102,3 @@ def light_by_shader(actor: vtkActor, light: str) -> None:
     shader, declared = actor.GetShaderProperty(), "//VTK::Light::Dec"
     shader.AddFragmentShaderReplacement(declared, True, declared + light, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
-
-
-_WIDER = """
-  //VTK::PositionVC::Impl
-  vec2 away = (normalMatrix * normalMC).xy;
-  vec2 across = vec2(length(vec3(MCDCMatrix[0][0], MCDCMatrix[1][0], MCDCMatrix[2][0])),
-                     length(vec3(MCDCMatrix[0][1], MCDCMatrix[1][1], MCDCMatrix[2][1])));
-  gl_Position.xy += away / max(length(away), 1e-6) * min(wider * gl_Position.w, most * across);
-  // Behind what it surrounds, should that be open.
-  vec4 back = gl_Position;
-  back.z += 0.2 * most * length(vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]));
-  back.w += 0.2 * most * length(vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]));
-  gl_Position = vec4(gl_Position.xy * back.w / gl_Position.w, back.zw);
-"""
-
-
-class OutlineActor(vtkActor):
-    """Lines round yarns: their far sides, a little wider, in one colour."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        mapper = vtkPolyDataMapper()
-        mapper.ScalarVisibilityOff()
-        mapper.SetVBOShiftScaleMethod(0)
-        self.SetMapper(mapper)
-        self.SetPickable(False)
-        self.GetProperty().FrontfaceCullingOn()
-        shader = self.GetShaderProperty()
-        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
-        line = "  gl_FragData[0] = vec4(diffuseColor, 1.0);"
-        shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, line, False)
-
-    def show(
-        self, surface: vtkPolyData, style: Style, pixels: float, size: tuple[int, int], most: float
-    ) -> None:
-        """Draw lines of so many pixels, of `size` in all, and at most so wide [m]."""
-        self.GetMapper().SetInputData(surface)
-        self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
-        uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
-        uniforms.SetUniform2f("wider", [2.0 * pixels / side for side in size])
-        uniforms.SetUniformf("most", most)

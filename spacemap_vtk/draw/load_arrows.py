@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import elements_of, points_of
 from spacemap_vtk.filters.load import Load
+from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.mechanics import loads as forces
 
 FloatArray = NDArray[np.float64]
@@ -54,19 +55,8 @@ class Arrows(NamedTuple):
     """(m, 3), both ends of all arrows while their loads are strongest, one way and the other."""
 
 
-@runtime_checkable
-class Loaded(Protocol):
-    """What moves a cage by loads that it knows."""
-
-    loads: tuple[Load, ...]
-    duration: float
-
-    def gravity_on(self, grid: vtkUnstructuredGrid) -> FloatArray:
-        """Return the gravity that acts on a cage."""
-
-
 def load_arrows(
-    response: Loaded, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
+    response: LoadedCage, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
 ) -> Arrows:
     """Return what acts on a cage; dead loads, under which it hangs, always do."""
     rest = points_of(cage).astype(np.float64)

@@ -18,12 +18,12 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, to_points
+from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
 from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
-from spacemap_vtk.draw.frame import camera_of, copied, relief_of
+from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.draw.seen_yarns import SeenOverTime
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,

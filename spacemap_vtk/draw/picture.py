@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPointSet
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -212,12 +210,10 @@ class Picture:
 
     def _draw_pieces(self, panel: _Panel, frame: Frame, pieces: DrawnPieces) -> None:
         """Draw the yarns over one another."""
-        window, shown, look = panel.window, panel.shown, panel.look
+        window, (width, height) = panel.window, panel.window.size
         assert self.sheet is not None
-        width, height = window.size
         for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
-            more = replace(frame, surface=piece, cloth=None, closed=True)
-            shown.show_more(more, self.scene.view, look)
+            panel.shown.show_more(replace(frame, surface=piece, cloth=None, closed=True))
             window.render(front=False, over=True)
 
     def _shade(
@@ -336,7 +332,7 @@ def over_motion(
             clouds.append(points_of(sheet.place(time)))
         else:
             scene.update_stage(scene.stage("warp") or scene.source, time)
-            clouds.append(_some(_points(scene.patches)))
+            clouds.append(_some(points_of(scene.patches)))
         arrows = arrows_of(scene, time) if scene.view.loads else None
         if arrows is not None:
             clouds.append(arrows.reach)
@@ -379,7 +375,3 @@ def together(extents: Sequence[Extent]) -> Extent:
 
 def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
     return points[:: max(1, len(points) // 20_000)]
-
-
-def _points(data: vtkPointSet) -> NDArray[np.float64]:
-    return vtk_to_numpy(data.GetPoints().GetData())

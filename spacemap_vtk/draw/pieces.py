@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCamera
 
-from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.draw.camera import projected
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.form import Sheet
-from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.yarn_tiles import OwnStages
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.partition import cropped, share_of

@@ -207,12 +207,7 @@ def _table(tests: list[Tensile]) -> str:
 def _figure(title: str, tests: list[Tensile]) -> Figure:
     figure = figure_about(f"{title}\nforce per width of its yarns")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
-    unit, size = "N/m", 1.0
-    largest = max(float(test.force.max()) for test in tests)
-    if largest >= 1e4:
-        unit, size = "kN/m", 1e3
-    elif largest < 0.1:
-        unit, size = handy("N/m", largest)
+    unit, size = handy("N/m", max(float(test.force.max()) for test in tests))
     for family, name in enumerate(("warp", "weft")):
         # the warp's are seen beside the weft's where both are the same
         strip, both, color, wide = tests[family], tests[2], _COLORS[2 * family], 3.0 - 1.6 * family

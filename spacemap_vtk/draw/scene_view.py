@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPlane
+from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
 from vtkmodules.vtkRenderingCore import (
     VTK_SURFACE,
     VTK_WIREFRAME,
@@ -28,11 +28,11 @@ from spacemap_vtk.draw.glyphs import (
     Cut,
     GhostActor,
     LoadActor,
+    OutlineActor,
     SupportActor,
     moved_points,
 )
 from spacemap_vtk.draw.ground import GroundActor
-from spacemap_vtk.draw.lighting import OutlineActor
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import (
     Span,
@@ -101,7 +101,10 @@ class SceneView:
         self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
         self._size, self._point = (1, 1), 1.0
-        self._shown: tuple[Frame, View, Look, Span | None] | None = None
+        #: What is shown and how; no frame: nothing is.
+        self._frame: Frame | None = None
+        self._view, self._look = View(), Look()
+        self._span: Span | None = None
         self._moving, self._generation = False, 0
 
     @property
@@ -164,7 +167,7 @@ class SceneView:
         cut: Cut | None = None,
     ) -> None:
         """Show a frame, its colours' scale from one end of `span` to the other."""
-        self._shown = frame, view, look, span
+        self._frame, self._view, self._look, self._span = frame, view, look, span
         self._moving = False
         scaled = look.fabric and look.scale and span is not None
         self.room = scale_share(self._size) if scaled else 0.0
@@ -174,7 +177,7 @@ class SceneView:
             actor.bar.VisibilityOff()
         self.outline.VisibilityOff()
         if look.fabric:
-            self._show_fabric(frame, view, look, span)
+            self._show_fabric(frame)
         time, signs = frame.time if frame.cage else None, (look.triad, look.scale_bar, look.handled)
         self.annotations.show(view, time, scaled, *signs)
         if not look.scale:
@@ -196,19 +199,14 @@ class SceneView:
             dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # many would hide the cloth
             self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._point)
         self.loads.SetVisibility(view.loads)
-        self._show_ground(frame, view, look)
+        self._show_ground(frame)
         self.cut_open(cut)
 
-    def show_more(self, frame: Frame, view: View, look: Look) -> None:
+    def show_more(self, frame: Frame) -> None:
         """Show another part of the fabric in place of the last, all else as it is."""
-        assert self._shown is not None
-        span = self._shown[3]
-        if look.fabric:
-            self._show_surface(self.surface, frame, view, look, span)
-            self.surface.bar.VisibilityOff()
-        solid = look.fabric and not look.wireframe
-        cut = self.cut if solid else None
-        self.face.fill(frame.surface, cut, frame.color, view.object_color, span, view.look)
+        self._show_surface(self.surface, frame)
+        self.surface.bar.VisibilityOff()
+        self._fill_cut(frame, frame.surface)
 
     def cut_open(self, cut: Cut | None) -> None:
         """Cut what is shown open with another plane, or show the whole."""
@@ -223,22 +221,24 @@ class SceneView:
                 else:
                     actor.GetMapper().AddClippingPlane(self._plane)
         self.cut = cut
-        if self._shown is not None:
-            frame, view, look, span = self._shown
-            yarns = frame.surface if frame.cloth is None else frame.yarns
-            solid = look.fabric and not look.wireframe and yarns is not None and not self._moving
-            surface, cut_here = yarns or frame.surface, cut if solid else None
-            self.face.fill(surface, cut_here, frame.color, view.object_color, span, view.look)
-            if view.loads:
+        if (frame := self._frame) is not None:
+            self._fill_cut(frame, frame.surface if frame.cloth is None else frame.yarns)
+            if self._view.loads:
                 self.loads.show(frame.arrows, cut)
+
+    def _fill_cut(self, frame: Frame, yarns: vtkPolyData | None) -> None:
+        """Fill yarns where they are cut; those that are seen through are not."""
+        look, view = self._look, self._view
+        solid = look.fabric and not look.wireframe and not self._moving
+        cut = self.cut if solid and yarns is not None else None
+        surface = frame.surface if yarns is None else yarns
+        self.face.fill(surface, cut, frame.color, view.object_color, self._span, view.look)
 
     @property
     def occlusion(self) -> float:
         """How deep contact shadows are; 0 where there are none."""
-        if self._shown is None:
-            return 0.0
-        _, view, look, span = self._shown
-        return look.occlusion(view, span)
+        shown = self._frame is not None
+        return self._look.occlusion(self._view, self._span) if shown else 0.0
 
     def shade(self, on: bool) -> None:
         """Let a sheet have the shadows of its yarns in its colours, or not."""
@@ -247,7 +247,7 @@ class SceneView:
 
     def hide(self) -> None:
         """Show nothing until the next frame."""
-        self._shown = None
+        self._frame = None
         for actor in (*self.solids, *self.signs, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # those that shine through, too
@@ -256,33 +256,33 @@ class SceneView:
 
     def move(self, moving: bool) -> None:
         """Show what takes little time to be drawn in place of the frame, or the frame again."""
-        if self._shown is None or moving == self._moving:
+        frame = self._frame
+        if frame is None or moving == self._moving:
             return
-        frame, view, look, span = self._shown
         light = frame.light
-        if not look.fabric or light is None:
+        if not self._look.fabric or light is None:
             return
         self._moving = moving
         if light.cloth is not None:
-            self._show_sheet(light if moving else frame, light.cloth, view, look, span)
+            self._show_sheet(light if moving else frame, light.cloth)
         # Another actor: the fine one keeps what it has handed to OpenGL.
         few = light.surface if light.cloth is None else light.yarns
         if moving and few is not None:
             closed = light.closed or light.cloth is not None
-            drawn = replace(light, surface=few, closed=closed)
-            self._show_surface(self.light, drawn, view, look, span)
+            self._show_surface(self.light, replace(light, surface=few, closed=closed))
             self.light.bar.VisibilityOff()
         self.light.SetVisibility(moving and few is not None)
         fine = frame.cloth is None or frame.yarns is not None
         self.surface.SetVisibility(fine and not moving)
-        self.ghost.SetVisibility(view.ghost and not moving)
+        self.ghost.SetVisibility(self._view.ghost and not moving)
         if moving:
             self.face.VisibilityOff()
         elif self.cut is not None:
             self.cut_open(self.cut)
 
-    def _show_ground(self, frame: Frame, view: View, look: Look) -> None:
-        strength = view.look.shadow if view.ground and look.fabric else 0.0
+    def _show_ground(self, frame: Frame) -> None:
+        wanted = self._view.ground and self._look.fabric
+        strength = self._view.look.shadow if wanted else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
             points, up = points_of(frame.surface), upward(frame.camera)
@@ -291,36 +291,31 @@ class SceneView:
             self.floor = min(self.floor, float(points[:, up].min()))
             self.ground.show(points, up, self.floor, strength)
 
-    def _show_fabric(self, frame: Frame, view: View, look: Look, span: Span | None) -> None:
+    def _show_fabric(self, frame: Frame) -> None:
         if frame.cloth is None:
-            self._show_surface(self.surface, frame, view, look, span)
+            self._show_surface(self.surface, frame)
             return
-        self._show_sheet(frame, frame.cloth, view, look, span)
+        self._show_sheet(frame, frame.cloth)
         if frame.yarns is not None:
-            yarns = replace(frame, surface=frame.yarns, closed=True)
-            self._show_surface(self.surface, yarns, view, look, span)
+            self._show_surface(self.surface, replace(frame, surface=frame.yarns, closed=True))
             self.surface.bar.VisibilityOff()
 
-    def _show_sheet(
-        self, frame: Frame, cloth: Cloth, view: View, look: Look, span: Span | None
-    ) -> None:
+    def _show_sheet(self, frame: Frame, cloth: Cloth) -> None:
         around = frame.surface if frame.around is None else frame.around
+        style = self._view.look
         # As its yarns would be: only pictures shade them.
-        self.sheet.show_sheet(around, cloth, frame.color, span, view.look, frame.crossings)
+        self.sheet.show_sheet(around, cloth, frame.color, self._span, style, frame.crossings)
         self.sheet.shade(self.occlusion if self.shades else 0.0)
-        self._dress(self.sheet, look)
+        self._dress(self.sheet)
 
-    def _show_surface(
-        self, actor: SurfaceActor, frame: Frame, view: View, look: Look, span: Span | None
-    ) -> None:
-        colors = frame.color, view.object_color, span, frame.painting
+    def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
+        style, colors = self._view.look, (frame.color, self._view.object_color, self._span)
         # Of what has no round edges, only `OutlineActor` draws lines.
-        actor.show(frame.surface, *colors, view.look, self._point * frame.closed)
+        actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
         # Nobody sees the far sides of closed yarns, and they cost as much as the near ones.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
-        self._dress(actor, look)
-        style = view.look
-        lined = style.outline > 0.0 and not look.wireframe
+        self._dress(actor)
+        lined = style.outline > 0.0 and not self._look.wireframe
         lined &= frame.surface.GetPointData().GetNormals() is not None
         self.outline.SetVisibility(lined)
         if lined:
@@ -329,12 +324,12 @@ class SceneView:
             size = self.renderer.GetRenderWindow().GetSize()
             self.outline.show(frame.surface, style, pixels, size, most)
 
-    def _dress(self, actor: SurfaceActor, look: Look) -> None:
+    def _dress(self, actor: SurfaceActor) -> None:
         actor.VisibilityOn()
-        drawn = actor.GetProperty()
-        drawn.SetRepresentation(VTK_WIREFRAME if look.wireframe else VTK_SURFACE)
+        drawn, wireframe = actor.GetProperty(), self._look.wireframe
+        drawn.SetRepresentation(VTK_WIREFRAME if wireframe else VTK_SURFACE)
         # Of a wire frame, and of objects of lines or points alone.
-        drawn.SetLineWidth((1.0 if look.wireframe else 2.0) * self._point)
+        drawn.SetLineWidth((1.0 if wireframe else 2.0) * self._point)
         drawn.SetPointSize(3.0 * self._point)
 
 

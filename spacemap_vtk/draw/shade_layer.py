@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray
-from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersSources import vtkPlaneSource
 from vtkmodules.vtkRenderingCore import (
     vtkCoordinate,
@@ -16,7 +15,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkTexturedActor2D,
 )
 
-from spacemap_vtk.datasets.arrays import to_array
+from spacemap_vtk.datasets.arrays import to_image
 from spacemap_vtk.draw.camera import metres_from, pixels_of
 from spacemap_vtk.draw.shading import contact_shade, softened
 
@@ -31,8 +30,7 @@ class ShadeLayer:
         self.renderer.AutomaticLightCreationOff()
         self.renderer.DrawOff()
         window.AddRenderer(self.renderer)
-        self._depth, self._image, self._texture = vtkFloatArray(), vtkImageData(), vtkTexture()
-        self._texture.SetInputData(self._image)
+        self._depth, self._texture = vtkFloatArray(), vtkTexture()
         self._texture.SetColorModeToDirectScalars()
         self._relief, self._strength = 0.0, 0.0
         plane, mapper, everywhere = vtkPlaneSource(), vtkPolyDataMapper2D(), vtkCoordinate()
@@ -73,6 +71,4 @@ class ShadeLayer:
             shade[plate] = 1.0
         black = np.zeros((height, width, 4), np.uint8)
         black[..., 3] = 255.5 - 255.0 * shade
-        self._image.SetDimensions(width, height, 1)
-        self._image.GetPointData().SetScalars(to_array(black.reshape(-1, 4), "shade"))
-        self._image.Modified()
+        self._texture.SetInputData(to_image(black))

@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
-from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import (
+    points_of,
+    take_arrays,
+    to_array,
+    to_cells,
+    to_image,
+    to_points,
+)
 from spacemap_vtk.draw.lighting import light_of
 from spacemap_vtk.draw.surface_actor import (
     CLASSES,
@@ -205,11 +211,7 @@ class SheetActor(SurfaceActor):
                 texture = _texture()
                 self.GetProperty().SetTexture(name, texture)
             # the same one for good, see `SurfaceActor`
-            rows, columns, _ = pixels.shape
-            image = vtkImageData()
-            image.SetDimensions(columns, rows, 1)
-            image.GetPointData().SetScalars(to_array(pixels.reshape(-1, 4), "texels"))
-            texture.SetInputData(image)
+            texture.SetInputData(to_image(pixels))
 
     def shade(self, depth: float) -> None:
         """Have the contact shadows of yarns, so deep."""
@@ -276,11 +278,7 @@ def thinned(
     made = vtkPolyData()
     made.SetPoints(to_points(points_of(sheet)[chosen]))
     made.SetPolys(to_cells(polygons))
-    data, of_points = sheet.GetPointData(), made.GetPointData()
-    for number in range(data.GetNumberOfArrays()):
-        array = data.GetArray(number)
-        of_points.AddArray(to_array(vtk_to_numpy(array)[chosen], array.GetName()))
-    of_points.SetActiveTCoords(data.GetTCoords().GetName())
+    take_arrays(sheet.GetPointData(), made.GetPointData(), chosen)
     return made
 
 

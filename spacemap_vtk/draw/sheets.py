@@ -16,12 +16,12 @@ from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.draw.camera import aim
 from spacemap_vtk.draw.coloring import add_measure
 from spacemap_vtk.draw.compose import composed, gradient
-from spacemap_vtk.draw.frame import add_shape, copied
+from spacemap_vtk.draw.frame import add_shape
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.picture import Picture, over_motion, together
 from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import points_of, to_array, to_cells
+from spacemap_vtk.datasets.arrays import copied, points_of, take_arrays, to_array, to_cells
 from spacemap_vtk.draw.coloring import SHOWN, clearances
-from spacemap_vtk.draw.frame import copied
 from spacemap_vtk.draw.glyphs import moved_points
 from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.partition import telling_parts
@@ -128,11 +127,9 @@ class ClothTile(NamedTuple):
         """The surface without what lies beside the tile."""
         made = copied(self.surface)
         made.SetPolys(to_cells(self.inner))
-        kept, each = np.repeat(self.inside, self.quads.shape[1]), self.surface.GetCellData()
+        kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
         made.GetCellData().Initialize()
-        for number in range(each.GetNumberOfArrays()):
-            array = each.GetArray(number)
-            made.GetCellData().AddArray(to_array(vtk_to_numpy(array)[kept], array.GetName()))
+        take_arrays(self.surface.GetCellData(), made.GetCellData(), kept)
         return made
 
     @property

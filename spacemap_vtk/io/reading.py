@@ -21,7 +21,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
-from spacemap_vtk.datasets.arrays import add_array, to_cells
+from spacemap_vtk.datasets.arrays import add_array, copied, to_cells
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
@@ -120,14 +120,12 @@ def merged(data: Any, path: Path | str) -> vtkPointSet:
             require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
-        copies = [block.NewInstance() for block in blocks]
-        for number, (copy, block) in enumerate(zip(copies, blocks, strict=True)):
-            copy.ShallowCopy(block)
+        blocks = [copied(block) for block in blocks]
+        for number, block in enumerate(blocks):
             values = np.full(block.GetNumberOfCells(), number, dtype=np.int32)
-            add_array(copy.GetCellData(), "block", values)
-        _fill_up([(copy.GetPointData(), copy.GetNumberOfPoints()) for copy in copies])
-        _fill_up([(copy.GetCellData(), copy.GetNumberOfCells()) for copy in copies])
-        blocks = copies
+            add_array(block.GetCellData(), "block", values)
+        _fill_up([(block.GetPointData(), block.GetNumberOfPoints()) for block in blocks])
+        _fill_up([(block.GetCellData(), block.GetNumberOfCells()) for block in blocks])
     if surfaces and len(blocks) == 1:
         result = blocks[0]
     else:

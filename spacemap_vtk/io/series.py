@@ -15,6 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
+from spacemap_vtk.datasets.arrays import copied
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
@@ -86,10 +87,7 @@ class ReaderSeries(MeshSeries):
     def read(self, step: int) -> vtkPointSet:
         with tried(self.file, f"{__name__}:read_step", step), quiet_vtk(self.file):
             self._reader.UpdateTimeStep(self.times[step])
-        made = self._reader.GetOutputDataObject(0)
-        copy = made.NewInstance()
-        copy.ShallowCopy(made)
-        return merged(copy, self.file)
+        return merged(copied(self._reader.GetOutputDataObject(0)), self.file)
 
 
 def kinds() -> str:

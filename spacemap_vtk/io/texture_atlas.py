@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 
-from spacemap_vtk.datasets.arrays import add_array, to_array
+from spacemap_vtk.datasets.arrays import add_array, to_array, to_image
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.pictures import decoded
@@ -115,14 +115,6 @@ def pixels_of(image: vtkImageData) -> Pixels:
     return np.ascontiguousarray(values)
 
 
-def image_of(pixels: Pixels) -> vtkImageData:
-    """Return VTK's image of some pixels."""
-    image = vtkImageData()
-    image.SetDimensions(pixels.shape[1], pixels.shape[0], 1)
-    image.GetPointData().SetScalars(to_array(pixels.reshape(-1, pixels.shape[2]), "pixels"))
-    return image
-
-
 def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData | None:
     """Give blocks texture coordinates of one common picture, or plain colours."""
     painted = [
@@ -138,7 +130,7 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
         return None
     if len(blocks) == 1:
         blocks[0].GetPointData().SetActiveTCoords(materials[0].coordinates)
-        return image_of(_tinted(materials[0]))
+        return to_image(_tinted(materials[0]))
     tiles: dict[tuple[int, tuple[float, ...], int, int], Pixels] = {}
     used, places = [], []
     for block, material, has in zip(blocks, materials, painted, strict=True):
@@ -164,7 +156,7 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
         for other in materials:
             data.RemoveArray(other.coordinates)  # they belong to a picture that is no more
         data.SetTCoords(to_array(at.astype(np.float32), COORDINATES))
-    return image_of(whole)
+    return to_image(whole)
 
 
 def _coordinates(block: vtkPolyData, material: Material) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ from vtkmodules.vtkCommonDataModel import (
 from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 
 import spacemap_vtk
-from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of
+from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, copied
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled, Inputs
@@ -69,8 +69,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
                 for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
                     if block.GetAttributes(kind).HasArray("color"):
                         block.GetAttributes(kind).SetActiveScalars("color")
-            self._last = output.NewInstance()
-            self._last.ShallowCopy(output)
+            self._last = copied(output)
         return done
 
     def _tell(self, text: str) -> None:

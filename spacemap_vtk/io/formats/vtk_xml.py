@@ -156,12 +156,11 @@ def _with_record(data: vtkDataSet) -> vtkDataSet:
     """Return data with the record among its field data: as bytes, for meshio reads no text."""
     import numpy as np
 
-    from spacemap_vtk.datasets.arrays import add_array
+    from spacemap_vtk.datasets.arrays import add_array, copied
 
     if not (data.GetFieldData().HasArray(NAME) or told()):
         return data
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
+    copy = copied(data)
     copy.GetFieldData().RemoveArray(NAME)  # of the file that an object is from
     if told():
         add_array(copy.GetFieldData(), NAME, np.frombuffer(told().encode(), np.uint8))
