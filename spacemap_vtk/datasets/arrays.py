@@ -89,6 +89,16 @@ def add_number(data: vtkFieldData, name: str, value: float) -> None:
     data.AddArray(array)
 
 
+def colors_in(data: vtkFieldData) -> str | None:
+    """Return the name of the first array of red, green and blue in bytes; None if there is none."""
+    for i in range(data.GetNumberOfArrays()):
+        array = data.GetArray(i)
+        bytes_ = array is not None and array.GetDataTypeAsString() == "unsigned char"
+        if bytes_ and array.GetNumberOfComponents() in (3, 4):
+            return array.GetName()
+    return None
+
+
 def take_arrays(source: Any, target: Any, rows: NDArray[np.integer[Any]]) -> None:
     """Add some rows of all numeric arrays to another table, with the roles they have."""
     for i in range(source.GetNumberOfArrays()):

@@ -105,7 +105,7 @@ def _draw_colors(axes: Axes, paper: Paper, color: str, span: tuple[float, float]
     limits = axes.get_xlim(), axes.get_ylim()
     axes.imshow(
         colors,
-        ListedColormap(ramp()),
+        ListedColormap(ramp() / 255),
         extent=(left, right, 4.4, 6.6),
         aspect="auto",
         interpolation="nearest",

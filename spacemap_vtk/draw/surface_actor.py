@@ -19,7 +19,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkTexture,
 )
 
-from spacemap_vtk.datasets.arrays import to_array
+from spacemap_vtk.datasets.arrays import colors_in, to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
 from spacemap_vtk.draw.fibre_shader import show_fibres
 from spacemap_vtk.draw.lighting import light_by_shader, light_of
@@ -84,9 +84,9 @@ class SurfaceActor(vtkActor):
             points.AddArray(to_array(values / np.float32(size), "in unit"))
             mapper.SetScalarModeToUsePointFieldData()
         elif color in CLASSES and cells.GetArray(color) is not None:
-            colors = CLASSES[color]
             count = int(cells.GetArray(color).GetRange()[1]) + 1
-            self._color_by(color, [colors[i % len(colors)] for i in range(count)], (0, count - 1))
+            colors = np.resize(rgb_table(CLASSES[color]), (count, 3))
+            self._color_by(color, colors, (0, count - 1))
             mapper.SetScalarModeToUseCellFieldData()
         else:
             self._show_own(surface, plain, picture)
@@ -153,12 +153,12 @@ class SurfaceActor(vtkActor):
             mapper.SetColorModeToDirectScalars()
             mapper.SelectColorArray(name)
 
-    def _color_by(self, name: str, colors: list[str], span: Span) -> None:
+    def _color_by(self, name: str, colors: NDArray[np.uint8], span: Span) -> None:
         table = self._table
         table.SetNumberOfTableValues(len(colors))
         table.SetTableRange(*span)
-        for number, color in enumerate(colors):
-            table.SetTableValue(number, *rgb(color), 1.0)
+        for number, color in enumerate((colors / 255).tolist()):
+            table.SetTableValue(number, *color, 1.0)
         self._mapper.SetColorModeToMapScalars()
         self._mapper.SetLookupTable(table)
         self._mapper.UseLookupTableScalarRangeOn()
@@ -179,23 +179,15 @@ def natural_span(values: np.ndarray) -> Span:
 
 def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
     """Return the colours that a scale gives numbers, red, green and blue to 255."""
-    table = rgb_table(ramp())
     steps = 256 * (values - span[0]) / (span[1] - span[0])
-    return table[np.clip(steps, 0, 255).astype(np.intp)]
+    return ramp()[np.clip(steps, 0, 255).astype(np.intp)]
 
 
 def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
-    """Find the colours that a surface brings along."""
-    for on_points, arrays in ((False, surface.GetCellData()), (True, surface.GetPointData())):
-        for i in range(arrays.GetNumberOfArrays()):
-            array = arrays.GetArray(i)
-            if (
-                array is not None
-                and array.GetDataTypeAsString() == "unsigned char"
-                and array.GetNumberOfComponents() in (3, 4)
-            ):
-                return on_points, array.GetName()
-    return None
+    """Return whether the colours that a surface brings along are of points, and their array."""
+    of_cells, of_points = (colors_in(d) for d in (surface.GetCellData(), surface.GetPointData()))
+    name = of_cells or of_points
+    return None if name is None else (of_cells is None, name)
 
 
 def scale_bar() -> vtkScalarBarActor:
@@ -205,8 +197,7 @@ def scale_bar() -> vtkScalarBarActor:
     # VTK 9.6 went from C's formats to those of C++.
     bar.SetLabelFormat("{:.3g}" if "{" in bar.GetLabelFormat() else "%.3g")
     bar.SetUnconstrainedFontSize(True)
-    for text, size in ((bar.GetTitleTextProperty(), 14), (bar.GetLabelTextProperty(), 13)):
-        text.SetFontSize(size)
+    for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         take_font(text)
         text.SetItalic(False)
         text.SetBold(False)
@@ -279,9 +270,8 @@ def rgb_table(colors: Sequence[str]) -> NDArray[np.uint8]:
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 
 
-def ramp(count: int = 256) -> list[str]:
-    """Return the colours of numbers from low to high."""
+def ramp() -> NDArray[np.uint8]:
+    """Return the colours of numbers from low to high, (256, 3)."""
     stops = rgb_table(RAMP)
-    at = np.linspace(0, len(stops) - 1, count)
-    parts = [np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]
-    return ["#{:02x}{:02x}{:02x}".format(*(int(c[i]) for c in parts)) for i in range(count)]
+    at, places = np.linspace(0, len(stops) - 1, 256), np.arange(len(stops))
+    return np.stack([np.interp(at, places, part) for part in stops.T], axis=1).astype(np.uint8)

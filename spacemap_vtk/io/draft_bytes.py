@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.fabric.draft import Draft
 from spacemap_vtk.fabric.loom import Loom
@@ -32,17 +30,13 @@ def content(path: Path) -> bytes:
 def color_table(draft: Draft) -> tuple[list[list[int]], list[tuple[int, ...]]]:
     """Return each end's and each pick's place in a table of colours, from 0 on, and the table."""
     # A family without colours gets the one that it is woven in here.
-    place: dict[tuple[int, ...], int] = {}
-    places = [
-        [place.setdefault(tuple(color), len(place)) for color in own.tolist()]
-        for own in (
-            np.resize(np.array(usual, np.uint8), (count, 3)) if each.colors is None else each.colors
-            for each, count, usual in zip(
-                (draft.warp, draft.weft), draft.size, (WARP_COLOR, WEFT_COLOR), strict=True
-            )
-        )
-    ]
-    return places, list(place)
+    table: dict[tuple[int, ...], int] = {}
+    places = []
+    usual = WARP_COLOR, WEFT_COLOR
+    for family, count, color in zip((draft.warp, draft.weft), draft.size, usual, strict=True):
+        own = [color] * count if family.colors is None else map(tuple, family.colors.tolist())
+        places.append([table.setdefault(each, len(table)) for each in own])
+    return places, list(table)
 
 
 def unreadable(error: Exception) -> InputError:

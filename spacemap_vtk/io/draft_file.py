@@ -60,7 +60,8 @@ def read_draft(path: str | os.PathLike[str], trim: bool = False) -> Draft:
 
 def read_rows(path: Path) -> Draft:
     """Read a drawdown from rows of text, unless it is a liftplan or has the sections of a WIF."""
-    text = _text(path)
+    # latin-1 reads any byte; what it makes of those that no row may have is refused by its line
+    text = content(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     if any(line.lstrip().startswith("[") for line in text.splitlines()):
         return read_wif(path)
     if _is_liftplan(text):
@@ -149,11 +150,6 @@ def read_picture(path: Path) -> Draft:
             "darker than middle grey are taken for black"
         )
     return Draft(gray[::-1] < 128, title=path.stem, warnings=tuple(warnings))
-
-
-def _text(path: Path) -> str:
-    # latin-1 reads any byte; what it makes of those that no row may have is refused by its line
-    return content(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
 
 
 def read_zipped(path: Path) -> Draft:

@@ -43,9 +43,9 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
     """Refuse an output path that cannot be written, before any work is done for it."""
     if path.suffix.lower() not in formats:
         raise InputError(
-            f"{path}: the ending {path.suffix or 'is missing and'} names no format"
-            if not path.suffix
-            else f'{path}: format "{path.suffix}" is not known here',
+            f'{path}: format "{path.suffix}" is not known here'
+            if path.suffix
+            else f"{path}: the ending is missing and names no format",
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
         )
     if not numbered and (number := re.search(r"%\d*d(?![a-z])", path.name)):
@@ -152,15 +152,14 @@ def check_folder(file: Path) -> None:
     """Refuse a file whose others would lie in a folder that is another's."""
     lists = {ending for w in writers() if w.require is check_folder for ending in w.endings}
     others = map(file.with_suffix, sorted(lists - {file.suffix.lower()}))
+    folder, why = file.with_suffix(""), ""
     if other := next((each for each in others if each.exists()), None):
+        why = f"in place of those of {other}"
+    elif stands_in_the_way(folder, folder=True):
+        why = "where others are"
+    if why:
         raise InputError(
-            f"{file}: its files would lie in {file.with_suffix('')}, in place of those of {other}",
-            cure="Choose another name.",
-        )
-    if stands_in_the_way(folder := file.with_suffix(""), folder=True):
-        raise InputError(
-            f"{file}: its files would lie in {folder}, where others are",
-            cure="Choose another name.",
+            f"{file}: its files would lie in {folder}, {why}", cure="Choose another name."
         )
 
 

@@ -7,7 +7,6 @@ format takes it, and knows no date, user or folder: the same order gives the sam
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -129,8 +128,7 @@ def _parsed(text: str, path: Path) -> Record:
             raise ValueError(f"it has {len(text)} characters")
         given = json.loads(text)
         inputs = {str(name): str(digest) for name, digest in given["inputs"].items()}
-        words = (str(given[key]) for key in ("version", "scene", "file"))
-        version, scene, file = words
+        version, scene, file = (str(given[key]) for key in ("version", "scene", "file"))
         times = tuple(float(time) for time in given["times"])
         return Record(version, dict(given["order"]), scene, file, times, inputs)
     except (
@@ -150,9 +148,3 @@ def endings() -> list[str]:
     """Return the endings of files that have room for a record."""
     import_module("spacemap_vtk.io.formats")
     return sorted(_tellers)
-
-
-def digest(path: Path) -> str:
-    """Return the digest of a file's content."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

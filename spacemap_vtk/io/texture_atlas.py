@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 
-from spacemap_vtk.datasets.arrays import add_array, to_array, to_image
+from spacemap_vtk.datasets.arrays import add_array, colors_in, to_array, to_image
 from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.pictures import decoded
@@ -123,7 +123,9 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
     ]
     if not any(painted):
         # colours of single points say more, and are kept
-        if any(m.color != (1.0, 1.0, 1.0) for m in materials) and not any(map(_colored, blocks)):
+        if any(m.color != (1.0, 1.0, 1.0) for m in materials) and not any(
+            colors_in(block.GetPointData()) for block in blocks
+        ):
             for block, material in zip(blocks, materials, strict=True):
                 colors = np.tile(_bytes(material.color), (block.GetNumberOfCells(), 1))
                 add_array(block.GetCellData(), "color", colors)
@@ -135,7 +137,8 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
     used, places = [], []
     for block, material, has in zip(blocks, materials, painted, strict=True):
         if has:
-            at = _coordinates(block, material)
+            given = vtk_to_numpy(block.GetPointData().GetArray(material.coordinates))
+            at = given.astype(np.float64)
             first = np.floor(at.min(axis=0))
             at -= first
             repeats = [int(np.clip(ceil(high), 1, _MOST_REPEATS)) for high in at.max(axis=0)]
@@ -159,23 +162,8 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
     return to_image(whole)
 
 
-def _coordinates(block: vtkPolyData, material: Material) -> NDArray[np.float64]:
-    return vtk_to_numpy(block.GetPointData().GetArray(material.coordinates)).astype(np.float64)
-
-
 def _bytes(color: tuple[float, ...]) -> NDArray[np.uint8]:
     return np.round(255 * np.clip(color, 0.0, 1.0)).astype(np.uint8)
-
-
-def _colored(block: vtkPolyData) -> bool:
-    data = block.GetPointData()
-    arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
-    return any(
-        array is not None
-        and array.GetDataTypeAsString() == "unsigned char"
-        and array.GetNumberOfComponents() in (3, 4)
-        for array in arrays
-    )
 
 
 def _tinted(material: Material) -> Pixels:

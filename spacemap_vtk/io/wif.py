@@ -145,10 +145,10 @@ def _read_loom(text: WifText) -> Loom:
         )
     lifts = tieup if treadled else liftplan
     loom = Loom(
-        threading=_filled(text, "THREADING", threading, ends),
+        threading=_filled(text, threading, ends),
         tieup=_dense(tieup, _last_used(tieup)) if treadled else (),
-        treadling=_filled(text, "TREADLING", treadling, picks) if treadled else (),
-        liftplan=None if treadled else _filled(text, "LIFTPLAN", liftplan, picks),
+        treadling=_filled(text, treadling, picks) if treadled else (),
+        liftplan=None if treadled else _filled(text, liftplan, picks),
         rising=_is_rising(text),
         shafts=_loom_count(text, "shafts", [*_uses(threading), *_uses(lifts)]),
         treadles=_treadles(text, tieup, treadling) if treadled else 0,
@@ -209,12 +209,11 @@ def _threads(text: WifText, family: str, section: str, rows: _Found) -> int:
     return last
 
 
-def _filled(text: WifText, section: str, rows: _Found, threads: int) -> Rows:
+def _filled(text: WifText, rows: _Found, threads: int) -> Rows:
     """Return the numbers of each thread; those that the section leaves out have none."""
     for thread, (entry, found) in rows.items():
         if thread > threads and found:
-            what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
-            text.notes.add(entry.line, what, f"beyond {section}")
+            text.note_beyond(entry, threads)
     return _dense(rows, threads)
 
 

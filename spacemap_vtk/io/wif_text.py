@@ -162,6 +162,12 @@ class WifText:
             return 1
         return found.entries[key].line if key in found.entries else found.line
 
+    def note_beyond(self, entry: Entry, threads: int) -> None:
+        """Note that an entry is for a thread that the cloth has not."""
+        section = entry.section
+        what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
+        self.notes.add(entry.line, what, f"beyond {section}")
+
     def numbered(self, section: str) -> dict[int, Entry]:
         """Return the entries of a section that has one per thread, treadle or colour."""
         found = self.sections.get(section)

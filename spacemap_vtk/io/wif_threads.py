@@ -168,8 +168,7 @@ def within(text: WifText, section: str, threads: int) -> dict[int, Entry]:
         if thread <= threads:
             kept[thread] = entry
         elif entry.value not in ("", "0"):
-            what = f"[{section}] {entry.key[:12]} is beyond the {threads} threads and is ignored"
-            text.notes.add(entry.line, what, f"beyond {section}")
+            text.note_beyond(entry, threads)
     return kept
 
 

@@ -74,7 +74,7 @@ class Hosted(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
 
     def _tell(self, text: str) -> None:
         """Say a warning in the output window, in place of Python's way."""
-        vtkOutputWindow.GetInstance().DisplayWarningText(f"{_name(self)}: {text}.\n")
+        vtkOutputWindow.GetInstance().DisplayWarningText(f"{type(self).__name__}: {text}.\n")
 
     def _fail(self, request: vtkInformation, out_info: vtkInformationVector) -> int:
         error, self._error = self._error, None
@@ -127,7 +127,7 @@ def say(stage: Stage, error: BaseException | None) -> None:
     text = str(error) or type(error).__name__
     if not isinstance(error, SpacemapError):
         text = f"{type(error).__name__}: {text}"
-    vtkOutputWindow.GetInstance().DisplayErrorText(f"{_name(stage)}: {text}\n")
+    vtkOutputWindow.GetInstance().DisplayErrorText(f"{type(stage).__name__}: {text}\n")
 
 
 def hosted(
@@ -155,10 +155,6 @@ def _setter(parameter: Parameter[Any]) -> Callable[..., None]:
                 say(self, error)
 
     return set_parameter
-
-
-def _name(stage: Stage) -> str:
-    return type(stage).__name__
 
 
 def proxies() -> dict[str, type[Hosted]]:

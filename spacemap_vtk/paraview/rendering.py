@@ -80,23 +80,29 @@ def registered(session: Any, group: str) -> Iterator[Any]:
         iterator.Next()
 
 
+def _weak(proxy: Any) -> Callable[[], Any]:
+    """Return what returns a proxy as long as it lives."""
+    # Python's collector takes an observer that refers to what it observes for garbage.
+    kept = vtkWeakReference()
+    kept.Set(proxy)
+    return kept.Get
+
+
 def _follow(proxy: Any) -> None:
     array, mapped = proxy.GetProperty("ColorArrayName"), proxy.GetProperty("MapScalars")
     if array is None or mapped is None or not hasattr(array, "GetElement"):
         return
-    # Python's collector takes an observer that refers to what it observes for garbage.
-    owner = vtkWeakReference()
-    owner.Set(proxy)
+    alive = _weak(proxy)
 
     def adjust(caller: Any, event: str) -> None:
-        name, representation = caller.GetElement(_NAME), owner.Get()
+        name, representation = caller.GetElement(_NAME), alive()
         if name and representation is not None:
             wanted = int(not (name == "color" and _has_colors(representation)))
             if mapped.GetElement(0) != wanted:
                 mapped.SetElement(0, wanted)  # handed on together with the array's name
 
     def tell(caller: Any, event: str) -> None:
-        if (representation := owner.Get()) is not None:
+        if (representation := alive()) is not None:
             _tell_opaque(representation)
 
     array.AddObserver("ModifiedEvent", adjust)
@@ -126,11 +132,10 @@ def _tell_opaque(proxy: Any) -> None:
 
 
 def _follow_legend(proxy: Any) -> None:
-    owner = vtkWeakReference()
-    owner.Set(proxy)
+    alive = _weak(proxy)
 
     def hide(caller: Any, event: str) -> None:
-        legend = owner.Get()
+        legend = alive()
         if legend is not None and caller.GetElement(0) and not _maps(legend):
             caller.SetElement(0, 0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -11,7 +12,6 @@ from typing import Any
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.io import provenance
 from spacemap_vtk.io.formats.toml import format_scene, parsed
 from spacemap_vtk.io.named import named
 from spacemap_vtk.io.provenance import Record
@@ -116,7 +116,8 @@ def _fault(record: Record, folder: Path) -> str | None:
 
 @lru_cache(100)
 def _digest(path: Path, _changed: int) -> str:
-    return provenance.digest(path)
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _files(value: Any, motion: bool) -> Iterator[Path]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import writes
 
@@ -49,7 +50,6 @@ def _left_out(analysis: InputDeck) -> list[str]:
 @writes(".inp", label="CalculiX and Abaqus", holds=("analysis",), loses=_left_out)
 def write_inp(file: Path, analysis: InputDeck) -> None:
     """Write mesh, materials, supports and loads, and the steps that solve for them."""
-    from spacemap_vtk.io.output import write
 
     write(file, (f"{line}\n".encode() for line in _lines(analysis)))
 

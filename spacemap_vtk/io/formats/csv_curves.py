@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
@@ -23,7 +24,6 @@ _COLUMNS = "yarn,point,x [m],y [m],z [m],width [m],red,green,blue"
 @writes(".csv", label="Table", holds=("yarns",))
 def write_csv(file: Path, surface: MovingSurface) -> None:
     """Write a row for each control point of each yarn's cubic Bézier curves, end to end."""
-    from spacemap_vtk.io.output import write
 
     curves = surface.curves
     if curves is None:

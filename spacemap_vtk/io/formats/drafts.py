@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import of, reads, writes
 
@@ -31,25 +32,22 @@ tells(".wif")(told_in_comments)
 @writes(".wif", label="Weaver's draft", holds=("draft",))
 def write_wif(file: Path, draft: Draft) -> None:
     """Write a Weaving Information File."""
-    from spacemap_vtk.io.output import write
-    from spacemap_vtk.io.wif_writer import format_wif
-
-    write(file, [format_wif(draft), *(f"{line}\r\n".encode() for line in comments(";"))])
+    write(
+        file,
+        [
+            of("wif_writer", "format_wif")(draft),
+            *(f"{line}\r\n".encode() for line in comments(";")),
+        ],
+    )
 
 
 @writes(".dtx", label="Draft of Fiberworks", holds=("draft",), loses=of("dtx", "losses"))
 def write_dtx(file: Path, draft: Draft) -> None:
     """Write a draft of Fiberworks."""
-    from spacemap_vtk.io.dtx import format_dtx
-    from spacemap_vtk.io.output import write
-
-    write(file, [format_dtx(draft)])
+    write(file, [of("dtx", "format_dtx")(draft)])
 
 
 @writes(".txt", label="Rows of 0 and 1", holds=("draft",), loses=of("draft_file", "rows_lose"))
 def write_rows(file: Path, draft: Draft) -> None:
     """Write a row for each pick."""
-    from spacemap_vtk.io.draft_file import format_rows
-    from spacemap_vtk.io.output import write
-
-    write(file, [format_rows(draft)])
+    write(file, [of("draft_file", "format_rows")(draft)])

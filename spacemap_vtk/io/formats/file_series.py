@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.output import check_folder
+from spacemap_vtk.io.output import check_folder, write
 from spacemap_vtk.io.provenance import comments, recorded_at, tells, told_in_comments
 from spacemap_vtk.io.registry import of, reads, writer, writes
 
@@ -47,8 +47,6 @@ def open_collection(file: Path) -> MeshSeries:
 def write_collection(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     """Write a file for each time, in a folder beside, and the list of them."""
     from xml.sax.saxutils import quoteattr
-
-    from spacemap_vtk.io.output import write
 
     folder = file.with_suffix("")
     folder.mkdir()

@@ -10,6 +10,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
@@ -33,7 +34,6 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     import numpy as np
 
     from spacemap_vtk.datasets.moving_surface import linear
-    from spacemap_vtk.io.output import write
 
     buffer, short = _Buffer(), moving.short
     unit, factors = (1.0, 1.0) if short is None else (short.unit, short.factors)

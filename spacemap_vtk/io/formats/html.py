@@ -17,6 +17,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import writes
 
@@ -41,7 +42,6 @@ _PART = 3 * 2**21
 @writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and how much there is of each over time."""
-    from spacemap_vtk.io.output import write
 
     record = json.loads(told() or "{}")
     generator = f"spacemap_vtk {record.get('version', '')}".rstrip()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
 
@@ -140,7 +141,6 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
     """Write triangles in a group for each part, and a file of materials beside it."""
     import numpy as np
 
-    from spacemap_vtk.io.output import write
     from spacemap_vtk.memory import require
 
     require(

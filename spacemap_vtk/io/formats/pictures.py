@@ -56,21 +56,19 @@ def write_png(file: Path, image: NDArray[np.uint8]) -> None:
     lines[:, 0] = 1
     lines[:, 1 : 1 + depth] = rows[:, :depth]
     np.subtract(rows[:, depth:], rows[:, :-depth], out=lines[:, 1 + depth :])
-    parts = [b"\x89PNG\r\n\x1a\n"]
-    for kind, data in (
-        (b"IHDR", pack(">IIBBBBB", width, height, 8, 2 if depth == 3 else 6, 0, 0, 0)),
-        (b"IDAT", zlib.compress(lines.data, _COMPRESSION)),
-        (b"IEND", b""),
-    ):
-        parts += [pack(">I", len(data)), kind, data, pack(">I", zlib.crc32(kind + data))]
-    write(file, [*parts[:5], *_text_chunk(), *parts[5:]])
+    head = pack(">IIBBBBB", width, height, 8, 2 if depth == 3 else 6, 0, 0, 0)
+    data = zlib.compress(lines.data, _COMPRESSION)
+    parts = [*_chunk(b"IHDR", head), *_text_chunk(), *_chunk(b"IDAT", data), *_chunk(b"IEND", b"")]
+    write(file, [b"\x89PNG\r\n\x1a\n", *parts])
+
+
+def _chunk(kind: bytes, data: bytes) -> list[bytes]:
+    return [pack(">I", len(data)), kind, data, pack(">I", zlib.crc32(data, zlib.crc32(kind)))]
 
 
 def _text_chunk() -> list[bytes]:
     """Return the record as PNG has it; nothing where there is none."""
-    data = f"{NAME}\0{told()}".encode("latin-1")
-    crc = pack(">I", zlib.crc32(b"tEXt" + data))
-    return [pack(">I", len(data)), b"tEXt", data, crc] if told() else []
+    return _chunk(b"tEXt", f"{NAME}\0{told()}".encode("latin-1")) if told() else []
 
 
 def _comments() -> bytes:

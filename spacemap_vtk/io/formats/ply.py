@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import of, reads, truncated, writes
 
@@ -133,7 +134,6 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    from spacemap_vtk.io.output import write
     from spacemap_vtk.io.polygons import corners_of, facing, require_work
 
     require_work(surface, _WORK, ".ply")
@@ -164,8 +164,6 @@ def write_ply(file: Path, surface: vtkPolyData) -> None:
 def write_painted_ply(file: Path, surface: MovingSurface) -> None:
     """Write triangles in binary, of which each point has its colour."""
     import numpy as np
-
-    from spacemap_vtk.io.output import write
 
     kinds: list[Any] = [("point", "<f4", 3), ("normal", "<f4", 3), ("color", "u1", 3)]
     if surface.normals is None:

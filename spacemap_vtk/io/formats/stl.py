@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.registry import of, reads, truncated, writes
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ def write_stl(file: Path, surface: vtkPolyData) -> None:
     import numpy as np
 
     from spacemap_vtk.datasets.arrays import points_of
-    from spacemap_vtk.io.output import write
     from spacemap_vtk.io.polygons import corners_of, facing, require_work, triangles_of
 
     require_work(surface, _WORK, ".stl")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import NAME, tells, told
 from spacemap_vtk.io.registry import needs, writes
 
@@ -33,7 +34,6 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     """Write a surface, its targets and their animations."""
     from pxr import Sdf, Tf, Usd
 
-    from spacemap_vtk.io.output import write
     from spacemap_vtk.vanishing import vanishing_folder
 
     layer = Sdf.Layer.CreateAnonymous(file.suffix)

@@ -100,7 +100,12 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
             begin.setdefault(place, []).append(_add(root, digests, place, rows))
         made.flush()  # whoever counts what it takes finds it
         sink.check()
-    _describe(root, data)
+    surface, normals = data.IsA("vtkPolyData"), data.GetPointData().GetNormals()
+    # as VTK's reader asks for it
+    root.attrs["Version"] = np.array([2, 0])
+    root.attrs["Type"] = np.bytes_("PolyData" if surface else "UnstructuredGrid")
+    if normals is not None:
+        root[_place("PointData", normals)].attrs["Attribute"] = np.bytes_("Normals")
     count = len(times)
     for place, starts in begin.items():
         if len(starts) < count or (max(starts) and not place.startswith(_MOVING)):
@@ -108,7 +113,7 @@ def _fill(made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink:
                 f"{name}: {place} is another at another time",
                 cure="Write a .pvd: its files need not be alike.",
             )
-    kinds = len(_CELLS) if data.IsA("vtkPolyData") else 1
+    kinds = len(_CELLS) if surface else 1
     told = root.create_group("Steps")
     told.attrs["NSteps"] = count
     told["Values"] = np.array(times)
@@ -143,18 +148,6 @@ def _add(root: Any, digests: dict[str, bytes], name: str, rows: NDArray[Any]) ->
         table[-len(rows) :] = rows
     digests[name] = digest
     return max(0, len(root[name]) - len(rows))
-
-
-def _describe(root: Any, data: vtkDataSet) -> None:
-    """Say what is in the file as VTK's reader asks for it."""
-    import numpy as np
-
-    kind = "PolyData" if data.IsA("vtkPolyData") else "UnstructuredGrid"
-    root.attrs["Version"] = np.array([2, 0])
-    root.attrs["Type"] = np.bytes_(kind)
-    normals = data.GetPointData().GetNormals()
-    if normals is not None:
-        root[_place("PointData", normals)].attrs["Attribute"] = np.bytes_("Normals")
 
 
 def _place(table: str, array: vtkDataArray) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import SpacemapError
-from spacemap_vtk.io.output import check_folder
+from spacemap_vtk.io.output import check_folder, write
 from spacemap_vtk.io.provenance import NAME, comments, recorded, tells, told, told_in_comments
 from spacemap_vtk.io.registry import of, reads, writes
 
@@ -72,8 +72,6 @@ def write_pieces(file: Path, pieces: Iterable[vtkDataSet]) -> None:
     """Write a file for each piece, in a folder beside, and one that names them."""
     from xml.sax.saxutils import quoteattr
 
-    from spacemap_vtk.io.output import write
-
     folder, ending = file.with_suffix(""), f".{file.suffix[2:].lower()}"
     folder.mkdir()
     lines: list[str] = []
@@ -132,7 +130,6 @@ tells(".pvtp", ".pvtu")(told_in_comments)
 
 
 def _write(file: Path, writer: Any, data: vtkDataSet) -> None:
-    from spacemap_vtk.io.output import write
 
     writer.SetDataModeToBinary()
     writer.SetCompressorTypeToZLib()  # of level 5; the one it begins with is of level 6
