@@ -17,8 +17,6 @@ from spacemap_vtk.app.pick import Pick, read_point, read_sheet
 from spacemap_vtk.app.widgets import later
 from spacemap_vtk.draw.annotations import MOST_LABELS
 from spacemap_vtk.draw.camera import (
-    FLAT,
-    SIDES,
     Seen,
     Viewpoint,
     aim,
@@ -32,7 +30,7 @@ from spacemap_vtk.draw.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
 from spacemap_vtk.draw.surface_actor import rgb
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.clip_handle import ClipHandle

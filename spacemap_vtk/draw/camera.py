@@ -1,4 +1,4 @@
-"""Where a picture is seen from, and by what light; needs nothing but VTK."""
+"""Where a picture is seen from, and by what light."""
 
 from __future__ import annotations
 
@@ -9,25 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
-#: Where a camera stands, seen from the middle of the scene; y is up, except from the top, and z of
-#: what lies level.
-CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
-    "isometric": ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
-    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-    "back": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
-    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "right": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "left": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
-    "bottom": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
-    "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
-    "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-}
-#: Those along an axis.
-SIDES = ("front", "back", "right", "left", "top", "bottom")
-#: The one without perspective.
-FLAT = "face"
+from spacemap_vtk.scenes.settings import CAMERAS, FLAT
+
 #: How much of what is up must be seen of it: nearer to a pole no camera turns.
 _POLE = 0.01
 

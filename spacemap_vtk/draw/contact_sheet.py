@@ -6,7 +6,7 @@ import math
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, islice, product, repeat
 from pathlib import Path
 
 import numpy as np
@@ -41,9 +41,9 @@ def contact_sheet(
     axes = _axes(sweep)
     shots = max((len(each) for each in files.values()), default=1)
     cells = [
-        (_at(files.get(run.name, []), k), errors.get(run.name, "not run"))
+        (path, errors.get(run.name, "not run"))
         for run in sweep.runs
-        for k in range(shots)
+        for path in islice(chain(files.get(run.name, ()), repeat(None)), shots)
     ]
     if len(axes) < 2:
         return _sheet(title, None, axes[0] if axes else None, cells)
@@ -70,10 +70,6 @@ def name_of(sweep: Sweep, number: int) -> str:
     """Return what people call that which goes through a list of values."""
     labels = [each.parameter.label for each in sweep.axes]
     return labels[number] if labels.count(labels[number]) == 1 else sweep.axes[number].name
-
-
-def _at(files: list[Path], number: int) -> Path | None:
-    return files[number] if number < len(files) else None
 
 
 def _sheet(

@@ -86,8 +86,8 @@ def _grid(
     from matplotlib.path import Path
 
     rows, columns = marks.shape
-    size = cell * np.array([columns, rows])
-    axes.add_patch(Rectangle(corner, *size, facecolor=_back(paper), linewidth=0))
+    size, back = cell * np.array([columns, rows]), "#232a33" if paper.dark else "#ffffff"
+    axes.add_patch(Rectangle(corner, *size, facecolor=back, linewidth=0))
     places = np.argwhere(marks)[:, ::-1]
     if len(places):
         turn = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
@@ -107,10 +107,6 @@ def _grid(
         axes.add_collection(LineCollection(fine, colors=paper.faint, linewidths=0.2))
     frame = heavy if _GROUP * cell >= _LINED else [heavy[0], heavy[-1]]
     axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45, clip_on=False))
-
-
-def _back(paper: Paper) -> str:
-    return "#232a33" if paper.dark else "#ffffff"
 
 
 def _strip(
@@ -138,4 +134,4 @@ def _numbered(count: int, cell: float) -> list[int]:
     step = 1
     while step * cell < 1.15 * SMALL * POINT * len(str(count)):
         step *= 2 if step > 1 else _GROUP
-    return list(range(step, count + 1, step)) if step > 1 else list(range(1, count + 1))
+    return list(range(step, count + 1, step))

@@ -93,6 +93,11 @@ class FilmJob:
         scene.take(self.settings, self.given)
         return scene
 
+    def picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
+        """Return what draws the frames of its scene."""
+        seen = self.size, self.panels, self.place, extent
+        return Picture(scene, self.times, *seen, clear=scene.view.transparent)
+
     @property
     def digest(self) -> str:
         """Another one for another film, files that it is made from, or another program."""
@@ -308,8 +313,7 @@ def _drawn(
     scene: Scene, job: FilmJob, kept: KeptFrames, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Draw frames, and yield what keeps each."""
-    clear = scene.view.transparent
-    picture = Picture(scene, job.times, job.size, job.panels, job.place, clear=clear)
+    picture = job.picture(scene)
     try:
         for number in missing:
             yield partial(kept.write, number, picture.draw(job.times[number]))
@@ -350,10 +354,8 @@ def draw_frame(task: tuple[FilmJob, KeptFrames, Extent, int]) -> list[str]:
     job, kept, extent, number = task
     if kept not in _begun:
         warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
-        scene = job.scene()
-        seen = job.times, job.size, job.panels, job.place, extent
         _begun.clear()
-        _begun[kept] = Picture(scene, *seen, clear=scene.view.transparent)
+        _begun[kept] = job.picture(job.scene(), extent)
     kept.write(number, _begun[kept].draw(job.times[number]))
     return _begun[kept].scene.warnings
 

@@ -13,7 +13,7 @@ from spacemap_vtk.datasets.arrays import copied, points_of
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.camera import pixels_of
 from spacemap_vtk.draw.sheet_actor import add_directions, sheet_of
-from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of
+from spacemap_vtk.draw.yarn_tiles import Clearances, SampledClearances, strains_of, yarn_settings
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.weave import estimate_counts
@@ -73,7 +73,7 @@ class Sheet:
         #: The array that they are of; what finds clearances, and of which yarns.
         self._array: str | None = None
         self._sampled: SampledClearances | None = None
-        self._settings: list[dict[str, Any]] = []
+        self._asked: object = None
         self._warp = _SheetWarp()
 
     @classmethod
@@ -174,10 +174,9 @@ class Sheet:
         """Return how far yarns are from one another."""
         rows = self.cells[1] + 1, self.cells[0] + 1, 3
         points = points_of(self.moved).astype(np.float64).reshape(rows)
-        settings = [s.settings for s in self._scene.stages if s.makes == "object"]
-        settings.append({"sides": self.sides})
-        if self._sampled is None or settings != self._settings:
-            self._sampled, self._settings = SampledClearances(self._scene, self.sides), settings
+        asked = self.sides, yarn_settings(self._scene)
+        if self._sampled is None or asked != self._asked:
+            self._sampled, self._asked = SampledClearances(self._scene, self.sides), asked
         rest = points_of(self._flat).astype(np.float64).reshape(rows)
         return self._sampled.at(cage, strains_of(points, rest), self.crimp)
 

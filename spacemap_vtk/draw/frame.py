@@ -44,7 +44,7 @@ class Frame:
     closed: bool = False
     #: How deep its folds are in m: of a fabric, a yarn's diameter.
     relief: float = 0.0
-    #: Where it is seen from, a key of `spacemap_vtk.draw.camera.CAMERAS`.
+    #: Where it is seen from, a key of `spacemap_vtk.scenes.settings.CAMERAS`.
     camera: str = "three-quarter"
     #: What automatic values came to, by section and name.
     in_use: dict[str, Mapping[str, Any]] = field(default_factory=dict)

@@ -166,10 +166,9 @@ class LoadActor(vtkActor):
 
     def __init__(self) -> None:
         super().__init__()
-        self._shape = _arrow()
         self.through = vtkActor()
         for actor in (self, self.through):
-            actor.SetMapper(_arrows_mapper(self._shape))
+            actor.SetMapper(_arrows_mapper())
             actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
         look = self.through.GetProperty()
@@ -192,18 +191,13 @@ class LoadActor(vtkActor):
             actor.GetMapper().SetInputData(places)
 
 
-def _arrow() -> vtkArrowSource:
-    shape = vtkArrowSource()
+def _arrows_mapper() -> vtkGlyph3DMapper:
+    shape, mapper = vtkArrowSource(), vtkGlyph3DMapper()
     shape.SetTipResolution(24)
     shape.SetShaftResolution(24)
     shape.SetTipRadius(0.09)
     shape.SetTipLength(0.3)
     shape.SetShaftRadius(0.032)
-    return shape
-
-
-def _arrows_mapper(shape: vtkArrowSource) -> vtkGlyph3DMapper:
-    mapper = vtkGlyph3DMapper()
     mapper.SetSourceConnection(shape.GetOutputPort())
     mapper.SetOrientationArray("vector")
     mapper.SetScaleArray("vector")

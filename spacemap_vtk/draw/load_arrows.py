@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -86,9 +85,8 @@ def load_arrows(
     for load, factors in acting:
         for ends, ways, pull in _placed(load, rest, moved, cage):
             add(load.action, ends, ways, pull, factors)
-    joined = (np.concatenate(part) for part in (starts, vectors, places, reach))
-    starts_, vectors_, places_, reach_ = joined
-    return Arrows(starts_, vectors_, tuple(kinds), places_, reach_)
+    begun, along, where, far = map(np.concatenate, (starts, vectors, places, reach))
+    return Arrows(begun, along, tuple(kinds), where, far)
 
 
 def _placed(
@@ -157,14 +155,10 @@ class _Factors(NamedTuple):
 
 
 def _factors(load: Load, time: float, duration: float) -> _Factors:
-    least, largest = _span(load, duration)
+    function = load.function
+    values = [function.value(t) for t in np.linspace(0.0, duration, _SAMPLES).tolist()]
+    least, largest = min(0.0, *values), max(0.0, *values)
     size = max(-least, largest)
     if size <= 0.0:
         return _Factors(0.0, 0.0, 0.0)
-    return _Factors(float(load.function.value(time)) / size, least / size, largest / size)
-
-
-@lru_cache(maxsize=64)
-def _span(load: Load, duration: float) -> tuple[float, float]:
-    values = [float(load.function.value(t)) for t in np.linspace(0.0, duration, _SAMPLES)]
-    return min(0.0, *values), max(0.0, *values)
+    return _Factors(function.value(time) / size, least / size, largest / size)

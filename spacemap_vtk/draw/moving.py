@@ -21,7 +21,6 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
-from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.draw.coloring import measure
 from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.draw.seen_yarns import SeenOverTime
@@ -42,7 +41,7 @@ from spacemap_vtk.memory import require
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.report import modes
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.settings import CAMERAS, View
 
 #: Tolerance by itself: shares of the thinnest yarn's diameter, or of the size of what has no yarns.
 _OF_YARN, _OF_SIZE = 0.02, 2e-4

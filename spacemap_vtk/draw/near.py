@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import ceil, isqrt
-from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
@@ -12,7 +11,7 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.camera import Seen
 from spacemap_vtk.draw.form import SMALLEST_YARN, Sheet, form_seen, pixels_per_metre
 from spacemap_vtk.draw.pieces import cells_in_sight, run_of, yarns_in
-from spacemap_vtk.draw.yarn_tiles import OwnStages
+from spacemap_vtk.draw.yarn_tiles import OwnStages, yarn_settings
 from spacemap_vtk.fabric.partition import cropped
 from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
@@ -38,7 +37,7 @@ class NearYarns:
 
     def __init__(self, scene: Scene, sheet: Sheet) -> None:
         self._scene, self._sheet = scene, sheet
-        self._settings = _settings(scene)
+        self._settings = yarn_settings(scene)
         self._own = OwnStages(scene)
         self.stages = self._own.all
         self._own.weave.configure(precision="single")  # nothing but eyes sees it
@@ -51,7 +50,7 @@ class NearYarns:
 
     def serves(self, scene: Scene, sheet: Sheet) -> bool:
         """Return whether its stages are still as the scene's."""
-        return sheet is self._sheet and _settings(scene) == self._settings
+        return sheet is self._sheet and yarn_settings(scene) == self._settings
 
     def follow(self, seen: Seen, cage: vtkUnstructuredGrid | None, swings: bool = False) -> str:
         """Choose what will be made; return why nothing is, or nothing."""
@@ -105,12 +104,6 @@ class NearYarns:
         if patches <= MOST_PATCHES:
             self._patches = patches
         return patches <= MOST_PATCHES
-
-
-def _settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
-    """Return what the stages that make yarns are to do."""
-    makers = (stage for stage in scene.stages if stage.makes == "object")
-    return [(stage.section, stage.settings) for stage in makers]
 
 
 def _wider(cells: slice, count: int) -> slice:

@@ -216,8 +216,24 @@ def carry_out(
     order: Order, scene: Scene, tell: Tell, whole: bool = True, lose: Lose | None = None
 ) -> str:
     """Write what is ordered: whole or not at all, unless the caller sees to that; say what came."""
+    lose = lose or scene.warn
     with recorded(_record(order, scene)):
-        return _carry_out(order, scene, tell, whole, lose)
+        if order.what == "film":
+            return _write_film(order, scene, tell, whole)
+        if order.what in _STILLS:
+            # Before there is anything to be removed if the program is ended.
+            image = _STILLS[order.what](order, scene, tell)
+            with _file(order, whole) as file:
+                writer(file, "picture").write(file, image)
+            return ""
+        if order.what in _PLOTS:
+            tell(0, 1)
+            with _file(order, whole) as file:
+                _PLOTS[order.what](order, scene, file, tell)
+            tell(1, 1)
+            return ""
+        moves = order.what in ("moving", "modes") and not order.numbered
+        return (_write_moving if moves else _write_data)(order, scene, tell, whole, lose)
 
 
 def _record(order: Order, scene: Scene) -> Record:
@@ -227,26 +243,6 @@ def _record(order: Order, scene: Scene) -> Record:
     if not order.times and (order.what == "film" or (order.lasts and scene.moves)):
         times = [scene.animation.start, scene.animation.stop]
     return record_of(scene, order.told, times[:1] + times[-1:] if len(times) > 1 else times)
-
-
-def _carry_out(order: Order, scene: Scene, tell: Tell, whole: bool, lose: Lose | None) -> str:
-    if order.what == "film":
-        return _write_film(order, scene, tell, whole)
-    if order.what in _STILLS:
-        # Before there is anything to be removed if the program is ended.
-        image = _STILLS[order.what](order, scene, tell)
-        with _file(order, whole) as file:
-            writer(file, "picture").write(file, image)
-        return ""
-    if order.what in _PLOTS:
-        tell(0, 1)
-        with _file(order, whole) as file:
-            _PLOTS[order.what](order, scene, file, tell)
-        tell(1, 1)
-        return ""
-    if order.what in ("moving", "modes") and not order.numbered:
-        return _write_moving(order, scene, tell, whole, lose or scene.warn)
-    return _write_data(order, scene, tell, whole, lose or scene.warn)
 
 
 def _picture(order: Order, scene: Scene, tell: Tell) -> Image:

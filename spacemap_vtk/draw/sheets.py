@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData, vtkUnstructuredGrid
-from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkFeatureEdges
 from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
@@ -189,23 +188,17 @@ class _Drawing:
         self._window.leave_background()
         self._behind = gradient(_CELL, (255, 255, 255), (238, 242, 246))
         self._solid = SurfaceActor()
-        self._cage = vtkTrivialProducer()
-        self._cage.SetOutput(self._moved)
         self._warp = BarycentricWarp()
         self._surface = PatchTessellator(subdivisions=scene.surface.sides)
-        self._warp.SetInputConnection(0, scene.source.GetOutputPort())
-        self._warp.SetInputConnection(1, self._cage.GetOutputPort())
-        self._surface.SetInputConnection(self._warp.GetOutputPort())
         # Of the cage only its corner lines, which its faces share at an angle: enough to see it
         # bend.
         faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
-        faces.SetInputConnection(self._cage.GetOutputPort())
+        faces.SetInputData(self._moved)
         lines.SetInputConnection(faces.GetOutputPort())
         lines.SetFeatureAngle(30.0)
         lines.ColoringOff()
         bent.SetInputConnection(lines.GetOutputPort())
         bent.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
-        self._stages = faces, lines, bent
         self._window.renderer.AddActor(self._solid)
         for stage, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
             actor, mapper = vtkActor(), vtkPolyDataMapper()
@@ -225,9 +218,7 @@ class _Drawing:
         add_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")
         self._moved.Modified()
-        self._surface.update()
-        mesh = vtkPolyData()
-        mesh.ShallowCopy(self._surface.GetOutputDataObject(0))
+        mesh = self._surface(self._warp(self._scene.source.output, self._moved))
         add_measure(mesh, "displacement")
         self._solid.show(mesh, "displacement", span=(0.0, self._swing))
         return composed(self._window.draw(), self._behind)

@@ -37,6 +37,11 @@ _MOST, _SIDE = 2500, 5
 _PLACES = 3
 
 
+def yarn_settings(scene: Scene) -> list[tuple[str, dict[str, Any]]]:
+    """Return what the stages that make yarns are to do."""
+    return [(stage.section, stage.settings) for stage in scene.stages if stage.makes == "object"]
+
+
 class OwnStages:
     """Stages as those of a scene that make yarns, connected to one another alone."""
 

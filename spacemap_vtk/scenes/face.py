@@ -10,10 +10,8 @@ from __future__ import annotations
 from spacemap_vtk.errors import SpacemapError, naming_section
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import USUAL_SIZE
+from spacemap_vtk.scenes.settings import FLAT, USUAL_SIZE
 
-#: What `spacemap_vtk.draw.camera` calls the camera without perspective.
-_FLAT = "face"
 #: A picture of the cloth's proportions is at most so many times as long as wide.
 _LONGEST = 2.0
 #: A longer cloth is shown as a whole where its yarns are at least so many pixels wide.
@@ -71,7 +69,7 @@ def fill(scene: Scene, size: tuple[int, int]) -> None:
 
 
 def _is_flat(scene: Scene) -> bool:
-    return scene.view.camera == _FLAT and not scene.moves and scene.source is scene.weave
+    return scene.view.camera == FLAT and not scene.moves and scene.source is scene.weave
 
 
 def lengths_of(cloth: Cloth) -> list[float]:

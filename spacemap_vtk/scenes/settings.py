@@ -29,6 +29,25 @@ BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Black": ("#000000", "#000000"),
 }
 
+#: Where a camera stands, seen from the middle of the scene; y is up, except from the top, and z of
+#: what lies level.
+CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
+    "isometric": ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
+    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+    "back": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "right": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "left": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
+    "bottom": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
+    "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+}
+#: Those along an axis.
+SIDES = ("front", "back", "right", "left", "top", "bottom")
+#: The one without perspective.
+FLAT = "face"
 #: Where the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
 
@@ -66,10 +85,7 @@ class View(Parameterised):
         "Where it is seen from; side is right. lying: z is up, as of cloth on a table. face: from "
         "the front without perspective, filling the picture: drafts are repeated to its edges, and "
         "of fine cloth that is far longer the beginning is shown.",
-        [
-            *("three-quarter", "isometric", "front", "back", "side", "right", "left", "top"),
-            *("bottom", "lying", "face"),
-        ],
+        list(CAMERAS),
         automatic="three-quarter, or lying where z is up in an object",
     )
     size = Vector(

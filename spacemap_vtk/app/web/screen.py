@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from spacemap_vtk.draw.camera import FLAT, Seen, Viewpoint, aim, half_height
+from spacemap_vtk.draw.camera import Seen, Viewpoint, aim, half_height
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.glyphs import cut_of
 from spacemap_vtk.draw.offscreen import Offscreen
 from spacemap_vtk.draw.scene_view import Look, SceneView, extent_of
-from spacemap_vtk.scenes.settings import View
+from spacemap_vtk.scenes.settings import FLAT, View
 
 #: JPEG's own measure of what rests, and of what moves.
 _STILL, _MOVING = 92, 75

@@ -15,7 +15,6 @@ from spacemap_vtk.app.pipeline import Pipeline
 from spacemap_vtk.app.web.rows import ParameterRows
 from spacemap_vtk.app.web.screen import Screen
 from spacemap_vtk.datasets.modal_model import measures_in
-from spacemap_vtk.draw.camera import CAMERAS
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.scenes import library
@@ -24,6 +23,7 @@ from spacemap_vtk.scenes.chain import sections, words_of
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity, parse_quantity
 
 #: Seconds after which a run is shown as one, and after which a camera is at rest.
