@@ -273,5 +273,6 @@ def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
     assert crimp is not None
     assert crimp == pytest.approx(scene.weave.cloth.families[0].crimp.crimp, rel=1e-4)
     actor = SurfaceActor()
-    assert actor.show(scene.polygons, "jammed") is None
+    actor.show(scene.polygons, "jammed")
+    assert not actor.bar.GetVisibility()
     assert actor.GetMapper().GetArrayName() == "jammed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -207,6 +208,12 @@ def to_ragged(offsets: NDArray[np.integer[Any]], numbers: NDArray[np.integer[Any
         )
     )
     return cells
+
+
+def to_rings(rings: Sequence[NDArray[np.int64]]) -> vtkCellArray:
+    """Return a cell of each of some rows of numbers."""
+    offsets = np.cumsum([0, *map(len, rings)], dtype=np.int64)
+    return to_ragged(offsets, np.concatenate([*rings, np.empty(0, np.int64)]))
 
 
 def cell_types(grid: vtkUnstructuredGrid) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import (
     vtkActor2D,
     vtkPolyDataMapper2D,
@@ -17,7 +17,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkTextActor,
 )
 
-from spacemap_vtk.datasets.arrays import to_array, to_points
+from spacemap_vtk.datasets.arrays import to_array, to_points, to_ragged
 from spacemap_vtk.draw.camera import Viewpoint, projected
 from spacemap_vtk.draw.measuring import AXES, measures_of, round_length
 from spacemap_vtk.draw.surface_actor import PLATE, inks, letters_of, rgb, scale_share, take_font
@@ -236,13 +236,10 @@ class _Polygons(vtkActor2D):
 
     def fill(self, polygons: list[Polygon], colors: list[Any] | None = None) -> None:
         """Draw others."""
-        drawn, cells = vtkPolyData(), vtkCellArray()
-        counts = np.array([len(polygon) for polygon in polygons], np.int64)
-        offsets = np.concatenate([[0], np.cumsum(counts)])
-        cells.SetData(to_array(offsets), to_array(np.arange(offsets[-1])))
-        flat = np.concatenate(polygons) if polygons else np.zeros((0, 2))
+        drawn, flat = vtkPolyData(), np.concatenate([*polygons, np.zeros((0, 2))])
+        offsets = np.cumsum([0, *map(len, polygons)], dtype=np.int64)
         drawn.SetPoints(to_points(np.column_stack([flat, np.zeros(len(flat))])))
-        drawn.SetPolys(cells)
+        drawn.SetPolys(to_ragged(offsets, np.arange(len(flat))))
         if colors:
             drawn.GetCellData().SetScalars(to_array((np.array(colors) * 255).astype(np.uint8)))
         self.GetMapper().SetInputData(drawn)

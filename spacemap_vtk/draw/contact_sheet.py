@@ -24,6 +24,7 @@ _ROW = 4
 _LARGEST = 16_000
 _INK, _FAINT, _PAPER, _EMPTY = (40, 46, 54), (118, 126, 138), (255, 255, 255), (244, 245, 247)
 _LINE, _FAILED = (214, 219, 226), (150, 70, 40)
+_Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,8 @@ def _two(
     place: tuple[float, float],
     name: str,
     value: str,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
-    small: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    font: _Font,
+    small: _Font,
 ) -> None:
     """Write a name, and in ink its value, centred together."""
     size = getattr(font, "size", 12)
@@ -168,7 +169,7 @@ def _empty(
     pen: ImageDraw.ImageDraw,
     box: tuple[int, int, int, int],
     error: str,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    font: _Font,
 ) -> None:
     """Draw a cell that has no picture, and say why."""
     pen.rectangle(box, fill=_EMPTY)

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
-from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_ragged
+from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_rings
 from spacemap_vtk.draw.glyphs import Cut
 from spacemap_vtk.draw.surface_actor import STUDIO, Span, SurfaceActor
 from spacemap_vtk.scenes.styles import WHITE, Style
@@ -91,13 +91,11 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     if not len(kept):
         return face
     loops = [loops[k] for k in kept]
-    offsets = np.concatenate([[0], np.cumsum([len(loop) for loop in loops])]).astype(np.int64)
-    numbers = np.concatenate(loops)
     face.SetPoints(to_points(corners))
     _interpolate(surface, face, ends, share)
     if areas[kept].min() < 0.0:
         return _with_holes(face, loops)
-    face.SetPolys(to_ragged(offsets, numbers))
+    face.SetPolys(to_rings(loops))
     take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
     triangulated = vtkTriangleFilter()
     triangulated.SetInputData(face)
@@ -203,9 +201,7 @@ def _area(ring: NDArray[np.float64], normal: NDArray[np.float64]) -> float:
 
 def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
     """Return the face of something that is hollow, without cell arrays."""
-    rings = [np.append(loop, loop[0]) for loop in loops]
-    offsets = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
-    face.SetLines(to_ragged(offsets, np.concatenate(rings)))
+    face.SetLines(to_rings([np.append(loop, loop[0]) for loop in loops]))
     filled = vtkContourTriangulator()
     filled.SetInputData(face)
     filled.GetExecutive().Update()

@@ -34,7 +34,7 @@ from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.picture import Extent, Picture, choosing, over_motion
+from spacemap_vtk.draw.picture import Extent, Picture, choose_facets, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
@@ -327,7 +327,7 @@ def _drawn_by(
     """Let processes draw frames, and yield what reads each."""
     prepare_offscreen()
     # What is solved here they find in the cache.
-    choose = choosing(scene, job.size, job.panels, job.place)
+    choose = partial(choose_facets, scene, job.size, job.panels, job.place, False)
     extent = over_motion(scene, job.times, _sheet(scene, job), choose)
     tasks = [(job, kept, extent, number) for number in missing]
     drawn: set[int] = set()

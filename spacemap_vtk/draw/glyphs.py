@@ -1,4 +1,6 @@
-"""What stands round the object: outlines, its ghost, the cage, supports, loads, dots, a cut."""
+"""What stands round the object: outlines, its ghost, the cage, supports, loads, dots, a cut,
+and the soft shadow on level ground: what stands over each place, blurred the more, the higher.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +11,18 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersSources import vtkArrowSource
-from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataMapper
+from vtkmodules.vtkRenderingCore import vtkActor, vtkGlyph3DMapper, vtkPolyDataMapper, vtkTexture
 
-from spacemap_vtk.datasets.arrays import elements_of, points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import (
+    elements_of,
+    points_of,
+    to_array,
+    to_cells,
+    to_image,
+    to_points,
+)
 from spacemap_vtk.draw.load_arrows import KINDS, Arrows
+from spacemap_vtk.draw.shading import blurred
 from spacemap_vtk.draw.surface_actor import rgb, rgb_table
 from spacemap_vtk.embedding.triangles import boundary
 from spacemap_vtk.scenes.settings import View
@@ -28,6 +38,13 @@ THIN, _FAINT = 1.2, (0.55, 0.45)
 #: Of more tetrahedra only the surface's edges are drawn.
 _DENSE = 1000
 
+
+#: Share of the shadow that is left free on each side of what casts it, and most cells of the rest:
+#: so many, as points leave no holes in.
+_MARGIN, _CELLS, _POINTS = 0.21, 92, 1.5
+#: Most points that cast it, and slices that are each blurred: by such shares of it on the ground,
+#: and where they are as high as it is long.
+_MOST, _SLICES, _SHARP, _SOFT = 150_000, 4, 0.01, 0.1
 
 #: Of each vertex of what is drawn in lines round yarns.
 _WIDER = """
@@ -123,6 +140,52 @@ class CageActor(PlainActor):
             lines.SetPoints(to_points(moved_points(cage).astype(np.float32)))
             lines.SetLines(self._kept[1])
         self.GetMapper().SetInputData(lines)
+
+
+class GroundActor(PlainActor):
+    """A shadow on a plane across one of the axes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        texture = vtkTexture()
+        texture.SetColorModeToDirectScalars()
+        texture.InterpolateOn()
+        texture.EdgeClampOn()
+        self.SetTexture(texture)
+        self.GetProperty().LightingOff()
+        self.ForceTranslucentOn()
+
+    def show(
+        self, points: NDArray[np.floating[Any]], up: int, floor: float, strength: float
+    ) -> None:
+        """Draw the shadow of some points, (n, 3), on a floor so high along an axis."""
+        points = points[:: 1 + len(points) // _MOST]
+        sides = [(up + 1) % 3, (up + 2) % 3]
+        low, high = points[:, sides].min(axis=0), points[:, sides].max(axis=0)
+        length = float((high - low).max()) / (1.0 - 2.0 * _MARGIN) or 1.0
+        cells = int(min(_CELLS, np.sqrt(len(points)) / _POINTS + 8) / (1.0 - 2.0 * _MARGIN))
+        corner = 0.5 * (low + high) - 0.5 * length
+        places = ((points[:, sides] - corner) * (cells / length)).astype(np.int64) @ (1, cells)
+        heights = (points[:, up] - floor) / length
+        slices = np.minimum(heights * _SLICES, _SLICES - 1).astype(np.int64)
+        light = np.ones((cells, cells), np.float32)
+        for number in range(_SLICES):
+            found = np.bincount(places[slices == number], minlength=cells**2) > 0
+            if found.any():
+                spread = cells * (_SHARP + _SOFT * (number + 0.5) / _SLICES)
+                cast = blurred(found.reshape(cells, cells).astype(np.float32), spread)
+                light *= 1.0 - cast
+        black = np.zeros((cells, cells, 4), np.uint8)
+        black[..., 3] = np.rint(255.0 * strength * (1.0 - light))
+        self.GetTexture().SetInputData(to_image(black))
+        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        corners = np.full((4, 3), floor)
+        corners[:, sides] = corner + length * square
+        ground = vtkPolyData()
+        ground.SetPoints(to_points(corners))
+        ground.SetPolys(to_cells(np.arange(4).reshape(1, 4)))
+        ground.GetPointData().SetTCoords(to_array(square.astype(np.float32), "texels"))
+        self.GetMapper().SetInputData(ground)
 
 
 class DotsActor(PlainActor):

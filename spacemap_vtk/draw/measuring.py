@@ -56,16 +56,15 @@ def axes_seen(camera: vtkCamera) -> NDArray[np.float64]:
 
 def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | None) -> None:
     """Draw axes, a round length and the scale of colours beside each other, for a page."""
-    _draw_triad(axes, paper, seen.axes, 7.0)
-    _draw_scale(axes, paper, seen, 20.0)
+    _draw_triad(axes, paper, seen.axes)
+    _draw_scale(axes, paper, seen)
     if span is not None:
         _draw_colors(axes, paper, color, span)
 
 
-def _draw_triad(axes: Axes, paper: Paper, turn: NDArray[np.float64], size: float) -> None:
-    middle = (
-        np.array([0.3 * size, 0.3 * size]) - size * np.minimum(turn[:, :2], 0.0).min(axis=0) * 0.8
-    )
+def _draw_triad(axes: Axes, paper: Paper, turn: NDArray[np.float64]) -> None:
+    size = 7.0
+    middle = size * (0.3 - 0.8 * np.minimum(turn[:, :2], 0.0).min(axis=0))
     for k in np.argsort(turn[:, 2]):
         tip, color = 0.8 * size * turn[k, :2], AXES[paper.dark][k]
         if np.hypot(*tip) > 0.08 * size:
@@ -81,11 +80,11 @@ def _draw_triad(axes: Axes, paper: Paper, turn: NDArray[np.float64], size: float
         axes.text(x, y, "xyz"[k], **style)
 
 
-def _draw_scale(axes: Axes, paper: Paper, seen: Measures, left: float) -> None:
+def _draw_scale(axes: Axes, paper: Paper, seen: Measures) -> None:
     from matplotlib.patches import Rectangle
 
     length = round_length(30.0 * seen.length)
-    wide = length / seen.length
+    left, wide = 20.0, length / seen.length
     axes.add_patch(Rectangle((left, 4.4), wide, 0.8, facecolor=paper.ink, linewidth=0, gid="scale"))
     words = format_quantity(length, "m")
     axes.text(left, 5.8, words, fontsize=TEXT, color=paper.ink, va="bottom")

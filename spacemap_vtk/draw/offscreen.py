@@ -49,10 +49,10 @@ class Offscreen:
         """What the picture is seen through."""
         return self.renderer.GetActiveCamera()
 
-    def draw(self, front: bool = True) -> NDArray[np.uint8]:
+    def draw(self) -> NDArray[np.uint8]:
         """Draw."""
         self.renderer.ResetCameraClippingRange()
-        self.render(front)
+        self.render()
         return self.pixels()
 
     def render(self, front: bool = True, over: bool = False) -> None:

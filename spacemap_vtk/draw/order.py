@@ -118,10 +118,9 @@ class Order:
             if given.get("size"):
                 width, height = map(int, given["size"])
                 given["size"] = width, height
-            if given.get("tolerance"):
-                given["tolerance"] = float(given["tolerance"])
-            for key in {"pieces", "subdivisions"} & given.keys():
-                given[key] = int(given[key])
+            for key, kind in (("tolerance", float), ("pieces", int), ("subdivisions", int)):
+                if given.get(key):
+                    given[key] = kind(given[key])
             for key in ("panels", "motions"):
                 given[key] = [str(word) for word in given.get(key, ())]
             return cls(**{**given, "what": str(given["what"]), "output": output})
@@ -149,7 +148,10 @@ class Order:
             table = {".csv": "table"} if self.what == "biaxial" else {}
             check_output(self.output, written("plot") | table)
         elif self.what == "film":
-            self._check_film()
+            check_output(self.output, written("film") | written("frames"), self.numbered)
+            writer(self.output, "frames" if self.numbered else "film").check(self.output)
+            if self.numbered:
+                self._check_number("frames need")
         else:
             ending = self.output.suffix.lower()
             if not self.what and ending in written():
@@ -194,12 +196,6 @@ class Order:
         if self.what not in DATA:
             return False
         return self.what == "moving" or self.numbered or writer(self.output, self.what).times
-
-    def _check_film(self) -> None:
-        check_output(self.output, written("film") | written("frames"), self.numbered)
-        writer(self.output, "frames" if self.numbered else "film").check(self.output)
-        if self.numbered:
-            self._check_number("frames need")
 
     def _check_number(self, what: str) -> None:
         name = self.output

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -108,7 +109,7 @@ class Picture:
         panels = panels_of(scene, show)
         self._asked = PictureAsked((width, height), len(times), panels)
         sheet = Sheet.required(scene, self._asked)
-        choose = choosing(scene, (width, height), show, place, bare)
+        choose = partial(choose_facets, scene, (width, height), show, place, bare)
         room, self._span = extent or over_motion(scene, times, sheet, choose)
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
@@ -293,25 +294,22 @@ def _choose_facets(
     return strands, scale * max(threads.mean_spacing(0.0) for threads in cloth.threads)
 
 
-def choosing(
+def choose_facets(
     scene: Scene,
     size: tuple[int, int],
-    show: Sequence[str] = (),
-    place: Viewpoint | None = None,
-    bare: bool = False,
-) -> Callable[[NDArray[np.float64]], float]:
-    """Return what lets a scene have the facets of pictures of some points, see `over_motion`."""
-
-    def choose(room: NDArray[np.float64]) -> float:
-        if not scene.woven:
-            return 0.0
-        camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
-        scaled = COLORINGS[scene.view.color].numbers and not bare
-        share = scale_share((width, size[1])) if scaled else 0.0
-        _aim(scene, camera, room, (1 - share) * width / size[1], place)
-        return _choose_facets(scene, room, camera, size[1])[1]
-
-    return choose
+    show: Sequence[str],
+    place: Viewpoint | None,
+    bare: bool,
+    room: NDArray[np.float64],
+) -> float:
+    """Let a scene have the facets of pictures of some points; return the pixels between yarns."""
+    if not scene.woven:
+        return 0.0
+    camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
+    scaled = COLORINGS[scene.view.color].numbers and not bare
+    share = scale_share((width, size[1])) if scaled else 0.0
+    _aim(scene, camera, room, (1 - share) * width / size[1], place)
+    return _choose_facets(scene, room, camera, size[1])[1]
 
 
 def over_motion(

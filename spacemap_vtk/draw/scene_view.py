@@ -27,12 +27,12 @@ from spacemap_vtk.draw.glyphs import (
     CageActor,
     Cut,
     GhostActor,
+    GroundActor,
     LoadActor,
     OutlineActor,
     SupportActor,
     moved_points,
 )
-from spacemap_vtk.draw.ground import GroundActor
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import (
     Span,

@@ -82,16 +82,12 @@ def carry_out_run(run: Run) -> Result:
             for figure in _figures(scene, run.times):
                 if figure.value is not None:
                     result.figures[figure.heading] = figure.entry
-            result.pictures = [_picture(scene, time) for time in _times(run, scene)]
+            result.pictures = [_picture(scene, t) for t in run.times or [scene.view.time]]
             result.warnings = scene.warnings
         except Exception as error:  # of one run, told in its row
             result.error = " ".join(str(error).split()) or type(error).__name__
     result.seconds = perf_counter() - begin
     return result
-
-
-def _times(run: Run, scene: Scene) -> Sequence[float]:
-    return run.times or (scene.view.time,)
 
 
 def _figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:

@@ -21,8 +21,7 @@ from vtkmodules.vtkRenderingCore import (
 
 from spacemap_vtk.datasets.arrays import colors_in, to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
-from spacemap_vtk.draw.fibre_shader import show_fibres
-from spacemap_vtk.draw.lighting import light_by_shader, light_of
+from spacemap_vtk.draw.lighting import light_by_shader, light_of, show_fibres
 from spacemap_vtk.filters.patch_tessellator import STRANDS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
@@ -70,7 +69,7 @@ class SurfaceActor(vtkActor):
         picture: vtkImageData | None = None,
         style: Style = STUDIO,
         point: float = 1.0,
-    ) -> Span | None:
+    ) -> None:
         """Draw a surface; a point, in which lines are measured, is so many pixels."""
         mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
         numbers = points.GetArray(SHOWN)
@@ -94,7 +93,6 @@ class SurfaceActor(vtkActor):
         self.bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
         self._wear(surface, style if shown is None else style.of_numbers, point)
-        return shown
 
     def scale(self, color: str, span: Span) -> float:
         """Let the scale say what numbers mean; return its unit."""

@@ -19,9 +19,8 @@ def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
     cells = data.GetPolys()
     if cells.GetNumberOfCells() == 0:
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    return np.diff(vtk_to_numpy(cells.GetOffsetsArray())), vtk_to_numpy(
-        cells.GetConnectivityArray()
-    )
+    offsets, corners = cells.GetOffsetsArray(), cells.GetConnectivityArray()
+    return np.diff(vtk_to_numpy(offsets)), vtk_to_numpy(corners)
 
 
 def part_of(data: vtkPolyData, chosen: NDArray[np.bool_]) -> vtkPolyData:

@@ -324,13 +324,14 @@ def existing(path: Path, allowed: str | None = None) -> Path:
     return path
 
 
+def damaged(path: Path, why: str) -> InputError:
+    """Return the error for a file that is not as its program has written it."""
+    return InputError(f"{path}: {why}", key="file", cure="Write the file again, whole.")
+
+
 def truncated(path: Path) -> InputError:
     """Return the error for a file that ends too early."""
-    return InputError(
-        f"{path}: truncated: it holds less than its header promises",
-        key="file",
-        cure="Write the file again, whole.",
-    )
+    return damaged(path, "truncated: it holds less than its header promises")
 
 
 def _require_known(holds: Iterable[str], known: dict[str, str]) -> None:

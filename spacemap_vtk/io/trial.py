@@ -24,6 +24,7 @@ from typing import Any
 
 from spacemap_vtk import cache, workers
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.registry import damaged
 from spacemap_vtk.memory import available
 
 #: Seconds of the processor's time that a file may take, and more for each byte of it.
@@ -52,11 +53,7 @@ def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[No
             answer = _asked((needs, function, path, *more), *allowed)
         if isinstance(answer, workers.EndedError):
             why = answer.message.split()[-1]
-            raise InputError(
-                f"{path}: damaged, or too large: what reads it ends by {why}",
-                key="file",
-                cure="Write the file again, whole.",
-            )
+            raise damaged(path, f"damaged, or too large: what reads it ends by {why}")
         if isinstance(answer, InputError):
             raise answer
         _require_same(path, before)
@@ -77,13 +74,11 @@ def _state(path: Path) -> list[tuple[str, int | None, int, int]]:
 
     found: list[tuple[str, int | None, int, int]] = []
     for each in (path, *(other for _, other in named(path))):
-        try:
+        told: tuple[int | None, int, int] = None, 0, 0
+        with suppress(OSError, ValueError):  # whoever reads it says so
             state = os.stat(each)
-        except (OSError, ValueError):  # whoever reads it says so
-            found.append((os.path.abspath(each), None, 0, 0))
-        else:
             told = state.st_size, state.st_mtime_ns, state.st_ino
-            found.append((os.path.abspath(each), *told))
+        found.append((os.path.abspath(each), *told))
     return found
 
 

@@ -27,7 +27,6 @@ if "spacemap_vtk" not in sys.modules:
 from spacemap_vtk import __version__  # noqa: E402
 from spacemap_vtk.paraview import client, rendering  # noqa: E402
 from spacemap_vtk.paraview.hosted import PROXIES  # noqa: E402
-from spacemap_vtk.paraview.opaque import SpacemapOpaque  # noqa: E402
 
 client.prepare()
 rendering.show_colors()
@@ -36,4 +35,4 @@ rendering.guard_pictures()
 # ParaView reads these names, and looks for classes with XML among the module's attributes.
 paraview_plugin_name = "Space mapping"
 paraview_plugin_version = __version__
-globals().update(PROXIES, SpacemapOpaque=SpacemapOpaque)
+globals().update(PROXIES, SpacemapOpaque=rendering.SpacemapOpaque)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -147,17 +148,12 @@ def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
 
 def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
     """Return a list as one value where it is one, else its items."""
-    try:
-        parameter.check(values)
-    except InputError:
-        taken = 0
-        for value in values:
-            try:
-                parameter.check(value)
-                taken += 1
-            except InputError:
-                continue
-        if not taken:
-            raise
-        return values
-    return [values]
+
+    def taken(value: Any) -> bool:
+        with suppress(InputError):
+            parameter.check(value)
+            return True
+        return False
+
+    # one of which no item is a value is refused as a whole
+    return values if not taken(values) and any(map(taken, values)) else [values]

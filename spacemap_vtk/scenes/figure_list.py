@@ -111,6 +111,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         return Figure(key, label, told, value, unit)
 
     treadles, thickness = figures["treadles"], figures["thickness"]
+    heights = figures["feasible_height"] or [None]
     found = [
         Figure("thickness", "thickness", _cell(thickness, "m"), thickness, "m"),
         figure("cover", "cover", "%", "{:.1%}"),
@@ -118,7 +119,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         figure("areal_mass", "areal mass", "kg/m2", "{:.4g} g/m²", 1e3),
         Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
         figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
-        Figure("feasible_height", "h1 feasible", _interval(figures["feasible_height"])),
+        Figure("feasible_height", "h1 feasible", " to ".join(_cell(h, "m") for h in heights)),
         _clearance(figures, "least_clearance", "least clearance"),
     ]
     if figures.get("cloths") == 2:
@@ -197,10 +198,6 @@ def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
             Figure("drape_coefficient", "drape coefficient", f"{drape:.1%} (Cusick)", drape, "%")
         )
     return found
-
-
-def _interval(ends: list[float] | None) -> str:
-    return UNKNOWN if ends is None else " to ".join(_cell(end, "m") for end in ends)
 
 
 def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:

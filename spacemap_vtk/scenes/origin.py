@@ -90,11 +90,11 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
     except ValueError as error:
         raise InputError(f"the scene in its record is damaged: {error}") from None
     inputs = [folder / name for name in record.inputs]
-    allowed = {_plain(path) for path in inputs}
+    allowed = {os.path.abspath(path) for path in inputs}
     for path in paths_in(placed(values, sections(), folder)):
         beside = (other for each in _several(path) for _, other in named(each))
         for other in [*_several(path), *filter(os.path.isfile, beside)]:
-            if _plain(other) not in allowed:
+            if os.path.abspath(other) not in allowed:
                 raise InputError(
                     f"the scene in its record names {other}, which is not among the files that it "
                     "says were read",
@@ -162,10 +162,6 @@ def _named(path: Path, folder: Path) -> str:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on another drive of Windows
         return path.as_posix()
-
-
-def _plain(path: Path) -> str:
-    return os.path.normpath(path.absolute())
 
 
 def places(record_file: Path, folder: Path | None) -> list[Path]:

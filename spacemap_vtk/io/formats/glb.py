@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from struct import pack
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.io.output import write
@@ -100,9 +101,8 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     content["buffers"] = [{"byteLength": buffer.size}]
     text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
-    head = b"glTF" + _words(2, 12 + 8 + len(text) + 8 + buffer.size)
-    chunks = [_words(len(text)), b"JSON", text, _words(buffer.size), b"BIN\0"]
-    write(file, [head, *chunks, *buffer.parts])
+    head = pack("<4s3I4s", b"glTF", 2, 28 + len(text) + buffer.size, len(text), b"JSON")
+    write(file, [head, text, pack("<I4s", buffer.size, b"BIN\0"), *buffer.parts])
 
 
 class _Buffer:
@@ -144,10 +144,6 @@ class _Buffer:
         self.parts.append(table)  # of four bytes, or eight: the next begins where it must
         self.size += table.nbytes
         return len(self.accessors) - 1
-
-
-def _words(*numbers: int) -> bytes:
-    return b"".join(number.to_bytes(4, "little") for number in numbers)
 
 
 @tells(".glb")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reads, truncated
+from spacemap_vtk.io.registry import damaged, reads, truncated
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -31,9 +31,7 @@ def _named(path: Path) -> list[dict[str, Any]]:
         named = [*described.get("buffers", []), *described.get("images", [])]
         return [part for part in named if not str(part.get("uri", "data:")).startswith("data:")]
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(
-            f"{path}: no glTF, or cut off: {error}", key="file", cure="Write the file again, whole."
-        ) from None
+        raise damaged(path, f"no glTF, or cut off: {error}") from None
 
 
 def _names(path: Path) -> list[str]:

@@ -10,10 +10,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
-from spacemap_vtk.io.registry import of, reads, truncated, writes
+from spacemap_vtk.io.registry import damaged, of, reads, truncated, writes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,11 +38,7 @@ def _check(path: Path) -> None:
     header, end, body = content.partition(b"end_header")
     lines = [line.split() for line in header.decode("latin-1").splitlines()]
     if not content.startswith(b"ply") or not end:
-        raise InputError(
-            f"{path}: no PLY file: its header is missing or cut off",
-            key="file",
-            cure="Write the file again, whole.",
-        )
+        raise damaged(path, "no PLY file: its header is missing or cut off")
     # how many of each, and the types of its properties: of a list two
     elements: list[tuple[int, list[list[str]]]] = []
     named: list[tuple[str, ...]] = []
@@ -58,12 +53,8 @@ def _check(path: Path) -> None:
     for count, properties in elements:
         kinds = [len(each) in (1, 2) and _TYPES.keys() >= set(each) for each in properties]
         if count < 0 or not kinds or not all(kinds) or len(set(named)) < len(named):
-            raise InputError(
-                f"{path}: no PLY file: its header has an element without its number or properties, "
-                "or one twice",
-                key="file",
-                cure="Write the file again, whole.",
-            )
+            why = "its header has an element without its number or properties, or one twice"
+            raise damaged(path, f"no PLY file: {why}")
     if ["format", "ascii", "1.0"] in lines:
         short = body.count(b"\n") - 1 + (not body.endswith(b"\n")) < sum(
             count for count, _ in elements
