@@ -74,10 +74,7 @@ def name_of(sweep: Sweep, number: int) -> str:
 
 
 def _sheet(
-    title: str,
-    down: _Axis | None,
-    across: _Axis | None,
-    cells: list[tuple[Path | None, str]],
+    title: str, down: _Axis | None, across: _Axis | None, cells: list[tuple[Path | None, str]]
 ) -> NDArray[np.uint8]:
     sizes = [_size(path) for path, _ in cells if path is not None] or [(4, 3)]
     shape = max(height / width for width, height in sizes)
@@ -166,10 +163,7 @@ def _two(
 
 
 def _empty(
-    pen: ImageDraw.ImageDraw,
-    box: tuple[int, int, int, int],
-    error: str,
-    font: _Font,
+    pen: ImageDraw.ImageDraw, box: tuple[int, int, int, int], error: str, font: _Font
 ) -> None:
     """Draw a cell that has no picture, and say why."""
     pen.rectangle(box, fill=_EMPTY)

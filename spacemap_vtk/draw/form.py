@@ -21,12 +21,7 @@ from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.footprint import (
-    PictureAsked,
-    fits_picture,
-    require_picture,
-    require_sheet,
-)
+from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
 
 #: Below so many pixels a yarn is not seen as one.

@@ -364,11 +364,7 @@ def _require_fitting(size: int, what: str, most: int, cure: str) -> None:
 
 
 def _still(
-    scene: Scene,
-    surface: vtkPolyData,
-    most: int,
-    span: Span | None = None,
-    numbers: bool = False,
+    scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
 ) -> tuple[MovingSurface, Rows]:
     """Return a surface without its motion, and which of its points are written."""
     require_work(surface, _WORK, "triangles with colours")

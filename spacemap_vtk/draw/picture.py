@@ -218,10 +218,7 @@ class Picture:
             window.render(front=False, over=True)
 
     def _shade(
-        self,
-        panel: _Panel,
-        depths: NDArray[np.float32],
-        signs: NDArray[np.float32] | None = None,
+        self, panel: _Panel, depths: NDArray[np.float32], signs: NDArray[np.float32] | None = None
     ) -> Shaded | None:
         """Return by what the light of pixels is to be multiplied, where it is at all."""
         window, height = panel.window, len(depths)

@@ -8,13 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
-from vtkmodules.vtkRenderingCore import (
-    VTK_SURFACE,
-    VTK_WIREFRAME,
-    vtkActor,
-    vtkProp,
-    vtkRenderer,
-)
+from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.annotations import Annotations
@@ -34,13 +28,7 @@ from spacemap_vtk.draw.glyphs import (
     moved_points,
 )
 from spacemap_vtk.draw.sheet_actor import SheetActor
-from spacemap_vtk.draw.surface_actor import (
-    Span,
-    SurfaceActor,
-    fit_scale,
-    natural_span,
-    scale_share,
-)
+from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, natural_span, scale_share
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
@@ -159,12 +147,7 @@ class SceneView:
         return low, high
 
     def show(
-        self,
-        frame: Frame,
-        view: View,
-        look: Look,
-        span: Span | None = None,
-        cut: Cut | None = None,
+        self, frame: Frame, view: View, look: Look, span: Span | None = None, cut: Cut | None = None
     ) -> None:
         """Show a frame, its colours' scale from one end of `span` to the other."""
         self._frame, self._view, self._look, self._span = frame, view, look, span

@@ -99,12 +99,7 @@ class SeenOverTime(SeenYarns):
     """The middles of yarns at some times, and what colours stand for at the points of a surface."""
 
     def __init__(
-        self,
-        scene: Scene,
-        rows: NDArray[np.integer[Any]],
-        times: int,
-        numbers: bool,
-        strands: str,
+        self, scene: Scene, rows: NDArray[np.integer[Any]], times: int, numbers: bool, strands: str
     ) -> None:
         super().__init__(scene, times, strands)
         self._rows = rows

@@ -259,10 +259,7 @@ def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
 
 
 def thinned(
-    sheet: vtkPolyData,
-    cells: tuple[int, int],
-    most: int,
-    hole: tuple[slice, slice] | None = None,
+    sheet: vtkPolyData, cells: tuple[int, int], most: int, hole: tuple[slice, slice] | None = None
 ) -> vtkPolyData:
     """Return a sheet of at most so many cells along each side, without those in a hole."""
     # Its shader works at vertices. The hole is said in columns and rows of the cells as they are.

@@ -129,13 +129,7 @@ def _labelled(
         pen.multiline_text((left / 2, middle), text, _INK, font, anchor="mm", align="center")
     for column, time in enumerate(times):
         middle = left + (column + 0.5) * width / len(times)
-        pen.text(
-            (middle, height + size),
-            format_quantity(time, "s", 4),
-            _INK,
-            font,
-            anchor="mm",
-        )
+        pen.text((middle, height + size), format_quantity(time, "s", 4), _INK, font, anchor="mm")
     return np.asarray(sheet)
 
 

@@ -230,8 +230,7 @@ def _claim(folder: Path, sweep: Sweep) -> set[str]:
         files |= {f"{run.name}.toml", f"{run.name}.json"}
     if foreign := sorted(name for name in files - own if (folder / name).exists()):
         raise InputError(
-            f"{folder / foreign[0]}: there already, and not of a sweep",
-            cure="Choose a new folder.",
+            f"{folder / foreign[0]}: there already, and not of a sweep", cure="Choose a new folder."
         )
     return own | files
 

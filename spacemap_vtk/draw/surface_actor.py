@@ -12,12 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
-from vtkmodules.vtkRenderingCore import (
-    vtkActor,
-    vtkPolyDataMapper,
-    vtkTextProperty,
-    vtkTexture,
-)
+from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTextProperty, vtkTexture
 
 from spacemap_vtk.datasets.arrays import colors_in, to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
@@ -239,10 +234,7 @@ def letters_of(size: tuple[int, int]) -> int:
 
 
 def fit_scale(
-    bar: vtkScalarBarActor,
-    size: tuple[int, int],
-    background: Sequence[int],
-    pixels: float = 1.0,
+    bar: vtkScalarBarActor, size: tuple[int, int], background: Sequence[int], pixels: float = 1.0
 ) -> None:
     """Fit a scale to a picture."""
     (width, height), share = size, scale_share(size)

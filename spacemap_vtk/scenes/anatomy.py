@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules import vtkCommonDataModel
-from vtkmodules.vtkCommonDataModel import (
-    vtkFieldData,
-    vtkPointSet,
-    vtkUnstructuredGrid,
-)
+from vtkmodules.vtkCommonDataModel import vtkFieldData, vtkPointSet, vtkUnstructuredGrid
 
 from spacemap_vtk.cage.split import parts
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of

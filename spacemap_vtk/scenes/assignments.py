@@ -54,8 +54,7 @@ def parsed(assignment: str) -> tuple[str, str, str]:
     section, dot, key = target.strip().partition(".")
     if not equals or not dot:
         raise InputError(
-            f'"{assignment}" sets nothing',
-            allowed='section.key=value, as in "weave.ends=20"',
+            f'"{assignment}" sets nothing', allowed='section.key=value, as in "weave.ends=20"'
         )
     return section, key, text
 

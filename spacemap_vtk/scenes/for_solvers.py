@@ -17,12 +17,7 @@ if TYPE_CHECKING:
 #: Time functions that end at a value which stays, and when they have [s].
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9
 #: Parameters of what is fitted to a cage, by the field of `Fittings`, that are not written.
-_FITTED = {
-    "normals": "fixed",
-    "bodies": "rigid",
-    "springs": "springs",
-    "masses": "masses",
-}
+_FITTED = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
 
 
 def analysis(title: str, solver: Any, mover: Any) -> InputDeck:

@@ -17,11 +17,7 @@ from spacemap_vtk.fabric.figures import fabric_figures
 from spacemap_vtk.fabric.threads import Threads
 from spacemap_vtk.fabric.weave import build, count
 from spacemap_vtk.fabric.yarn import section_factor
-from spacemap_vtk.fabric.yarn_clearance import (
-    Clearance,
-    clearance_in_steps,
-    clearance_of,
-)
+from spacemap_vtk.fabric.yarn_clearance import Clearance, clearance_in_steps, clearance_of
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.damping import Damped, Damping
@@ -294,8 +290,4 @@ def _yarns(threads: Threads, density: float) -> dict[str, Any]:
 
 
 def _clearance(found: Clearance) -> dict[str, Any]:
-    return {
-        "distance": found.distance,
-        "yarns": list(found.yarns),
-        "place": found.place.tolist(),
-    }
+    return {"distance": found.distance, "yarns": list(found.yarns), "place": found.place.tolist()}

@@ -129,12 +129,7 @@ def as_draft(shown: Shown) -> Draft:
 def as_pattern(shown: Shown) -> Changes:
     """Return the scene values of an edited drawdown."""
     ends, picks = shown.size
-    return {
-        "draft": None,
-        "pattern": rows(shown.drawdown),
-        "ends": ends,
-        "picks": picks,
-    }
+    return {"draft": None, "pattern": rows(shown.drawdown), "ends": ends, "picks": picks}
 
 
 def as_colors(family: str, colors: Colors) -> Changes:

@@ -117,11 +117,7 @@ STYLES = {
         occlusion=0.5,
         shadow=0.22,
     ),
-    "schematic": Style(
-        "Schematic",
-        ink=(0, 0, 0),
-        outline=1.6,
-    ),
+    "schematic": Style("Schematic", ink=(0, 0, 0), outline=1.6),
     "blueprint": Style(
         "Blueprint",
         below=(22, 62, 122),

@@ -132,10 +132,7 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
     if "largest_error" in moving.about:
         count, error = len(moving.targets), moving.about["largest_error"] + rounding
-        shapes, near = (
-            f"{count} shape{'s' * (count != 1)}",
-            format_quantity(error, "m", 2),
-        )
+        shapes, near = (f"{count} shape{'s' * (count != 1)}", format_quantity(error, "m", 2))
         found.append(f"{shapes}, within {near} of the motion")
     elif len(moving.targets):
         found.append(f"{len(moving.targets)} modes")
