@@ -55,15 +55,13 @@ class CutFaceActor(SurfaceActor):
         style: Style = STUDIO,
     ) -> None:
         """Draw the face, if there is one."""
-        face = None if cut is None else cut_face(surface, cut)
-        if cut is not None and face is not None and face.GetNumberOfCells():
+        face = vtkPolyData() if cut is None else cut_face(surface, cut)
+        self.SetVisibility(face.GetNumberOfCells() > 0)
+        if cut is not None and face.GetNumberOfCells():
             self.show(face, color, plain, span, style=replace(style, outline=0.0, sheen=0.0))
             # Before the plane that the mouse takes hold of, which lies in the same place.
             way = np.array(cut[0]) / np.linalg.norm(cut[0])
             self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
-            self.SetVisibility(True)
-        else:
-            self.SetVisibility(False)
 
 
 def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:

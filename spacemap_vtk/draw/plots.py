@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +18,7 @@ from spacemap_vtk.fabric.interchange import Interchange
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.output import write
+from spacemap_vtk.io.output import as_csv, write
 from spacemap_vtk.mechanics.response import Response
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
@@ -195,13 +193,12 @@ def biaxial_plot(scene: Scene, file: Path) -> None:
 
 
 def _table(tests: list[Tensile]) -> str:
-    stream = io.StringIO()
-    rows = csv.writer(stream, lineterminator="\n")
-    rows.writerow(_COLUMNS)
-    for test in tests:
-        for values in zip(*test.extension, *test.force, *test.strain, strict=True):
-            rows.writerow([test.name, *(format(float(value), ".9g") for value in values)])
-    return stream.getvalue()
+    rows = [
+        [test.name, *(format(float(value), ".9g") for value in values)]
+        for test in tests
+        for values in zip(*test.extension, *test.force, *test.strain, strict=True)
+    ]
+    return as_csv([_COLUMNS, *rows])
 
 
 def _figure(title: str, tests: list[Tensile]) -> Figure:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +66,6 @@ Tell = Callable[[int, int], object]
 
 def require_mitsuba() -> None:
     """Refuse what cannot be traced because nobody has installed what traces."""
-    from importlib.util import find_spec
-
     if find_spec("mitsuba") is None:
         raise MissingLibraryError(
             "--raytrace needs the package mitsuba",

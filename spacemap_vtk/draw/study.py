@@ -7,8 +7,6 @@ whole or not there, and a sweep that was interrupted goes on where it was.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import threading
 import warnings
@@ -26,7 +24,7 @@ from spacemap_vtk.draw.contact_sheet import contact_sheet
 from spacemap_vtk.draw.order import Order, carry_out
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.io.formats.toml import format_scene
-from spacemap_vtk.io.output import telling_refusals, whole_file, whole_folder, write
+from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.mechanics import blas_threads
 from spacemap_vtk.scenes import anatomy, report
@@ -198,10 +196,8 @@ def table(sweep: Sweep, found: Mapping[str, Result]) -> tuple[list[str], list[li
 
 def table_text(sweep: Sweep, found: Mapping[str, Result]) -> str:
     """Return the table as CSV."""
-    stream = io.StringIO()
     headings, rows = table(sweep, found)
-    csv.writer(stream, lineterminator="\n").writerows([headings, *rows])
-    return stream.getvalue()
+    return as_csv([headings, *rows])
 
 
 def _entry(each: ValueList, value: Any) -> str:

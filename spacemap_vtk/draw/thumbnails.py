@@ -12,6 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from spacemap_vtk.io.output import whole_file
+from spacemap_vtk.io.registry import writer
 from spacemap_vtk.scenes import library
 
 #: Width and height in pixels: twice what is shown, for fine screens.
@@ -61,8 +63,6 @@ def drawn_from(name: str) -> str:
 def draw(name: str) -> None:
     """Draw a scene's picture."""
     from spacemap_vtk.draw.picture import Picture
-    from spacemap_vtk.io.output import whole_file
-    from spacemap_vtk.io.registry import writer
     from spacemap_vtk.scenes.scene import Scene
 
     scene = Scene.read(name)

@@ -143,13 +143,11 @@ def read_picture(path: Path) -> Draft:
     white = Image.new("RGBA", seen.size, "white")
     gray = np.asarray(Image.alpha_composite(white, seen).convert("L"))
     between = np.count_nonzero((gray > 16) & (gray < 239))
-    warnings: list[str] = []
-    if between:
-        warnings.append(
-            f"{path.name}: {between} of {gray.size} pixels are neither black nor white; those "
-            "darker than middle grey are taken for black"
-        )
-    return Draft(gray[::-1] < 128, title=path.stem, warnings=tuple(warnings))
+    told = (
+        f"{path.name}: {between} of {gray.size} pixels are neither black nor white; those darker "
+        "than middle grey are taken for black"
+    )
+    return Draft(gray[::-1] < 128, title=path.stem, warnings=(told,) if between else ())
 
 
 def read_zipped(path: Path) -> Draft:

@@ -10,12 +10,14 @@ because Python tells each fault. Pillow tells each fault, too, and ffmpeg by its
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from io import StringIO
 from pathlib import Path
 from pickle import PickleBuffer
 from typing import Any
@@ -127,6 +129,13 @@ def write(file: Path, parts: Iterable[Any]) -> None:
         stream.seek(max(0, size - len(end)))
         if stream.read(len(end) + 1) != end:
             raise SpacemapError(f"{file.name}: the disk has not kept all that was written")
+
+
+def as_csv(rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as a table has them."""
+    stream = StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(rows)
+    return stream.getvalue()
 
 
 def require_room(path: Path, size: int, what: str) -> None:

@@ -7,13 +7,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import (
     vtkCompositeDataSet,
     vtkDataSet,
+    vtkFieldData,
     vtkImageData,
     vtkMultiBlockDataSet,
     vtkPointSet,
@@ -28,9 +29,6 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.texture_atlas import Material, Painted, apply, read_picture
 from spacemap_vtk.io.trial import tried
 from spacemap_vtk.memory import require
-
-if TYPE_CHECKING:
-    from vtkmodules.vtkCommonDataModel import vtkFieldData
 
 #: Bytes of a point that is made of a picture's, and of the cell beside it.
 _MADE = 12 + 8 * 8 + 9

@@ -24,6 +24,7 @@ from typing import Any
 
 from spacemap_vtk import cache, workers
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.named import named
 from spacemap_vtk.io.registry import damaged
 from spacemap_vtk.memory import available
 
@@ -70,8 +71,6 @@ def tried(path: Path, function: str, *more: Any, needs: str = "") -> Iterator[No
 
 def _state(path: Path) -> list[tuple[str, int | None, int, int]]:
     """Return what tells whether a file is the one that it was, and those that it names."""
-    from spacemap_vtk.io.named import named
-
     found: list[tuple[str, int | None, int, int]] = []
     for each in (path, *(other for _, other in named(path))):
         told: tuple[int | None, int, int] = None, 0, 0

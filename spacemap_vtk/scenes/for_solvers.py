@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,7 @@ from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_in
 from spacemap_vtk.errors import InputError, naming_section
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.filters.modal_solver import ModalSolver
-
-if TYPE_CHECKING:
-    from spacemap_vtk.mechanics.model import Model
+from spacemap_vtk.mechanics.model import Model
 
 #: Time functions that end at a value which stays, and when they have [s].
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9

@@ -86,9 +86,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "effective_mass_share": shares,
         "cumulative_mass_share": shares.cumsum(axis=0),
     }
-    rows = zip(
-        *(c.tolist() if isinstance(c, np.ndarray) else c for c in columns.values()), strict=True
-    )
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),

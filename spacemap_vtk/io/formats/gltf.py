@@ -7,6 +7,7 @@ import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import damaged, reads, truncated
@@ -35,8 +36,6 @@ def _named(path: Path) -> list[dict[str, Any]]:
 
 
 def _names(path: Path) -> list[str]:
-    from urllib.parse import unquote
-
     return [unquote(str(part["uri"])) for part in _named(path)]
 
 

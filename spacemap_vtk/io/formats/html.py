@@ -63,17 +63,15 @@ def write_html(file: Path, moving: MovingSurface) -> None:
 
 def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return what the page says of its arrays, and these: rows of integers, columns last."""
-    import numpy as np
-
-    middle = 0.5 * (moving.points.min(axis=0) + moving.points.max(axis=0)).astype(np.float64)
+    middle = 0.5 * (moving.points.min(axis=0) + moving.points.max(axis=0)).astype(float)
     left = 1.0 - moving.about.get("largest_error", 0.0) / moving.tolerance
     # each place and each shape is off by half of it along each axis, and no shape counts twice
     most = max(min(left, _USUAL), _LEAST) * moving.tolerance
     unit = most / (0.5 * 3**0.5 * (1 + len(moving.targets)))
     arrays = {
         "points": _rounded(moving.points - middle, unit),
-        "colors": moving.colors.astype(np.uint8),
-        "triangles": moving.triangles.astype(np.uint32),
+        "colors": moving.colors.astype("u1"),
+        "triangles": moving.triangles.astype("u4"),
         "targets": _rounded(moving.targets, unit),
     }
     if moving.normals is not None and moving.normal_targets is not None:
@@ -88,7 +86,7 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
             {
                 "name": clip.name,
                 "times": clip.times.tolist(),
-                "weights": clip.weights.astype(np.float64).round(7).tolist(),
+                "weights": clip.weights.astype(float).round(7).tolist(),
                 "start": clip.start,
                 "speed": clip.speed,
             }
@@ -111,20 +109,15 @@ def _content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[A
 
 def _rounded(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:
     """Return multiples of a unit, in two bytes if they are small."""
-    import numpy as np
-
-    found = np.rint(values / unit)
-    small = np.abs(found).max(initial=0.0) < 2**15
-    return found.astype(np.int16 if small else np.int32)
+    found = (values / unit).round()
+    return found.astype("i2" if abs(found).max(initial=0.0) < 2**15 else "i4")
 
 
 def _figures(moving: MovingSurface, rounding: float) -> list[str]:
     """Return what a person may want to know."""
-    import numpy as np
-
     from spacemap_vtk.units import UNITS, format_quantity
 
-    lengths = np.ptp(moving.points, axis=0)
+    lengths = moving.points.max(axis=0) - moving.points.min(axis=0)
     unit = format_quantity(float(lengths.max()), "m").split()[-1]
     size = UNITS["m"][unit]
     found = [" × ".join(f"{length / size:.3g}" for length in lengths) + f" {unit}"]
@@ -132,8 +125,8 @@ def _figures(moving: MovingSurface, rounding: float) -> list[str]:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
     if "largest_error" in moving.about:
         count, error = len(moving.targets), moving.about["largest_error"] + rounding
-        shapes, near = (f"{count} shape{'s' * (count != 1)}", format_quantity(error, "m", 2))
-        found.append(f"{shapes}, within {near} of the motion")
+        near = format_quantity(error, "m", 2)
+        found.append(f"{count} shape{'s' * (count != 1)}, within {near} of the motion")
     elif len(moving.targets):
         found.append(f"{len(moving.targets)} modes")
     return found

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io import named
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import comments, tells, told_in_comments
 from spacemap_vtk.io.registry import reads, writes
@@ -25,10 +26,9 @@ _WORK = 470
 
 def _names(path: Path) -> list[str]:
     """Return the libraries of materials, and the pictures that these name."""
-    from spacemap_vtk.io.named import words
     from spacemap_vtk.parameters import require_near
 
-    found = words(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
+    found = named.words(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
     for library in list(found):
         require_near(library, path)
         file = path.parent / library

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.io.named import in_hdf, in_xml, words
 from spacemap_vtk.io.registry import endings, reads, truncated
 
 #: Where a text names others; the last word of what EnSight says is no file's often, and no matter.
@@ -26,8 +29,6 @@ _XML = (".pvtk", ".xdmf", ".xmf", ".pvd")
 
 
 def _names(path: Path) -> list[str]:
-    from spacemap_vtk.io.named import in_hdf, in_xml, words
-
     ending = path.suffix.lower()
     found = words(_NAMING[ending])(path) if ending in _NAMING else []
     if ending in _XML:
@@ -60,8 +61,6 @@ def _case(folder: Path) -> list[Path]:
 )
 def read_with_pyvista(path: Path) -> Any:
     """Read a file, with errors in words in place of what pyvista and meshio print."""
-    import io
-
     from spacemap_vtk.datasets.quiet import quiet_vtk
     from spacemap_vtk.io.reading import read_with_vtk
     from spacemap_vtk.io.trial import tried
@@ -76,7 +75,7 @@ def read_with_pyvista(path: Path) -> Any:
         raise MissingLibraryError(
             f"{path}: reading {path.suffix} needs pyvista", cure='Run "pip install pyvista".'
         ) from None
-    said = io.StringIO()
+    said = StringIO()
     try:
         # meshio prints, and ends the program where it cannot read
         with (
@@ -113,8 +112,6 @@ def read_with_pyvista(path: Path) -> Any:
 @contextmanager
 def _quiet_logging() -> Iterator[None]:
     """Keep what pyvista logs of VTK's errors, which come as exceptions, off the screen."""
-    import logging
-
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
