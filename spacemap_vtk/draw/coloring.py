@@ -27,7 +27,6 @@ _SCALES = {
     "m/s2": ("mm/s2", "m/s2"),
     "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
     "N": ("µN", "mN", "N"),
-    "": ("", "%"),
 }
 
 
@@ -75,12 +74,11 @@ def largest_principal(tensors: NDArray[np.floating]) -> NDArray[np.float64]:
 def unit_of(color: str, largest: float) -> tuple[str, float]:
     """Return the unit in which a scale is easy to read."""
     unit = COLORINGS[color].unit
-    sizes = {"": 1.0, **UNITS.get(unit, {unit: 1.0})}
-    names = _SCALES.get(unit, (unit,))
-    if unit == "":
+    if not unit:
         return ("%", 0.01) if largest < 0.5 else ("", 1.0)
-    best = names[0]
-    for name in names:
+    sizes = UNITS.get(unit, {unit: 1.0})
+    best, *larger = _SCALES.get(unit, (unit,))
+    for name in larger:
         # 0.2 m itself is 200 mm: scales end there that have a little more than 100 mm to show
         if largest > sizes[name] * (0.2 + 1e-6):
             best = name

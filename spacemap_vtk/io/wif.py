@@ -143,10 +143,10 @@ def _read_loom(text: WifText) -> Loom:
             allowed=f"up to {MAX_CROSSINGS} crossings",
             cure="Cut the draft to one repeat",
         )
-    lifts = tieup if treadled else liftplan
+    lifts, tied = tieup if treadled else liftplan, [k for k, (_, found) in tieup.items() if found]
     loom = Loom(
         threading=_filled(text, threading, ends),
-        tieup=_dense(tieup, _last_used(tieup)) if treadled else (),
+        tieup=_dense(tieup, max(tied, default=0)) if treadled else (),
         treadling=_filled(text, treadling, picks) if treadled else (),
         liftplan=None if treadled else _filled(text, liftplan, picks),
         rising=_is_rising(text),
@@ -234,10 +234,6 @@ def _loom_count(text: WifText, key: str, uses: Sequence[tuple[Entry, int]]) -> i
             what = f"{key[:-1]} {number} is beyond {key.title()}={stated}; taken as it is"
             text.notes.add(user.line, f"[{user.section}] {what}", f"beyond {key} {user.section}")
     return max(stated, used)
-
-
-def _last_used(rows: _Found) -> int:
-    return max((index for index, (_, found) in rows.items() if found), default=0)
 
 
 def _uses(rows: _Found) -> list[tuple[Entry, int]]:

@@ -26,11 +26,9 @@ def format_wif(draft: Draft) -> bytes:
         loom = Loom.from_drawdown(draft.drawdown)
     places, table = color_table(draft)
     numbers = [[place + 1 for place in family] for family in places]
+    title = re.sub("[\r\n]+", " ", draft.title).strip()
     sections: dict[str, list[str]] = {
-        "TEXT": [
-            *([f"Title={title}"] if (title := _one_line(draft.title)) else []),
-            *draft.besides.get("TEXT", ()),
-        ],
+        "TEXT": [*([f"Title={title}"] if title else []), *draft.besides.get("TEXT", ())],
         "WEAVING": [
             f"Shafts={loom.shafts}",
             f"Treadles={loom.treadles or loom.shafts}",
@@ -76,10 +74,6 @@ def _weaves(loom: Loom, draft: Draft) -> bool:
     if not any(loom.threading) or not any(moved):
         return False
     return np.array_equal(loom.drawdown(), draft.drawdown)
-
-
-def _one_line(title: str) -> str:
-    return re.sub("[\r\n]+", " ", title).strip()
 
 
 def _family(count: int, colors: Sequence[int], threads: DraftThreads) -> list[str]:

@@ -161,7 +161,7 @@ def runs_of(
         raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
     ranges = [range(len(each.values)) for each in axes]
     places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
-    base = placed(values, read.parts, file.parent)
+    base, here = placed(values, read.parts, file.parent), Path.cwd()
     always = [
         *((each.section, each.key, each.values[0]) for each in lists if len(each.values) == 1),
         *fixed,
@@ -171,7 +171,10 @@ def runs_of(
     for place in places:
         chosen = [each.values[k] for each, k in zip(axes, place, strict=True)]
         said = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
-        assigned = _assigned([*always, *said], read.parts)
+        assigned = tuple(
+            (section, key, part_of(read.parts, section).parameter(key).within(value, here))
+            for section, key, value in [*always, *said]
+        )
         labels = [each.label(value) for each, value in zip(axes, chosen, strict=True)]
         name = _name(keys, labels)
         words = [f"{key} = {label}" for key, label in zip(keys, labels, strict=True)]
@@ -192,16 +195,6 @@ def placed(
             part = parts[section]
             found[section] = {k: part.parameter(k).within(v, folder) for k, v in said.items()}
     return found
-
-
-def _assigned(
-    said: Sequence[tuple[str, str, Any]], parts: Mapping[str, Parameterised]
-) -> tuple[tuple[str, str, Any], ...]:
-    here = Path.cwd()
-    return tuple(
-        (section, key, part_of(parts, section).parameter(key).within(value, here))
-        for section, key, value in said
-    )
 
 
 def _name(keys: Sequence[str], labels: Sequence[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import of, reads, truncated
@@ -25,12 +25,10 @@ def _check(path: Path) -> None:
         raise truncated(path)
 
 
-@reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)
-def read_exodus(path: Path) -> Any:
-    """Read the first step."""
-    from spacemap_vtk.io.formats.other_programs import read_with_pyvista
-
-    return read_with_pyvista(path)
+# Of the steps the first one.
+reads(*_ENDINGS, label="Exodus", holds="mesh", check=_check, common=False)(
+    of("formats.other_programs", "read_with_pyvista")
+)
 
 
 @reads(*_ENDINGS, label="Exodus", holds="motion", check=_check, names=of("named", "in_hdf"))
