@@ -1,6 +1,4 @@
-"""What stands round the object: outlines, its ghost, the cage, supports, loads, dots, a cut,
-and the soft shadow on level ground: what stands over each place, blurred the more, the higher.
-"""
+"""What stands round the object: outlines, ghost, cage, supports, loads, dots, a cut, a shadow."""
 
 from __future__ import annotations
 
@@ -37,7 +35,6 @@ DOT, PICKED, LINE = 9.0, 14.0, 1.5
 THIN, _FAINT = 1.2, (0.55, 0.45)
 #: Of more tetrahedra only the surface's edges are drawn.
 _DENSE = 1000
-
 
 #: Share of the shadow that is left free on each side of what casts it, and most cells of the rest:
 #: so many, as points leave no holes in.
@@ -143,7 +140,7 @@ class CageActor(PlainActor):
 
 
 class GroundActor(PlainActor):
-    """A shadow on a plane across one of the axes."""
+    """A soft shadow on level ground: of what stands over it, blurred the more, the higher."""
 
     def __init__(self) -> None:
         super().__init__()

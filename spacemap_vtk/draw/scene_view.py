@@ -210,7 +210,7 @@ class SceneView:
                 self.loads.show(frame.arrows, cut)
 
     def _fill_cut(self, frame: Frame, yarns: vtkPolyData | None) -> None:
-        """Fill yarns where they are cut; those that are seen through are not."""
+        """Fill what is cut, unless it is seen through, or no yarns are drawn."""
         look, view = self._look, self._view
         solid = look.fabric and not look.wireframe and not self._moving
         cut = self.cut if solid and yarns is not None else None
