@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import (
     vtkActor2D,
@@ -21,6 +20,7 @@ from spacemap_vtk.datasets.arrays import to_array, to_points, to_ragged
 from spacemap_vtk.draw.camera import Viewpoint, projected
 from spacemap_vtk.draw.measuring import AXES, measures_of, round_length
 from spacemap_vtk.draw.surface_actor import PLATE, inks, letters_of, rgb, scale_share, take_font
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.settings import View, is_dark
 from spacemap_vtk.units import format_quantity
 
@@ -29,7 +29,7 @@ _LONGEST = 0.2
 #: Most labels of points.
 MOST_LABELS = 6
 
-Polygon = NDArray[np.float64]
+Polygon = Floats
 
 
 class Annotations:
@@ -52,10 +52,10 @@ class Annotations:
         #: Left, low, right and high ends of the plates, in drawn pixels: always the same list.
         self.boxes: list[tuple[float, float, float, float]] = []
         #: What is written beside points [m].
-        self.labels: list[tuple[NDArray[np.float64], str]] = []
+        self.labels: list[tuple[Floats, str]] = []
         #: Where the axes end, and where they would end the other way, in drawn pixels, (2, 3, 3):
         #: right, up, towards the eye. None: there are none, or they are not to be clicked at.
-        self.ends: NDArray[np.float64] | None = None
+        self.ends: Floats | None = None
         self._view, self._scaled = View(), False
         #: Whether axes and length are shown; axes that are handled have their other ends, too.
         self._triad = self._bar = self._handled = False
@@ -106,7 +106,7 @@ class Annotations:
         stamped = self._view.time_stamp and self._time is not None
         return stamped or self._scaled or self._triad or self._bar or bool(self.labels)
 
-    def axis_at(self, x: float, y: float) -> NDArray[np.float64] | None:
+    def axis_at(self, x: float, y: float) -> Floats | None:
         """Return which way an axis ends at a drawn pixel, as a vector; None where none does."""
         if self.ends is None:
             return None

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
+from spacemap_vtk.ndarrays import AnyFloats, Floats, Singles
 from spacemap_vtk.scenes.settings import CAMERAS, FLAT
 
 #: How much of what is up must be seen of it: nearer to a pole no camera turns.
@@ -20,7 +20,7 @@ def upward(name: str) -> int:
     return 2 if name == "lying" else 1
 
 
-def seen_from(name: str, up: int) -> NDArray[np.float64]:
+def seen_from(name: str, up: int) -> Floats:
     """Return the way to a camera, and what is up in its picture, where an axis is up, (2, 3)."""
     way = np.array(CAMERAS[name])
     if up == 2 and name not in ("lying", FLAT):
@@ -135,12 +135,7 @@ def front_of(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRenderer:
 
 
 def aim(
-    camera: vtkCamera,
-    points: NDArray[np.float64],
-    aspect: float,
-    name: str | None,
-    zoom: float,
-    axis: int = 1,
+    camera: vtkCamera, points: Floats, aspect: float, name: str | None, zoom: float, axis: int = 1
 ) -> None:
     """Place the camera so that the points just fill the picture; an axis is up for its name."""
     if name is None:
@@ -181,7 +176,7 @@ def half_height(camera: vtkCamera) -> float:
     return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
-def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: float) -> None:
+def _flatten(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> None:
     """Take the perspective away, and with it most of the margin."""
     across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     half = 0.5 * float((np.ptp(seen, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
@@ -191,7 +186,7 @@ def _flatten(camera: vtkCamera, seen: NDArray[np.float64], aspect: float, zoom: 
     camera.SetParallelScale(half / zoom)
 
 
-def metres_from(camera: vtkCamera, depths: NDArray[np.float32]) -> NDArray[np.float32]:
+def metres_from(camera: vtkCamera, depths: Singles) -> Singles:
     """Return how far from a camera is what OpenGL has these depths of; nan where nothing is."""
     near, far = camera.GetClippingRange()
     distance = depths * np.float32(far - near)
@@ -210,9 +205,7 @@ def pixels_of(camera: vtkCamera, height: float) -> float:
     return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
 
 
-def projected(
-    camera: vtkCamera, points: NDArray[np.floating], aspect: float
-) -> NDArray[np.float64]:
+def projected(camera: vtkCamera, points: AnyFloats, aspect: float) -> Floats:
     """Return homogeneous places of points, (n, 4): in the picture x and y are within w."""
     matrix = camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0)
     table = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])

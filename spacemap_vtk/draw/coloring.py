@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of, to_array
 from spacemap_vtk.fabric.point_clearance import gaps
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.units import UNITS
 
@@ -30,7 +31,7 @@ _SCALES = {
 }
 
 
-def measure(surface: vtkPolyData, color: str) -> NDArray[np.float32] | None:
+def measure(surface: vtkPolyData, color: str) -> Singles | None:
     """Return the number at each point of a surface that its colour shows."""
     if color == "clearance":
         return _kept_clearances(surface)
@@ -56,7 +57,7 @@ def add_measure(surface: vtkPolyData, color: str) -> None:
         surface.GetPointData().AddArray(to_array(values, SHOWN))
 
 
-def largest_principal(tensors: NDArray[np.floating]) -> NDArray[np.float64]:
+def largest_principal(tensors: AnyFloats) -> Floats:
     """Return the largest eigenvalue of symmetric tensors."""
     columns = np.asarray(tensors, np.float64).T
     if len(columns) == 9:
@@ -105,8 +106,8 @@ def round_between(low: float, high: float) -> list[float]:
     return [f * 10.0**p for p in powers for f in (1, 2, 5) if low <= f * 10.0**p <= high]
 
 
-def _corners(surface: vtkPolyData) -> NDArray[np.int64]:
-    corners: NDArray[np.int64] = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
+def _corners(surface: vtkPolyData) -> Ints:
+    corners: Ints = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
     return corners.reshape(surface.GetNumberOfCells(), -1)
 
 
@@ -119,10 +120,10 @@ def _at_corners(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
 
 
 #: What was measured last, and when what it was measured of was made.
-_last: tuple[tuple[int, ...], NDArray[np.float32] | None] = (), None
+_last: tuple[tuple[int, ...], Singles | None] = (), None
 
 
-def _kept_clearances(surface: vtkPolyData) -> NDArray[np.float32] | None:
+def _kept_clearances(surface: vtkPolyData) -> Singles | None:
     """Return the distances of a surface that others may have asked for: a scale, its picture."""
     global _last
     # No two things of VTK's have been made or changed at one time of its clock.
@@ -134,9 +135,7 @@ def _kept_clearances(surface: vtkPolyData) -> NDArray[np.float32] | None:
     return kept[1]
 
 
-def clearances(
-    surface: vtkPolyData, asked: NDArray[np.bool_] | None = None
-) -> NDArray[np.float32] | None:
+def clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
     """Return how far points are from the next yarn, infinite where no cell is asked."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageChops
+
+from spacemap_vtk.ndarrays import Bytes, Singles
 
 Background = Image.Image
 #: A part of a picture, in rows and columns from the top, and by what its light is multiplied.
-Shaded = tuple[tuple[slice, slice], NDArray[np.float32]]
+Shaded = tuple[tuple[slice, slice], Singles]
 #: Shares of a step between two colours, in an order that no eye finds again (Bayer 1973).
 _DITHER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16 + 1 / 32
 
@@ -27,9 +28,7 @@ def gradient(size: tuple[int, int], below: Sequence[int], above: Sequence[int]) 
     return Image.fromarray((colors + pattern).astype(np.uint8))
 
 
-def composed(
-    pixels: NDArray[np.uint8], behind: Background, shade: Shaded | None = None
-) -> NDArray[np.uint8]:
+def composed(pixels: Bytes, behind: Background, shade: Shaded | None = None) -> Bytes:
     """Return a picture of a background's size; with the share covered, over one of that size."""
     # Red, green and blue are multiplied by the fourth number, how much of a pixel is covered.
     size = pixels.shape[1], pixels.shape[0]
@@ -55,7 +54,7 @@ def nothing(size: tuple[int, int]) -> Background:
     return Image.new("RGBA", size)
 
 
-def _uncovered(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _uncovered(pixels: Bytes) -> Bytes:
     """Return the colours of what is drawn, which were multiplied by how much it covers."""
     cover = pixels[..., 3:].astype(np.uint16)
     colors = (pixels[..., :3] * np.uint16(255) + cover // 2) // np.maximum(cover, 1)

@@ -10,9 +10,9 @@ from itertools import chain, islice, product, repeat
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.runs import Sweep
 from spacemap_vtk.units import format_quantity
 
@@ -37,7 +37,7 @@ class _Axis:
 
 def contact_sheet(
     sweep: Sweep, title: str, files: Mapping[str, list[Path]], errors: Mapping[str, str]
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """Draw the pictures of runs: two lists down and across, one list in lines one after another."""
     axes = _axes(sweep)
     shots = max((len(each) for each in files.values()), default=1)
@@ -75,7 +75,7 @@ def name_of(sweep: Sweep, number: int) -> str:
 
 def _sheet(
     title: str, down: _Axis | None, across: _Axis | None, cells: list[tuple[Path | None, str]]
-) -> NDArray[np.uint8]:
+) -> Bytes:
     sizes = [_size(path) for path, _ in cells if path is not None] or [(4, 3)]
     shape = max(height / width for width, height in sizes)
     count = len(cells)

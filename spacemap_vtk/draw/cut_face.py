@@ -16,9 +16,8 @@ from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_rings
 from spacemap_vtk.draw.glyphs import Cut
 from spacemap_vtk.draw.surface_actor import STUDIO, Span, SurfaceActor
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.scenes.styles import WHITE, Style
-
-Ints = NDArray[np.int64]
 
 #: Corners of a face that are nearer, as a share of its extent, are one; an outline goes on in
 #: another patch if that is nearer.
@@ -102,7 +101,7 @@ def cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     return triangulated.GetOutput()
 
 
-def _crossing(surface: vtkPolyData, above: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+def _crossing(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]:
     """Return the triangles on both sides of the plane, (n, 3), and the cells they are of."""
     polygons = surface.GetPolys()
     offsets = vtk_to_numpy(polygons.GetOffsetsArray()).astype(np.int64)
@@ -123,7 +122,7 @@ def _crossing(surface: vtkPolyData, above: NDArray[np.bool_]) -> tuple[Ints, Int
     return found[mixed], of[mixed] + before
 
 
-def _segments(triangles: Ints, above: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
     """Return the ends of the edges that are cut, (n, 2), and from which to which a face goes on."""
     side = above[triangles]
     lone = np.argmax(side != (side.sum(axis=1) > 1)[:, None], axis=1)
@@ -138,9 +137,7 @@ def _segments(triangles: Ints, above: NDArray[np.bool_]) -> tuple[Ints, Ints]:
     return pairs, number.reshape(-1, 2)
 
 
-def _loops(
-    segments: Ints, corners: NDArray[np.float64], parts: NDArray[Any]
-) -> tuple[list[Ints], Ints]:
+def _loops(segments: Ints, corners: Floats, parts: NDArray[Any]) -> tuple[list[Ints], Ints]:
     """Return the closed outlines of the face, and of each the number of a segment."""
     follower = dict(zip(segments[:, 0].tolist(), segments[:, 1].tolist(), strict=True))
     of = dict(zip(segments[:, 0].tolist(), range(len(segments)), strict=True))
@@ -164,7 +161,7 @@ def _loops(
     return loops, np.array(first, np.int64)
 
 
-def _seams(segments: Ints, corners: NDArray[np.float64], parts: NDArray[Any]) -> dict[int, int]:
+def _seams(segments: Ints, corners: Floats, parts: NDArray[Any]) -> dict[int, int]:
     """Return where the outline goes on in another patch: from which corner to which."""
     from scipy.spatial import KDTree  # with all it brings
 
@@ -191,7 +188,7 @@ def _seams(segments: Ints, corners: NDArray[np.float64], parts: NDArray[Any]) ->
     return found
 
 
-def _area(ring: NDArray[np.float64], normal: NDArray[np.float64]) -> float:
+def _area(ring: Floats, normal: Floats) -> float:
     """Return the area within a ring, below zero where it goes round clockwise."""
     seen = ring - ring.mean(axis=0)
     return float(np.cross(seen, np.roll(seen, -1, axis=0)).sum(axis=0) @ normal) / 2
@@ -206,9 +203,7 @@ def _with_holes(face: vtkPolyData, loops: list[Ints]) -> vtkPolyData:
     return filled.GetOutput()
 
 
-def _interpolate(
-    surface: vtkPolyData, face: vtkPolyData, ends: Ints, share: NDArray[np.float64]
-) -> None:
+def _interpolate(surface: vtkPolyData, face: vtkPolyData, ends: Ints, share: Floats) -> None:
     """Put a surface's point arrays on the corners of a face, but for its normals."""
     source = surface.GetPointData()
     for i in range(source.GetNumberOfArrays()):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 
 if TYPE_CHECKING:
     from spacemap_vtk.draw.surface_actor import Span
+    from spacemap_vtk.ndarrays import Tell
     from spacemap_vtk.scenes.scene import Scene
 
 #: Data that are one moment of what moves.
@@ -64,9 +65,7 @@ def common_scale(scene: Scene, what: str, times: Sequence[float]) -> Span | None
     return over_motion(scene, times)[1]
 
 
-def pieces_of(
-    scene: Scene, what: str, time: float, count: int, tell: Callable[[int, int], object]
-) -> Iterator[Any]:
+def pieces_of(scene: Scene, what: str, time: float, count: int, tell: Tell) -> Iterator[Any]:
     """Yield the pieces of a surface or of patches, each made when it is asked for."""
     from spacemap_vtk.datasets.processes import WHOLE, Piece
     from spacemap_vtk.filters.algorithm import PIECE

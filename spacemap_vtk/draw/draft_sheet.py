@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.draw.page import POINT, SMALL, Paper, Tile
+from spacemap_vtk.ndarrays import Bools, Bytes, Floats
 from spacemap_vtk.scenes.shown import Shown
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ _GAP, _STRIP, _NEAR, _LEAST = 0.9, 0.7, 0.25, 3.0
 LARGEST, _LINED = 4.5, 0.7
 #: A heavier line after so many cells.
 _GROUP = 4
-
-Marks = NDArray[np.bool_]
 
 
 def draft_tile(shown: Shown, caption: str) -> Tile:
@@ -78,7 +76,7 @@ def _draw(axes: Axes, paper: Paper, shown: Shown, cell: float, gap: float) -> No
 
 
 def _grid(
-    axes: Axes, paper: Paper, name: str, marks: Marks, corner: tuple[float, float], cell: float
+    axes: Axes, paper: Paper, name: str, marks: Bools, corner: tuple[float, float], cell: float
 ) -> None:
     """Draw a grid of black squares, which are one shape, its first row at the bottom."""
     from matplotlib.collections import LineCollection
@@ -95,8 +93,8 @@ def _grid(
         codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(places)
         shape = Path(vertices, codes)
         axes.add_patch(PathPatch(shape, facecolor=paper.ink, linewidth=0, gid=name))
-    fine: list[NDArray[np.float64]] = []
-    heavy: list[NDArray[np.float64]] = []
+    fine: list[Floats] = []
+    heavy: list[Floats] = []
     for count, axis in ((columns, 0), (rows, 1)):
         for number in range(count + 1):
             line = np.array([corner, corner], float)
@@ -110,12 +108,7 @@ def _grid(
 
 
 def _strip(
-    axes: Axes,
-    paper: Paper,
-    colors: NDArray[np.uint8],
-    corner: NDArray[np.float64],
-    cell: float,
-    along: int,
+    axes: Axes, paper: Paper, colors: Bytes, corner: Floats, cell: float, along: int
 ) -> None:
     from matplotlib.collections import PolyCollection
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.draw.camera import Viewpoint, aim
@@ -23,6 +22,7 @@ from spacemap_vtk.draw.section_drawing import section_tile
 from spacemap_vtk.draw.sheets import swing_times
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.cross_section import cross_section
+from spacemap_vtk.ndarrays import Floats, Tell
 from spacemap_vtk.scenes.face import lengths_of
 from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
@@ -48,8 +48,6 @@ _FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
 
 #: Room beside the last pictures; no axes are flat.
 _BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, lettered=False)
-
-Tell = Callable[[int, int], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,7 +266,7 @@ def _columns(runs: int, times: int) -> int:
     return count if count <= 4 else 4 if count % 4 == 0 else 3
 
 
-def _shape(points: NDArray[np.float64], view: str) -> float:
+def _shape(points: Floats, view: str) -> float:
     """Return how high a picture of points is, over its width."""
     shape, camera = 1.0, vtkCamera()
     for _ in range(2):

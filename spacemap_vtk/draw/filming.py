@@ -21,6 +21,8 @@ from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Any
 
+from spacemap_vtk.ndarrays import Tell
+
 try:
     import fcntl
 except ImportError:
@@ -28,13 +30,12 @@ except ImportError:
 
 import numpy as np
 import PIL.Image
-from numpy.typing import NDArray
 
 from spacemap_vtk import __version__, cache
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.form import Sheet
 from spacemap_vtk.draw.graphics import prepare_offscreen
-from spacemap_vtk.draw.picture import Extent, Picture, choose_facets, over_motion
+from spacemap_vtk.draw.picture import Extent, Image, Picture, choose_facets, over_motion
 from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.algorithm import Cancelled
 from spacemap_vtk.io.formats.pictures import add_record, write_png
@@ -47,7 +48,6 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.vanishing import hidden, vanishing
 from spacemap_vtk.workers import EndedError, in_processes, process_count
 
-Image = NDArray[np.uint8]
 #: What is added to a film's name for the folder of its frames, and the file that says whose.
 _FOLDER, _MARK = ".frames", "of.txt"
 #: Frames that wait for whoever encodes them, and seconds between two looks at how that fares.
@@ -221,7 +221,7 @@ def write_film(
     scene: Scene,
     job: FilmJob,
     kept: KeptFrames,
-    tell: Callable[[int, int], object],
+    tell: Tell,
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames where there is no format; say what was there before."""
@@ -244,7 +244,7 @@ def _write(
     job: FilmJob,
     kept: KeptFrames,
     there: set[int],
-    tell: Callable[[int, int], object],
+    tell: Tell,
     workers: int | None,
 ) -> None:
     steps = range(len(job.times))

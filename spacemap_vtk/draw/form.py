@@ -20,6 +20,7 @@ from spacemap_vtk.fabric.weave import estimate_counts
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, sides_seen
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, require_picture, require_sheet
 from spacemap_vtk.scenes.scene import Scene
@@ -192,7 +193,7 @@ class Sheet:
         return self._scene.view.color == "clearance"
 
 
-def pixels_per_metre(camera: vtkCamera, points: NDArray[np.float64], height: int) -> float:
+def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
     """Return how large a picture of some height shows what is nearest of some points."""
     if camera.GetParallelProjection():
         return pixels_of(camera, height)

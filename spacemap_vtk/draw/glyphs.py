@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersSources import vtkArrowSource
@@ -23,6 +22,7 @@ from spacemap_vtk.draw.load_arrows import KINDS, Arrows
 from spacemap_vtk.draw.shading import blurred
 from spacemap_vtk.draw.surface_actor import rgb, rgb_table
 from spacemap_vtk.embedding.triangles import boundary
+from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import Style
 
@@ -120,7 +120,7 @@ class CageActor(PlainActor):
         # Blended as it is drawn, after the cloth: VTK's own way costs a quarter of a frame more.
         self.ForceOpaqueOn()
         self.GetProperty().SetLighting(False)
-        self._kept: tuple[NDArray[np.int64], vtkCellArray] | None = None
+        self._kept: tuple[Ints, vtkCellArray] | None = None
 
     def show(
         self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
@@ -152,9 +152,7 @@ class GroundActor(PlainActor):
         self.GetProperty().LightingOff()
         self.ForceTranslucentOn()
 
-    def show(
-        self, points: NDArray[np.floating[Any]], up: int, floor: float, strength: float
-    ) -> None:
+    def show(self, points: AnyFloats, up: int, floor: float, strength: float) -> None:
         """Draw the shadow of some points, (n, 3), on a floor so high along an axis."""
         points = points[:: 1 + len(points) // _MOST]
         sides = [(up + 1) % 3, (up + 2) % 3]
@@ -192,7 +190,7 @@ class DotsActor(PlainActor):
         super().__init__()
         self.GetProperty().SetRenderPointsAsSpheres(True)
 
-    def place(self, points: NDArray[np.floating[Any]]) -> None:
+    def place(self, points: AnyFloats) -> None:
         """Draw dots at some points, (n, 3)."""
         dots = vtkPolyData()
         if len(points):
@@ -268,12 +266,12 @@ def _arrows_mapper() -> vtkGlyph3DMapper:
     return mapper
 
 
-def moved_points(cage: vtkUnstructuredGrid) -> NDArray[np.float64]:
+def moved_points(cage: vtkUnstructuredGrid) -> Floats:
     """Return a cage's vertices where they are now."""
     return points_of(cage) + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
 
 
-def _edges(elements: NDArray[np.int64], points: NDArray[np.floating[Any]]) -> NDArray[np.int64]:
+def _edges(elements: Ints, points: AnyFloats) -> Ints:
     """Return each edge of tetrahedra once, (n, 2): of many the surface's; of 10 nodes halves."""
     ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
     shown = np.ones((len(elements), 6), bool)
@@ -291,7 +289,7 @@ def _edges(elements: NDArray[np.int64], points: NDArray[np.floating[Any]]) -> ND
     return pairs[np.diff(pairs, axis=0, prepend=-1).any(axis=1)]
 
 
-def rest_of(surface: vtkPolyData) -> NDArray[np.floating[Any]]:
+def rest_of(surface: vtkPolyData) -> AnyFloats:
     """Return where a surface's points are at rest."""
     moved = surface.GetPointData().GetArray("displacement")
     return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)

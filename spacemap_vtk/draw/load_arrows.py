@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
@@ -14,8 +13,7 @@ from spacemap_vtk.datasets.arrays import elements_of, points_of
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.loaded_cage import LoadedCage
 from spacemap_vtk.mechanics import loads as forces
-
-FloatArray = NDArray[np.float64]
+from spacemap_vtk.ndarrays import Floats
 
 #: What an arrow stands for, and its colour.
 KINDS = {
@@ -42,15 +40,15 @@ _SAMPLES = 200
 class Arrows(NamedTuple):
     """Arrows, in m."""
 
-    starts: FloatArray
+    starts: Floats
     """(n, 3)"""
-    vectors: FloatArray
+    vectors: Floats
     """(n, 3), from start to tip."""
     kinds: tuple[str, ...]
     """(n,), keys of `KINDS`."""
-    places: FloatArray
+    places: Floats
     """(n, 3), which of its ends is where it acts; of a load on the whole cage not a number."""
-    reach: FloatArray
+    reach: Floats
     """(m, 3), both ends of all arrows while their loads are strongest, one way and the other."""
 
 
@@ -64,7 +62,7 @@ def load_arrows(
     none = np.zeros((0, 3))
     starts, vectors, places, reach, kinds = [none], [none], [none], [none], []
 
-    def add(load: str, ends: FloatArray, ways: FloatArray, pull: bool, factors: _Factors) -> None:
+    def add(load: str, ends: Floats, ways: Floats, pull: bool, factors: _Factors) -> None:
         arrows = ways * (_LENGTHS.get(load, _LONG) * size)
         for factor in (factors.least, factors.largest):
             reach.extend([ends, ends + arrows * (factor if pull else -factor)])
@@ -90,8 +88,8 @@ def load_arrows(
 
 
 def _placed(
-    load: Load, rest: FloatArray, moved: FloatArray, cage: vtkUnstructuredGrid
-) -> Iterator[tuple[FloatArray, FloatArray, bool]]:
+    load: Load, rest: Floats, moved: Floats, cage: vtkUnstructuredGrid
+) -> Iterator[tuple[Floats, Floats, bool]]:
     """Yield where a load acts, its direction there with a size up to 1, and if it starts there."""
     action, value = load.action, getattr(load, load.action)
     if action in ("pressure", "traction"):
@@ -120,7 +118,7 @@ def _placed(
         yield _leaving(moved, cage, way), way, True
 
 
-def _leaving(points: FloatArray, cage: vtkUnstructuredGrid, way: FloatArray) -> FloatArray:
+def _leaving(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Floats:
     """Return where a line from the middle of some points leaves their cage, (1, 3)."""
     # Whatever does not cross the line in its own plane is left out; of the rest the farthest
     # counts.
@@ -141,7 +139,7 @@ def _leaving(points: FloatArray, cage: vtkUnstructuredGrid, way: FloatArray) -> 
     return (middle + ahead * max(0.0, far.max()))[None]
 
 
-def _unit(vector: tuple[float, ...]) -> FloatArray:
+def _unit(vector: tuple[float, ...]) -> Floats:
     values = np.array([vector], np.float64)
     return values / (float(np.linalg.norm(values)) or 1.0)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.draw.camera import pixels_of
 from spacemap_vtk.draw.coloring import round_numbers, unit_of
 from spacemap_vtk.draw.page import SMALL, TEXT, Paper
 from spacemap_vtk.draw.surface_actor import Span, ramp
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.units import format_quantity, pretty
 
@@ -29,7 +29,7 @@ class Measures(NamedTuple):
 
     length: float
     """That a unit of the picture is in the plane of the focus, in m."""
-    axes: NDArray[np.float64]
+    axes: Floats
     """(3, 3) Where x, y and z point: right, up, towards the eye."""
     flat: bool
     """Whether there is no perspective."""
@@ -47,7 +47,7 @@ def round_length(most: float) -> float:
     return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
 
 
-def axes_seen(camera: vtkCamera) -> NDArray[np.float64]:
+def axes_seen(camera: vtkCamera) -> Floats:
     """Return where the axes point in a picture: right, up, towards the eye, (3, 3)."""
     turn = camera.GetModelViewTransformMatrix()
     seen = np.array([[turn.GetElement(row, k) for row in range(3)] for k in range(3)])
@@ -62,7 +62,7 @@ def draw_key(axes: Axes, paper: Paper, seen: Measures, color: str, span: Span | 
         _draw_colors(axes, paper, color, span)
 
 
-def _draw_triad(axes: Axes, paper: Paper, turn: NDArray[np.float64]) -> None:
+def _draw_triad(axes: Axes, paper: Paper, turn: Floats) -> None:
     size = 7.0
     middle = size * (0.3 - 0.8 * np.minimum(turn[:, :2], 0.0).min(axis=0))
     for k in np.argsort(turn[:, 2]):

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 # VTK finds the classes that draw and that write letters once these modules are loaded.
 import vtkmodules.vtkRenderingFreeType
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
@@ -16,6 +13,7 @@ from spacemap_vtk.datasets.quiet import silent_vtk
 from spacemap_vtk.draw.camera import front_of, lit_renderer
 from spacemap_vtk.draw.graphics import DRIVERS, NO_DRIVER, prepare_offscreen
 from spacemap_vtk.errors import MissingLibraryError
+from spacemap_vtk.ndarrays import Bytes, Singles
 
 
 class Offscreen:
@@ -49,7 +47,7 @@ class Offscreen:
         """What the picture is seen through."""
         return self.renderer.GetActiveCamera()
 
-    def draw(self) -> NDArray[np.uint8]:
+    def draw(self) -> Bytes:
         """Draw."""
         self.renderer.ResetCameraClippingRange()
         self.render()
@@ -65,7 +63,7 @@ class Offscreen:
         self.render_window.SetSwapBuffers(self._sampled)
         self.render_window.Render()
 
-    def pixels(self) -> NDArray[np.uint8]:
+    def pixels(self) -> Bytes:
         """Return red, green, blue, and how much is covered; until it is asked for again."""
         width, height = self.size
         # Of several from the buffer in front: the one behind holds all, and whoever reads it gets a
@@ -74,7 +72,7 @@ class Offscreen:
         self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
-    def depths(self, over: bool = False) -> NDArray[np.float32]:
+    def depths(self, over: bool = False) -> Singles:
         """Return OpenGL's depths, 1 where nothing is; until they are asked for again."""
         width, height = self.size
         self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[over])

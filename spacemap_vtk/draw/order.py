@@ -36,6 +36,7 @@ from spacemap_vtk.vanishing import ended_by_exceptions
 if TYPE_CHECKING:
     from spacemap_vtk.draw.camera import Viewpoint
     from spacemap_vtk.draw.picture import Image
+    from spacemap_vtk.ndarrays import Tell
     from spacemap_vtk.scenes.scene import Scene
 
 #: Data that are others at another time, and what in a file's name stands for a number, or is
@@ -51,8 +52,6 @@ SAMPLES, MOST_SAMPLES = 64, 65_536
 #: How far a process of its own stands back behind others.
 _NICE = 5
 
-#: Told how many steps are done, and of how many; it may raise, to end the work.
-Tell = Callable[[int, int], object]
 #: Told in a sentence what a file cannot hold.
 Lose = Callable[[str], object]
 

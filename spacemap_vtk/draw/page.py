@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Tell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,9 +104,7 @@ def new_figure(**settings: Any) -> Figure:
 
 
 def page(
-    rows: Sequence[Sequence[Tile]],
-    paper: Paper,
-    tell: Callable[[int, int], object] = lambda done, of: None,
+    rows: Sequence[Sequence[Tile]], paper: Paper, tell: Tell = lambda done, of: None
 ) -> Figure:
     """Return a figure of tiles, row by row, as high as they ask for."""
     placed, y = [], _EDGE

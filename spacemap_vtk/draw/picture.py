@@ -8,7 +8,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -24,6 +23,7 @@ from spacemap_vtk.draw.pieces import DrawnPieces
 from spacemap_vtk.draw.scene_view import Look, SceneView
 from spacemap_vtk.draw.shading import contact_shade, part_with
 from spacemap_vtk.draw.surface_actor import Span, natural_span, scale_share
+from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.face import picture_size
 from spacemap_vtk.scenes.footprint import (
@@ -36,9 +36,9 @@ from spacemap_vtk.scenes.footprint import (
 )
 from spacemap_vtk.scenes.scene import Scene
 
-Image = NDArray[np.uint8]
+Image = Bytes
 #: Points that span a motion, (n, 3), and the ends of its scale.
-Extent = tuple[NDArray[np.float64], Span | None]
+Extent = tuple[Floats, Span | None]
 
 #: Below so many pixels from yarn to yarn nearly all of a picture are edges, which need them, too.
 _FINE = 4.0
@@ -122,7 +122,7 @@ class Picture:
         self._choose_form(room, height)
         self._cut = cut_of(scene.view, scene.patches if sheet is None else sheet.moved)
 
-    def _choose_form(self, room: NDArray[np.float64], height: int) -> None:
+    def _choose_form(self, room: Floats, height: int) -> None:
         """Choose facets by what can be seen of a yarn, or draw the sheet."""
         scene, camera = self.scene, self.panels[-1].window.camera
         if not scene.woven:
@@ -217,9 +217,7 @@ class Picture:
             panel.shown.show_more(replace(frame, surface=piece, cloth=None, closed=True))
             window.render(front=False, over=True)
 
-    def _shade(
-        self, panel: _Panel, depths: NDArray[np.float32], signs: NDArray[np.float32] | None = None
-    ) -> Shaded | None:
+    def _shade(self, panel: _Panel, depths: Singles, signs: Singles | None = None) -> Shaded | None:
         """Return by what the light of pixels is to be multiplied, where it is at all."""
         window, height = panel.window, len(depths)
         pixels = self._relief * pixels_of(window.camera, height)
@@ -238,9 +236,7 @@ class Picture:
             shade[above : max(height - low - top, 0), beside : max(right - first, 0)] = 1.0
         return box, shade
 
-    def _panel(
-        self, scene: Scene, panel: str, size: tuple[int, int], extent: NDArray[np.float64]
-    ) -> _Panel:
+    def _panel(self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats) -> _Panel:
         view = scene.view
         look = Look(fabric=panel != "cage", cage=panel != "fabric", scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
@@ -269,11 +265,7 @@ class Picture:
 
 
 def _aim(
-    scene: Scene,
-    camera: vtkCamera,
-    room: NDArray[np.float64],
-    aspect: float,
-    place: Viewpoint | None,
+    scene: Scene, camera: vtkCamera, room: Floats, aspect: float, place: Viewpoint | None
 ) -> None:
     """Place a camera where a scene's picture is seen from, or where somebody says."""
     aim(camera, room, aspect, camera_of(scene), scene.view.zoom)
@@ -282,7 +274,7 @@ def _aim(
 
 
 def _choose_facets(
-    scene: Scene, room: NDArray[np.float64], camera: vtkCamera, height: int
+    scene: Scene, room: Floats, camera: vtkCamera, height: int
 ) -> tuple[bool, float]:
     """Choose facets by what is seen of a yarn; return whether fibres are, and a yarn's pixels."""
     cloth, scale = scene.weave.cloth, pixels_per_metre(camera, room, height)
@@ -297,7 +289,7 @@ def choose_facets(
     show: Sequence[str],
     place: Viewpoint | None,
     bare: bool,
-    room: NDArray[np.float64],
+    room: Floats,
 ) -> float:
     """Let a scene have the facets of pictures of some points; return the pixels between yarns."""
     if not scene.woven:
@@ -313,7 +305,7 @@ def over_motion(
     scene: Scene,
     times: Sequence[float],
     sheet: Sheet | None = None,
-    choose: Callable[[NDArray[np.float64]], float] | None = None,
+    choose: Callable[[Floats], float] | None = None,
 ) -> Extent:
     """Return points that span the scene over some of the times, (n, 3), and its scale's ends."""
     # The scale is that of the facets that `choose` chooses for these points; it returns the pixels
@@ -321,7 +313,7 @@ def over_motion(
     sheet = sheet or Sheet.of(scene)
     # Nine times find the extremes of a swing well enough, and cost nine steps of the warp.
     chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
-    clouds: list[NDArray[np.floating]] = []
+    clouds: list[AnyFloats] = []
     for time in chosen:
         if sheet is not None:
             clouds.append(points_of(sheet.place(time)))
@@ -368,5 +360,5 @@ def together(extents: Sequence[Extent]) -> Extent:
     return np.concatenate(clouds), natural_span(ends) if ends.size else None
 
 
-def _some(points: NDArray[np.floating]) -> NDArray[np.floating]:
+def _some(points: AnyFloats) -> AnyFloats:
     return points[:: max(1, len(points) // 20_000)]

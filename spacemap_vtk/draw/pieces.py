@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from math import ceil, isqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkCamera
 
@@ -20,6 +19,7 @@ from spacemap_vtk.fabric.axes import Share
 from spacemap_vtk.fabric.partition import cropped, share_of
 from spacemap_vtk.fabric.threads import Some
 from spacemap_vtk.fabric.weave import estimate_counts
+from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.scenes.scene import Scene
 
 #: Patches and quadrilaterals of a piece, at most: some hundred megabytes. Each costs as much as a
@@ -71,7 +71,7 @@ class DrawnPieces:
                 yield surface
 
     def _tiles(
-        self, time: float, sheet: Sheet, part: Share, sight: Sequence[NDArray[np.bool_]]
+        self, time: float, sheet: Sheet, part: Share, sight: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
         """Yield pieces in which yarns have their neighbours."""
         whole = isqrt(self._cloth.drawdown.size // self.count)
@@ -90,9 +90,7 @@ class DrawnPieces:
                         yield tile.cut
 
 
-def cells_in_sight(
-    sheet: Sheet, camera: vtkCamera, aspect: float
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def cells_in_sight(sheet: Sheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
     """Return which columns and rows of a sheet's cells are in a picture."""
     places = projected(camera, points_of(sheet.moved), aspect)
     columns, rows = sheet.cells
@@ -104,7 +102,7 @@ def cells_in_sight(
     return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
 
 
-def run_of(seen: NDArray[np.bool_], beside: int = 0) -> slice:
+def run_of(seen: Bools, beside: int = 0) -> slice:
     """Return the run of cells that holds all that are seen, and some beside it."""
     found = np.flatnonzero(seen)
     if not len(found):
@@ -121,7 +119,7 @@ def yarns_in(sheet: Sheet, columns: slice, rows: slice) -> Share:
     return Share(ends, picks)
 
 
-def _any(seen: NDArray[np.bool_], some: Some, count: int) -> bool:
+def _any(seen: Bools, some: Some, count: int) -> bool:
     """Return whether any of some yarns is in cells that are seen, or beside one."""
     assert isinstance(some, slice)
     if some.start >= some.stop:

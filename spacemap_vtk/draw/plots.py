@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
@@ -20,6 +19,7 @@ from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import as_csv, write
 from spacemap_vtk.mechanics.response import Response
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-FloatArray = NDArray[np.float64]
 
 #: Width of a plotted curve, in samples.
 SAMPLES = 2000
@@ -94,7 +92,7 @@ def write_figure(figure: Figure, file: Path) -> None:
     registry.writer(file, "plot").write(file, figure)
 
 
-def tip(scene: Scene) -> FloatArray:
+def tip(scene: Scene) -> Floats:
     """Return the vertex that moves most in the first mode [m], (3,)."""
     solver = scene.stage("solver")
     assert solver is not None
@@ -105,7 +103,7 @@ def tip(scene: Scene) -> FloatArray:
 def _over_frequency(
     panel: Axes,
     response: Response,
-    weights: FloatArray,
+    weights: Floats,
     natural: list[float],
     shown: tuple[str, float, int],
 ) -> None:
@@ -131,7 +129,7 @@ def _over_frequency(
             panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
 
 
-def _energy_over_time(panel: Axes, times: FloatArray, energies: FloatArray) -> None:
+def _energy_over_time(panel: Axes, times: Floats, energies: Floats) -> None:
     unit, size = handy("J", float(abs(energies).max()))
     for column, name, color in zip(energies.T, ENERGY_NAMES, (*_COLORS, "#26323e"), strict=True):
         panel.plot(times, column / size, color=color, label=name, linewidth=1.3)
@@ -146,7 +144,7 @@ def handy(unit: str, largest: float) -> tuple[str, float]:
     return unit, 1.0
 
 
-def frequencies_near(natural: list[float]) -> FloatArray:
+def frequencies_near(natural: list[float]) -> Floats:
     """Return frequencies to plot, dense about the modes."""
     swinging = [f for f in natural if f > 0.0] or [1.0]
     low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)

@@ -7,7 +7,6 @@ shine by and crossings are dark by; nothing here says where.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from spacemap_vtk.draw.seen_yarns import SeenYarns
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.fabric.strand_curves import StrandCurves, fibre_count
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Bools, Floats, Tell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import STYLES
@@ -60,8 +60,6 @@ _MARGIN = 0.15
 _MITSUBA, _POINT, _PIXEL = 120_000_000, 190, 400
 #: Narrower than so many pixels fibres are fewer and thicker: else they are noise.
 _NARROWEST = 0.7
-
-Tell = Callable[[int, int], object]
 
 
 def require_mitsuba() -> None:
@@ -99,13 +97,11 @@ def raytraced(scene: Scene, time: float, size: tuple[int, int], samples: int, te
     return _developed(light, np.asarray(behind))
 
 
-def _curves(
-    scene: Scene, camera: vtkCamera, size: tuple[int, int]
-) -> tuple[StrandCurves, NDArray[np.float64]]:
+def _curves(scene: Scene, camera: vtkCamera, size: tuple[int, int]) -> tuple[StrandCurves, Floats]:
     """Return the fibres in sight, and the colour of each as shares of light."""
     cloth = scene.weave.cloth
 
-    def in_sight(places: NDArray[Any]) -> NDArray[np.bool_]:
+    def in_sight(places: NDArray[Any]) -> Bools:
         seen = projected(camera, places, size[0] / size[1])
         edge = (1.0 + 2.0 * _MARGIN) * seen[:, 3]
         return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
@@ -122,12 +118,12 @@ def _curves(
 
 def _traced(
     curves: StrandCurves,
-    colors: NDArray[np.float64],
+    colors: Floats,
     camera: vtkCamera,
     size: tuple[int, int],
     samples: int,
     tell: Tell,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return light and cover of each pixel, (height, width, 4)."""
     import mitsuba as mi
 
@@ -145,7 +141,7 @@ def _traced(
                 **shapes,
             }
         )
-    total: NDArray[np.float64] = np.zeros((size[1], size[0], 4))
+    total: Floats = np.zeros((size[1], size[0], 4))
     passes = min(_PASSES, samples)
     for number in range(passes):
         spp = samples * (number + 1) // passes - samples * number // passes
@@ -156,7 +152,7 @@ def _traced(
 
 
 def _shapes(
-    mi: Any, curves: StrandCurves, colors: NDArray[np.float64], scale: float, folder: Path
+    mi: Any, curves: StrandCurves, colors: Floats, scale: float, folder: Path
 ) -> dict[str, Any]:
     """Return curves by colour and tone."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
@@ -187,7 +183,7 @@ def _shapes(
     return shapes
 
 
-def _absorption(color: NDArray[np.float64]) -> NDArray[np.float64]:
+def _absorption(color: Floats) -> Floats:
     """Return the absorption by which a mass of fibres has a colour."""
     # M. J.-Y. Chiang et al., "A Practical and Controllable Hair and Fur Model for Production Path
     # Tracing", Computer Graphics Forum 35 (2016), equation 9: of what many reflect together.
@@ -252,7 +248,7 @@ def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
     return lights
 
 
-def _developed(light: NDArray[np.float64], behind: NDArray[Any]) -> Image:
+def _developed(light: Floats, behind: NDArray[Any]) -> Image:
     """Return what is seen of light before a background, by the styles' gamma."""
     cover = np.clip(light[..., 3:], 0.0, 1.0)
     own = np.sqrt(np.clip(light[..., :3], 0.0, 1.0) / np.maximum(cover, 1e-6))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
@@ -30,6 +29,7 @@ from spacemap_vtk.draw.glyphs import (
 from spacemap_vtk.draw.sheet_actor import SheetActor
 from spacemap_vtk.draw.surface_actor import Span, SurfaceActor, fit_scale, natural_span, scale_share
 from spacemap_vtk.fabric.cloth import Cloth
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 
@@ -316,7 +316,7 @@ class SceneView:
         drawn.SetPointSize(3.0 * self._point)
 
 
-def extent_of(frame: Frame, loads: bool) -> NDArray[np.float64]:
+def extent_of(frame: Frame, loads: bool) -> Floats:
     """Return points that a frame's picture must have room for."""
     points = points_of(frame.surface)
     # Of many, some thousand are enough.

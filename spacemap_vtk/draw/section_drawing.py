@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.draw.page import TEXT, Paper, Tile, letters_wide
 from spacemap_vtk.draw.surface_actor import FAMILIES as COLORS
 from spacemap_vtk.draw.surface_actor import rgb_table
 from spacemap_vtk.fabric.cloth import FAMILIES
 from spacemap_vtk.fabric.cross_section import Bend, CrossSection
+from spacemap_vtk.ndarrays import Bytes, Floats
 from spacemap_vtk.units import format_quantity
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _SUB = "₁₂"
 #: Of the length along an axis, on light and on dark paper.
 _ACCENT = ("#c8372d", "#ff8a7a")
 #: Of the yarns of warp and weft, (n, 3) each, or (1, 3) of all.
-Colors = Sequence[NDArray[np.uint8]] | NDArray[np.uint8]
+Colors = Sequence[Bytes] | Bytes
 #: Least height of a drawing, in mm: that of its upright words; of a cloth that has room for some.
 _LEAST, _THIN = 36.0, 12.0
 
@@ -39,9 +39,9 @@ class _Sheet(NamedTuple):
     axes: Axes
     paper: Paper
     scale: float
-    shift: NDArray[np.float64]
+    shift: Floats
 
-    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, points: Floats) -> Floats:
         """Return where points of the cloth are in it."""
         return points * self.scale + self.shift
 
@@ -220,8 +220,8 @@ def _upright(
 
 def _level(
     sheet: _Sheet,
-    across: NDArray[np.float64],
-    heights: tuple[float, ...] | NDArray[np.float64],
+    across: Floats,
+    heights: tuple[float, ...] | Floats,
     line: float,
     name: str,
     value: float,
@@ -244,7 +244,7 @@ def _thin(sheet: _Sheet, begin: tuple[float, float], end: tuple[float, float]) -
     sheet.axes.plot(*zip(begin, end, strict=True), color=sheet.paper.faint, linewidth=0.35)
 
 
-def _between(sheet: _Sheet, ends: NDArray[np.float64]) -> None:
+def _between(sheet: _Sheet, ends: Floats) -> None:
     """Draw a line with an arrow at either end; where there is no room for these, from outside."""
     way = ends[1] - ends[0]
     size = float(np.hypot(*way))
@@ -270,12 +270,12 @@ def _arrow(color: str, style: str = "-|>") -> dict[str, Any]:
     }
 
 
-def _words_at(sheet: _Sheet, place: NDArray[np.float64], words: str, **style: Any) -> None:
+def _words_at(sheet: _Sheet, place: Floats, words: str, **style: Any) -> None:
     sheet.axes.text(
         float(place[0]), float(place[1]), words, fontsize=TEXT, color=sheet.paper.ink, **style
     )
 
 
-def _tint(color: NDArray[np.uint8], paper: Paper) -> str:
+def _tint(color: Bytes, paper: Paper) -> str:
     parts = np.stack([color, rgb_table([paper.color])[0]])
     return "#{:02x}{:02x}{:02x}".format(*(parts.T @ [0.38, 0.62]).round().astype(int).tolist())

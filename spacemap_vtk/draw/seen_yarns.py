@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -17,6 +14,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.strand_curves import StrandCurves, Within, fibre_count, strand_curves
 from spacemap_vtk.fabric.weave import Weave, build
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import AnyInts, Bytes, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
@@ -46,7 +44,7 @@ class SeenYarns:
             # a part of a weave has other points
             if len(made.points) == scene.patches.GetNumberOfPoints():
                 self._made = made
-        self._points: NDArray[np.float32] = np.zeros((times, 0, 3), np.float32)
+        self._points: Singles = np.zeros((times, 0, 3), np.float32)
         self._curves: StrandCurves | None = None
 
     def see(self, number: int) -> None:
@@ -77,7 +75,7 @@ class SeenYarns:
         return strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
 
     @property
-    def colors(self) -> NDArray[np.uint8]:
+    def colors(self) -> Bytes:
         """Red, green and blue of each yarn."""
         cells = self._scene.patches.GetCellData()
         first = np.unique(vtk_to_numpy(cells.GetArray("yarn")), return_index=True)[1]
@@ -99,11 +97,11 @@ class SeenOverTime(SeenYarns):
     """The middles of yarns at some times, and what colours stand for at the points of a surface."""
 
     def __init__(
-        self, scene: Scene, rows: NDArray[np.integer[Any]], times: int, numbers: bool, strands: str
+        self, scene: Scene, rows: AnyInts, times: int, numbers: bool, strands: str
     ) -> None:
         super().__init__(scene, times, strands)
         self._rows = rows
-        self._values: NDArray[np.float32] | None = None
+        self._values: Singles | None = None
         if numbers and COLORINGS[scene.view.color].numbers:
             # kept, and taken apart in double precision
             require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")

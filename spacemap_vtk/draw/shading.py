@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.ndarrays import Bools, Floats, Singles
+
 #: Radii of the surroundings in yarn diameters, and how dark each can make a pixel.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
 #: The depth is blurred at a lower resolution: a blurred image has no detail to lose. So many times
@@ -23,12 +25,8 @@ STRIP = 64
 
 
 def contact_shade(
-    depth: NDArray[np.float32],
-    diameter: float,
-    diameter_pixels: float,
-    strength: float = 1.0,
-    thin: int = 0,
-) -> NDArray[np.float32]:
+    depth: Singles, diameter: float, diameter_pixels: float, strength: float = 1.0, thin: int = 0
+) -> Singles:
     """Return the factor by which each pixel keeps its colour; lines up to 2 `thin` cast nothing."""
     height, width = depth.shape
     there = np.isfinite(depth)
@@ -63,7 +61,7 @@ def contact_shade(
     return light
 
 
-def part_with(there: NDArray[np.bool_], diameter_pixels: float) -> tuple[slice, slice] | None:
+def part_with(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
     """Return the part of a picture in which anything is, as far about it as shades are coarse."""
     block = _COARSER
     while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST * block:
@@ -78,7 +76,7 @@ def part_with(there: NDArray[np.bool_], diameter_pixels: float) -> tuple[slice, 
     return sides[0], sides[1]
 
 
-def softened(image: NDArray[np.float32]) -> NDArray[np.float32]:
+def softened(image: Singles) -> Singles:
     """Return an image whose edges are as soft as smooth lines are."""
     for _ in range(2):
         image = np.ascontiguousarray(image.T)
@@ -100,7 +98,7 @@ def strips(height: int) -> list[slice]:
     return [slice(top, min(top + STRIP, height)) for top in range(0, height, STRIP)]
 
 
-def blurred(image: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+def blurred(image: Singles, sigma: float) -> Singles:
     """Return an image blurred by a Gaussian, which is cut off at 2.5 sigma."""
     radius = int(2.5 * sigma + 0.5)
     weights = np.exp(-0.5 / sigma**2 * np.arange(-radius, radius + 1) ** 2)
@@ -110,7 +108,7 @@ def blurred(image: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     return np.ascontiguousarray(across.T)
 
 
-def _blurred_down(image: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
+def _blurred_down(image: Singles, weights: Floats) -> Singles:
     """Blur along the columns, some of them at a time."""
     radius, (height, width) = len(weights) // 2, image.shape
     wide = np.pad(image.astype(np.float64), ((radius, radius), (0, 0)), mode="edge")
@@ -128,7 +126,7 @@ def _blurred_down(image: NDArray[np.float32], weights: NDArray[np.float64]) -> N
     return result
 
 
-def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+def _reduced(image: Singles, factor: int) -> Singles:
     """Return an image reduced by averaging blocks of pixels."""
     rows, columns = (-size % factor for size in image.shape)
     if rows or columns:
@@ -143,7 +141,7 @@ def _reduced(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     return mean
 
 
-def _enlarged(image: NDArray[np.float32], factor: int, length: int) -> NDArray[np.float32]:
+def _enlarged(image: Singles, factor: int, length: int) -> Singles:
     """Return rows made longer, linear between the coarse pixels' centres."""
     most = image.shape[1] - 1
     places = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, most)

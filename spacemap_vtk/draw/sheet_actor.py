@@ -35,6 +35,7 @@ from spacemap_vtk.draw.surface_actor import (
 )
 from spacemap_vtk.fabric.cloth import Cloth
 from spacemap_vtk.fabric.faces import grid_lines, layers, tubes
+from spacemap_vtk.ndarrays import Bytes, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import Style
 
@@ -279,14 +280,14 @@ def thinned(
     return made
 
 
-def quadrilaterals(columns: int, rows: int) -> NDArray[np.int64]:
+def quadrilaterals(columns: int, rows: int) -> Ints:
     """Return the corners of the cells of a sheet, row by row, (cells, 4)."""
     place = np.arange((columns + 1) * (rows + 1)).reshape(rows + 1, columns + 1)
     corners = [place[:-1, :-1], place[:-1, 1:], place[1:, 1:], place[1:, :-1]]
     return np.stack(corners, axis=-1).reshape(-1, 4)
 
 
-def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
     """Return the colours of ends and picks, white where they are not shown."""
     if color == "own":
         return cloth.warp.colors, cloth.weft.colors
@@ -300,9 +301,7 @@ def _colors(cloth: Cloth, color: str) -> tuple[NDArray[np.uint8], NDArray[np.uin
     return chosen[:ends], chosen[ends:]
 
 
-def _of_crossings(
-    crossings: NDArray[Any], color: str, span: Span | None
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def _of_crossings(crossings: NDArray[Any], color: str, span: Span | None) -> tuple[Bytes, Bytes]:
     """Return the colours of ends and picks at each crossing."""
     if span is None:
         found = rgb_table(CLASSES[color])[crossings.astype(np.uint8)]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkFeatureEdges
@@ -27,6 +26,7 @@ from spacemap_vtk.draw.surface_actor import SurfaceActor, rgb
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.mechanics.realm import realm
+from spacemap_vtk.ndarrays import Bytes, Tell
 from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
 from spacemap_vtk.scenes.scene import Scene
@@ -55,11 +55,8 @@ def swing_times(scene: Scene) -> list[float]:
 
 
 def storyboard(
-    scene: Scene,
-    times: Sequence[float],
-    size: tuple[int, int] | None,
-    tell: Callable[[int, int], object],
-) -> NDArray[np.uint8]:
+    scene: Scene, times: Sequence[float], size: tuple[int, int] | None, tell: Tell
+) -> Bytes:
     """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
     width, height = size or _BOARD
     cell = width // len(times), height // 2
@@ -79,8 +76,8 @@ def motions_board(
     motions: Sequence[str],
     times: Sequence[float],
     size: tuple[int, int] | None,
-    tell: Callable[[int, int], object],
-) -> NDArray[np.uint8]:
+    tell: Tell,
+) -> Bytes:
     """Draw a scene as it moves in several ways, one below the other, time from left to right."""
     width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
     given, cell = loaded_cage(scene), (width // len(times), height // len(motions))
@@ -112,9 +109,7 @@ def _stretch(scene: Scene, times: Sequence[float]) -> float:
     return realm(motion, rest, times, surface=model.pencil.surface).stretch
 
 
-def _labelled(
-    image: NDArray[np.uint8], rows: Sequence[str], times: Sequence[float]
-) -> NDArray[np.uint8]:
+def _labelled(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> Bytes:
     """Add what the rows are on the left and the columns' times below."""
     height, width = image.shape[:2]
     size = max(14, height // (16 * len(rows)))
@@ -133,7 +128,7 @@ def _labelled(
     return np.asarray(sheet)
 
 
-def mode_sheet(scene: Scene, tell: Callable[[int, int], object]) -> NDArray[np.uint8]:
+def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
     """Draw the fabric in the shape of each of the first modes, with the cage at rest and moved."""
     figures = report.modes(scene)
     solver = scene.stage("solver")
@@ -207,7 +202,7 @@ class _Drawing:
         room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
         aim(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
 
-    def shape(self, number: int) -> NDArray[np.uint8]:
+    def shape(self, number: int) -> Bytes:
         """Draw a mode shape."""
         add_shape(self._scene, self._moved, number, self._swing)
         self._moved.GetPointData().SetActiveVectors("displacement")

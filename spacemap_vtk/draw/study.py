@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -27,6 +27,7 @@ from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import as_csv, telling_refusals, whole_file, whole_folder, write
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.mechanics import blas_threads
+from spacemap_vtk.ndarrays import Tell
 from spacemap_vtk.scenes import anatomy, report
 from spacemap_vtk.scenes.assignments import ValueList
 from spacemap_vtk.scenes.figure_list import (
@@ -125,7 +126,7 @@ def _picture(scene: Scene, time: float) -> bytes:
 def carry_out_sweep(
     sweep: Sweep,
     folder: Path,
-    tell: Callable[[int, int], object] = lambda done, of: None,
+    tell: Tell = lambda done, of: None,
     *,
     workers: int | None = None,
     cluster: str = "",

@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
@@ -18,6 +17,7 @@ from spacemap_vtk.datasets.arrays import colors_in, to_array
 from spacemap_vtk.draw.coloring import SHOWN, round_numbers, unit_of
 from spacemap_vtk.draw.lighting import light_by_shader, light_of, show_fibres
 from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 from spacemap_vtk.scenes.styles import STYLES, Style
@@ -146,7 +146,7 @@ class SurfaceActor(vtkActor):
             mapper.SetColorModeToDirectScalars()
             mapper.SelectColorArray(name)
 
-    def _color_by(self, name: str, colors: NDArray[np.uint8], span: Span) -> None:
+    def _color_by(self, name: str, colors: Bytes, span: Span) -> None:
         table = self._table
         table.SetNumberOfTableValues(len(colors))
         table.SetTableRange(*span)
@@ -255,12 +255,12 @@ def rgb(color: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-def rgb_table(colors: Sequence[str]) -> NDArray[np.uint8]:
+def rgb_table(colors: Sequence[str]) -> Bytes:
     """Return red, green and blue of some colours to 255, (n, 3)."""
     return np.array([list(bytes.fromhex(color[1:])) for color in colors], np.uint8)
 
 
-def ramp() -> NDArray[np.uint8]:
+def ramp() -> Bytes:
     """Return the colours of numbers from low to high, (256, 3)."""
     stops = rgb_table(RAMP)
     at, places = np.linspace(0, len(stops) - 1, 256), np.arange(len(stops))

@@ -25,6 +25,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.scenes.scene import Scene
 
 #: Yarns that are made on each side of a tile; of splines, which feel a cut from farther away.
@@ -116,13 +117,13 @@ class ClothTile(NamedTuple):
 
     surface: vtkPolyData
     """Of all of them."""
-    found: NDArray[np.float32]
+    found: Singles
     """Of each point, how far it is from the next yarn, infinite beside the tile."""
     quads: NDArray[Any]
     """(patches, facets, 4) Points of each patch's facets."""
-    inside: NDArray[np.bool_]
+    inside: Bools
     """(patches,) Which belong to the tile."""
-    corners: NDArray[np.float64]
+    corners: Floats
     """(patches, 4, 3) At rest, in m."""
     yarn: NDArray[Any]
     """(patches,) Of each, its yarn."""
@@ -138,7 +139,7 @@ class ClothTile(NamedTuple):
         return made
 
     @property
-    def facets(self) -> tuple[NDArray[Any], NDArray[np.float64], NDArray[np.float64]]:
+    def facets(self) -> tuple[NDArray[Any], Floats, Floats]:
         """What `crossing_means` takes of the facets within the tile."""
         corners, quads, (_, each, _) = self.corners[self.inside], self.inner, self.quads.shape
         # At rest they lie in their patch as their parameters do.
@@ -163,9 +164,9 @@ class ClothTile(NamedTuple):
 class Clearances(NamedTuple):
     """How far the yarns of a cloth are from one another."""
 
-    crossings: NDArray[np.float32]
+    crossings: Singles
     """(2, picks, ends) The mean of what is seen of end and pick at each crossing, in m."""
-    ends: NDArray[np.float32]
+    ends: Singles
     """(2,) The least and the largest, of all points."""
 
 
@@ -180,10 +181,7 @@ class SampledClearances:
         self._last: tuple[NDArray[Any], Clearances | None] | None = None
 
     def at(
-        self,
-        cage: vtkUnstructuredGrid | None,
-        strains: NDArray[np.float64],
-        crimp: CrimpInterchange | None,
+        self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
     ) -> Clearances | None:
         """Return what is found where a cage takes the cloth, whose sheet is strained so."""
         asked = strains if cage is None else moved_points(cage)
@@ -192,10 +190,7 @@ class SampledClearances:
         return self._last[1]
 
     def _find(
-        self,
-        cage: vtkUnstructuredGrid | None,
-        strains: NDArray[np.float64],
-        crimp: CrimpInterchange | None,
+        self, cage: vtkUnstructuredGrid | None, strains: Floats, crimp: CrimpInterchange | None
     ) -> Clearances | None:
         cloth, (rows, columns, _) = self._stages.cloth, strains.shape
         ends, picks = cloth.size
@@ -227,7 +222,7 @@ class SampledClearances:
         return Clearances(found, np.array([min(spans), max(spans)], np.float32))
 
 
-def strains_of(sheet: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+def strains_of(sheet: Floats, rest: Floats) -> Floats:
     """Return how the cells of a sheet are strained along weft and warp, and sheared, (…, 3)."""
     # Both (rows + 1, columns + 1, 3).
     along = []
@@ -240,7 +235,7 @@ def strains_of(sheet: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray
     return np.stack([stretch[0] - 1.0, stretch[1] - 1.0, shear], axis=-1)
 
 
-def _places(strains: NDArray[np.float64], size: tuple[int, int]) -> list[tuple[slice, slice]]:
+def _places(strains: Floats, size: tuple[int, int]) -> list[tuple[slice, slice]]:
     """Return tiles where the cells of a sheet are strained most and least, and some others."""
     rows, columns, count = strains.shape
     flat = strains.reshape(-1, count)
@@ -258,12 +253,12 @@ def _places(strains: NDArray[np.float64], size: tuple[int, int]) -> list[tuple[s
     ]
 
 
-def _cells(yarns: int, cells: int) -> NDArray[np.int64]:
+def _cells(yarns: int, cells: int) -> Ints:
     """Return in which of the cells of a sheet each yarn of a family is."""
     return ((np.arange(yarns) + 0.5) * cells / yarns).astype(np.int64)
 
 
-def _edges(place: NDArray[np.float64], core: slice) -> tuple[float, float]:
+def _edges(place: Floats, core: slice) -> tuple[float, float]:
     """Return from where to where some yarns of a family are crossed by others."""
     low, high = -np.inf, np.inf
     if core.start > 0:

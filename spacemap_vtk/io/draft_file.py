@@ -9,7 +9,6 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.fabric.draft import Draft
@@ -20,6 +19,7 @@ from spacemap_vtk.io.draft_bytes import LOOSE, check_size, content, loose_notes,
 from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.io.wif import parse_wif, read_wif
 from spacemap_vtk.io.wif_text import MAX_LENGTH
+from spacemap_vtk.ndarrays import Bools
 
 #: Characters of a row.
 _CELLS = {**dict.fromkeys("1#Xx", True), **dict.fromkeys("0.-", False)}
@@ -69,7 +69,7 @@ def read_rows(path: Path) -> Draft:
     return Draft(parse_rows(text), title=path.stem)
 
 
-def parse_rows(text: str) -> NDArray[np.bool_]:
+def parse_rows(text: str) -> Bools:
     """Read a drawdown that is written as text."""
     rows: list[str] = []
     first = 0

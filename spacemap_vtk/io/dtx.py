@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.fabric.draft import Draft, DraftThreads
@@ -28,6 +27,7 @@ from spacemap_vtk.fabric.loom import Loom, Rows
 from spacemap_vtk.fabric.threads import Lengths
 from spacemap_vtk.io.draft_bytes import check_size, color_table, content, loose_notes
 from spacemap_vtk.io.wif_text import MAX_NUMBER, Notes, decode, whole
+from spacemap_vtk.ndarrays import Bytes, Ints
 
 #: Metres in a unit of spacing: what Fiberworks makes of it in a WIF.
 UNIT = 0.53e-3
@@ -167,7 +167,7 @@ def _filled(rows: list[tuple[int, ...]], count: int) -> Rows:
     return (*rows, *[()] * (count - len(rows)))
 
 
-def _palette(section: _Section | None) -> NDArray[np.uint8] | None:
+def _palette(section: _Section | None) -> Bytes | None:
     if section is None or not section.lines:
         return None
     colors = []
@@ -180,12 +180,8 @@ def _palette(section: _Section | None) -> NDArray[np.uint8] | None:
 
 
 def _colors(
-    section: _Section | None,
-    palette: NDArray[np.uint8] | None,
-    count: int,
-    usual: int,
-    notes: Notes,
-) -> NDArray[np.uint8] | None:
+    section: _Section | None, palette: Bytes | None, count: int, usual: int, notes: Notes
+) -> Bytes | None:
     """Return each thread's colour; the usual one of the palette where the file gives none."""
     if palette is None:
         return None
@@ -229,7 +225,7 @@ def losses(draft: Draft) -> list[str]:
     return told
 
 
-def _units(spacing: Lengths) -> NDArray[np.int64]:
+def _units(spacing: Lengths) -> Ints:
     return np.clip(np.rint(np.asarray(spacing) / UNIT), 1, MAX_NUMBER).astype(np.int64)
 
 

@@ -12,6 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import points_of, take_arrays, to_points, to_ragged
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Bools
 
 
 def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -23,7 +24,7 @@ def corners_of(data: vtkPolyData) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.diff(vtk_to_numpy(offsets)), vtk_to_numpy(corners)
 
 
-def part_of(data: vtkPolyData, chosen: NDArray[np.bool_]) -> vtkPolyData:
+def part_of(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
     """Return some polygons, with their points alone."""
     sizes, numbers = corners_of(data)
     used, local = np.unique(numbers[np.repeat(chosen, sizes)], return_inverse=True)

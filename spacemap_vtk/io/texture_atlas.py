@@ -25,8 +25,9 @@ from spacemap_vtk.datasets.quiet import quiet_vtk
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.pictures import decoded
 from spacemap_vtk.memory import require
+from spacemap_vtk.ndarrays import Bytes
 
-Pixels = NDArray[np.uint8]  # (height, width, 3 or 4), the lowest row first
+Pixels = Bytes  # (height, width, 3 or 4), the lowest row first
 
 #: Name of the texture coordinates that belong to the picture.
 COORDINATES = "texture coordinates"
@@ -162,7 +163,7 @@ def apply(blocks: list[vtkPolyData], materials: list[Material]) -> vtkImageData 
     return to_image(whole)
 
 
-def _bytes(color: tuple[float, ...]) -> NDArray[np.uint8]:
+def _bytes(color: tuple[float, ...]) -> Bytes:
     return np.round(255 * np.clip(color, 0.0, 1.0)).astype(np.uint8)
 
 

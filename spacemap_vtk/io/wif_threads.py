@@ -9,10 +9,10 @@ import re
 from decimal import Decimal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.fabric.threads import Lengths
 from spacemap_vtk.io.wif_text import Entry, WifText, decimal
+from spacemap_vtk.ndarrays import Bytes
 
 _Color = tuple[Decimal, Decimal, Decimal]
 
@@ -36,9 +36,7 @@ OTHER_UNITS: dict[str, Decimal] = dict.fromkeys(
 _THINNEST, _THICKEST = Decimal("1e-6"), Decimal(1)
 
 
-def read_colors(
-    text: WifText, ends: int, picks: int
-) -> tuple[NDArray[np.uint8] | None, NDArray[np.uint8] | None]:
+def read_colors(text: WifText, ends: int, picks: int) -> tuple[Bytes | None, Bytes | None]:
     """Read the colours of both families."""
     # A colour is ``index``, an entry of [COLOR TABLE], or in the older form ``index,r,g,b``, where
     # the standard wants the table to win; r, g, b stand in where the table has no such entry.

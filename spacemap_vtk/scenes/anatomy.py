@@ -6,7 +6,6 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules import vtkCommonDataModel
 from vtkmodules.vtkCommonDataModel import vtkFieldData, vtkPointSet, vtkUnstructuredGrid
 
@@ -17,6 +16,7 @@ from spacemap_vtk.datasets.outline import edge_faults, outline
 from spacemap_vtk.embedding.holding import volumes_of
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.patch_tessellator import polygons_of
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
 
 #: Who knows the names of types of cells: another class since VTK 9.6.
@@ -61,7 +61,7 @@ def body(scene: Scene) -> dict[str, Any]:
     return figures
 
 
-def _cage(grid: vtkUnstructuredGrid, points: NDArray[np.float64]) -> dict[str, Any]:
+def _cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:
     vertices, tetrahedra = points_of(grid).astype(np.float64), tetrahedra_of(grid)
     where = locate(points, vertices, tetrahedra)
     return {

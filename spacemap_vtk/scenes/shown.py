@@ -8,7 +8,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.fabric.draft import Draft
@@ -17,8 +16,9 @@ from spacemap_vtk.fabric.loom import Loom
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.wif import MAX_CROSSINGS
+from spacemap_vtk.ndarrays import Bools, Bytes
 
-Colors = NDArray[np.uint8]
+Colors = Bytes
 #: Values of a weave by key, as a scene file has them; None: the key goes.
 Changes = dict[str, Any]
 #: Longer lists of colours are written whole, without a look for their repeat.
@@ -32,7 +32,7 @@ class Shown:
     #: The draft's own; for a weave without one the smallest that weaves it.
     loom: Loom
     #: (picks, ends) True where the end lies over the pick.
-    drawdown: NDArray[np.bool_]
+    drawdown: Bools
     #: (ends, 3) Colour of each end.
     warp: Colors
     #: (picks, 3) Colour of each pick.
@@ -58,7 +58,7 @@ class Shown:
         """What is pressed at each pick: treadles, or in a liftplan shafts."""
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
-    def marks(self, panel: str) -> NDArray[np.bool_]:
+    def marks(self, panel: str) -> Bools:
         """Return what is marked in a grid, numbers from 1 up along its columns: (rows, columns)."""
         loom = self.loom
         if panel == "threading":
@@ -80,7 +80,7 @@ class Shown:
         return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
 
 
-def _marks(rows: Sequence[Sequence[int]], columns: int) -> NDArray[np.bool_]:
+def _marks(rows: Sequence[Sequence[int]], columns: int) -> Bools:
     row = np.repeat(np.arange(len(rows)), [len(numbers) for numbers in rows])
     number = np.fromiter(chain.from_iterable(rows), np.intp)
     marks = np.zeros((len(rows), columns), bool)

@@ -28,6 +28,7 @@ from spacemap_vtk.fabric.interchange import Interchange, YarnMechanics
 from spacemap_vtk.fabric.tessellation import Tessellation
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import thread_count
 from spacemap_vtk.scenes.scene import Scene
 
@@ -139,7 +140,7 @@ def _others(scene: Scene, steps: int) -> list[tuple[str, float]]:
     return found
 
 
-def _waves(scene: Scene) -> NDArray[np.float64]:
+def _waves(scene: Scene) -> Floats:
     """Return stretches of up to 5 % along warp and weft, (2, picks, ends)."""
     pick, end = (np.linspace(0.0, 6.0, size) for size in scene.weave.cloth.drawdown.shape)
     phases = np.add.outer(pick, 0.7 * end), np.subtract.outer(0.8 * pick, end)
