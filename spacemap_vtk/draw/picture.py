@@ -189,7 +189,11 @@ class Picture:
             shown.sheet.VisibilityOff()
         window.render(front=not over)
         if pieces is not None:
-            self._draw_pieces(panel, frame, pieces)
+            assert self.sheet is not None
+            width, height = window.size
+            for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
+                shown.show_more(replace(frame, surface=piece, cloth=None, closed=True))
+                window.render(front=False, over=True)
         depths = [window.depths()] if shaded else []
         if over:
             for solid in shown.solids:
@@ -208,14 +212,6 @@ class Picture:
             low, high = np.array(window.renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
             bounds = np.stack([low - self._relief, high + self._relief], axis=1)
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
-
-    def _draw_pieces(self, panel: _Panel, frame: Frame, pieces: DrawnPieces) -> None:
-        """Draw the yarns over one another."""
-        window, (width, height) = panel.window, panel.window.size
-        assert self.sheet is not None
-        for piece in pieces.in_sight(frame.time, self.sheet, window.camera, width / height):
-            panel.shown.show_more(replace(frame, surface=piece, cloth=None, closed=True))
-            window.render(front=False, over=True)
 
     def _shade(self, panel: _Panel, depths: Singles, signs: Singles | None = None) -> Shaded | None:
         """Return by what the light of pixels is to be multiplied, where it is at all."""

@@ -64,7 +64,8 @@ def read_rows(path: Path) -> Draft:
     text = content(path).removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     if any(line.lstrip().startswith("[") for line in text.splitlines()):
         return read_wif(path)
-    if _is_liftplan(text):
+    # each line a list of shafts, and they are not all rows of 0 and 1
+    if re.search("[2-9]", text) and all(_LIST.fullmatch(line) for _, line in _lines(text)):
         return parse_liftplan(text, path.stem)
     return Draft(parse_rows(text), title=path.stem)
 
@@ -93,12 +94,6 @@ def parse_rows(text: str) -> Bools:
         raise InputError("the file is empty", allowed="a line of 0 and 1 for each pick")
     check_size(len(rows[0]), len(rows))
     return np.array([[_CELLS[cell] for cell in row] for row in rows])
-
-
-def _is_liftplan(text: str) -> bool:
-    """Return whether each line is a list of shafts, and they are not all rows of 0 and 1."""
-    lines = _lines(text)
-    return bool(re.search("[2-9]", text)) and all(_LIST.fullmatch(line) for _, line in lines)
 
 
 def parse_liftplan(text: str, title: str = "") -> Draft:

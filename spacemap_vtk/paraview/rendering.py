@@ -21,17 +21,18 @@ actors can be told, though by no property: each process is asked to tell its own
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import methodcaller
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR, vtkWeakReference
 
 _NAME = 4  # place of the array's name in the property ColorArrayName
+#: The proxies that are observed.
 _followed: set[int] = set()
 #: Of which representations all processes know whether they are opaque.
 _told: dict[int, bool] = {}
-_guarded: set[int] = set()
 
 
 def show_colors() -> None:
@@ -39,11 +40,14 @@ def show_colors() -> None:
     # It is unticked for three components of unsigned char named ``color``, as `WeaveSource` has
     # them, and ticked for others. What a user ticks by hand stays until the next choice of an
     # array.
-    _at_each_proxy(("PROCESS_CLIENT", "PROCESS_BATCH"), _follow_new)
+    observers = {"representations": _follow, "scalar_bars": _follow_legend}
+    _at_each_proxy(("PROCESS_CLIENT", "PROCESS_BATCH"), observers)
 
 
-def _at_each_proxy(processes: Sequence[str], do: Callable[[Any], None]) -> None:
-    """In processes of some types, do something with the session whenever it gets a proxy."""
+def _at_each_proxy(
+    processes: Sequence[str], observers: Mapping[str, Callable[[Any], object]]
+) -> None:
+    """In processes of some types, observe each new proxy of some groups."""
     try:
         from paraview.modules.vtkRemotingCore import vtkProcessModule
         from paraview.modules.vtkRemotingServerManager import vtkSMProxyManager
@@ -51,22 +55,16 @@ def _at_each_proxy(processes: Sequence[str], do: Callable[[Any], None]) -> None:
         return
 
     def registered_one(manager: Any, _event: str) -> None:
-        if (session := manager.GetActiveSessionProxyManager()) is not None:
-            do(session)
+        session = manager.GetActiveSessionProxyManager()
+        for group, observe in observers.items() if session is not None else ():
+            for proxy in registered(session, group):
+                if proxy.GetGlobalID() not in _followed:
+                    _followed.add(proxy.GetGlobalID())
+                    observe(proxy)
 
     types = [getattr(vtkProcessModule, name) for name in processes]
     if vtkProcessModule.GetProcessType() in types:
         vtkSMProxyManager.GetProxyManager().AddObserver("RegisterEvent", registered_one)
-
-
-def _follow_new(session: Any) -> None:
-    follow: dict[str, Callable[[Any], None]]
-    follow = {"representations": _follow, "scalar_bars": _follow_legend}
-    for group, observe in follow.items():
-        for proxy in registered(session, group):
-            if proxy.GetGlobalID() not in _followed:
-                _followed.add(proxy.GetGlobalID())
-                observe(proxy)
 
 
 def registered(session: Any, group: str) -> Iterator[Any]:
@@ -184,14 +182,8 @@ def _has_colors(representation: Any) -> bool:
 
 def guard_pictures() -> None:
     """From now on no view of a batch begins to draw unless all its processes can."""
-    _at_each_proxy(("PROCESS_BATCH",), _guard_new)
-
-
-def _guard_new(session: Any) -> None:
-    for view in registered(session, "views"):
-        if view.GetGlobalID() not in _guarded:
-            _guarded.add(view.GetGlobalID())
-            view.AddObserver("StartEvent", _require_display)
+    observe = methodcaller("AddObserver", "StartEvent", _require_display)
+    _at_each_proxy(("PROCESS_BATCH",), {"views": observe})
 
 
 def _require_display(view: Any, event: str) -> None:
