@@ -14,6 +14,8 @@ import atexit
 import os
 import shutil
 import signal
+import stat
+import sys
 import tempfile
 import threading
 import time
@@ -24,10 +26,10 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-try:
+if sys.platform == "win32":
+    import _winapi
+else:
     import fcntl
-except ImportError:  # Windows, where nobody tells
-    fcntl = None  # type: ignore[assignment]
 
 #: By which a program is asked to end; SIGHUP by a terminal that is closed.
 ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
@@ -76,7 +78,7 @@ def hold(folder: Path, held: ExitStack) -> None:
     while True:
         folder.mkdir(mode=0o700, exist_ok=True)
         try:
-            if fcntl is None or _taken(folder, held):
+            if taken(folder, held):
                 return
         except (BlockingIOError, FileNotFoundError):
             pass  # another has just taken it for a dead one's
@@ -84,25 +86,48 @@ def hold(folder: Path, held: ExitStack) -> None:
             return  # a disk that knows no locks: there nobody clears anything
 
 
-def _taken(folder: Path, held: ExitStack) -> bool:
-    """Lock a folder, unless another process has; return whether it is there still."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    with ExitStack() as closed:
-        closed.callback(os.close, handle)
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        held.push(closed.pop_all())
-    return os.path.samestat(os.fstat(handle), folder.stat())
+if sys.platform == "win32":
+
+    def taken(folder: Path, held: ExitStack) -> bool:
+        """Lock a folder, unless another process has; return whether it is there still."""
+        # By a file beside it, open to nobody else, that goes when it is closed, at the latest as
+        # this process ends: a folder that is open itself can be neither moved nor removed.
+        delete, to_others, make, hidden_and_going = 0x00010000, 0, 4, 0x04000002
+        name = f"{folder}.held"
+        try:
+            handle = _winapi.CreateFile(name, delete, to_others, 0, make, hidden_and_going, 0)
+        except OSError as error:
+            if error.winerror == 32:  # another has it open
+                raise BlockingIOError from error
+            raise
+        held.callback(_winapi.CloseHandle, handle)
+        return folder.is_dir()
+
+else:
+
+    def taken(folder: Path, held: ExitStack) -> bool:
+        """Lock a folder, unless another process has; return whether it is there still."""
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        with ExitStack() as closed:
+            closed.callback(os.close, handle)
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held.push(closed.pop_all())
+        return os.path.samestat(os.fstat(handle), folder.stat())
 
 
 def clear(place: Path) -> None:
     """Remove the folders of processes that were killed."""
     with suppress(OSError):
-        for name in os.listdir(place) if fcntl is not None else ():
+        for name in os.listdir(place):
             with suppress(OSError), ExitStack() as held:
+                if not name.startswith(_NAME):
+                    continue
                 folder = place / name
+                known = folder.lstat()
                 # Another user could let files appear here in this one's name.
-                if name.startswith(_NAME) and folder.lstat().st_uid == os.getuid():
-                    _taken(folder, held)
+                own = sys.platform == "win32" or known.st_uid == os.getuid()
+                if own and stat.S_ISDIR(known.st_mode):
+                    taken(folder, held)
                     # Of an unpacked archive's it may be a link: nothing is put elsewhere.
                     if (older := folder / _OLDER).is_dir() and not older.is_symlink():
                         move_out(folder)
@@ -150,9 +175,10 @@ def _exchange(file: Path, target: Path, older: Path, begun: int | None) -> None:
 def _wait_for(place: Path, held: ExitStack) -> None:
     """Let files of several processes appear in a folder one after another."""
     end = time.monotonic() + _PATIENCE  # whoever holds it for long does so for another reason
-    while fcntl is not None and time.monotonic() < end:
+    lock = place / _NAME if sys.platform == "win32" else place
+    while time.monotonic() < end:
         try:
-            _taken(place, held)
+            taken(lock, held)
             return
         except BlockingIOError:
             time.sleep(0.01)

@@ -111,7 +111,6 @@ def test_a_folder_that_is_anothers_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None:
-    pytest.importorskip("fcntl")
     output = tmp_path / "a.gif"
     found: list[str] = []
 

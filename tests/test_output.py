@@ -121,7 +121,7 @@ def test_a_new_format_is_among_those_that_meet_a_full_disk() -> None:
 OWN_WRITERS = {
     "io/output.py": {"write": {"file.open"}, "_make_last": {"os.open"}},
     "vanishing.py": {
-        "_taken": {"os.open"},
+        "taken": {"os.open"},
         "move_out": {"os.replace"},
         "_exchange": {"os.link", "os.replace"},
     },
@@ -130,11 +130,7 @@ OWN_WRITERS = {
     # an entry with checksums, by way of a hidden folder
     "cache.py": {"store": {"np.savez", "os.replace"}},
     # frames in the folder that a film goes on from, whose checksums it looks at
-    "draw/filming.py": {
-        "held": {"mark.open"},
-        "write": {"os.replace"},
-        "remove": {"os.replace"},
-    },
+    "draw/filming.py": {"write": {"os.replace"}, "remove": {"os.replace"}},
     # what another program reads, in a hidden folder
     "cage/tetwild.py": {"_run": {"np.savez"}},
     "draw/raytrace.py": {"_shapes": {"open", "np.savetxt"}},

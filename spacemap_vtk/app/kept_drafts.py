@@ -72,5 +72,5 @@ class KeptDrafts:
         """Return what a user is told."""
         if self._folder is None:
             return str(text)
-        kept = rf"{re.escape(str(self._folder))}/(\w+\.\w+)"
+        kept = rf"{re.escape(str(self._folder))}[/\\](\w+\.\w+)"
         return re.sub(kept, lambda found: self._names.get(found[1], "a draft"), str(text))

@@ -12,7 +12,7 @@ import shutil
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
@@ -20,13 +20,6 @@ from math import prod
 from pathlib import Path
 from queue import Empty, Full, Queue
 from typing import Any
-
-from spacemap_vtk.ndarrays import Tell
-
-try:
-    import fcntl
-except ImportError:
-    fcntl = None  # type: ignore[assignment]
 
 import numpy as np
 import PIL.Image
@@ -42,10 +35,11 @@ from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write
 from spacemap_vtk.io.provenance import recorded_at
 from spacemap_vtk.io.registry import Writer, endings
+from spacemap_vtk.ndarrays import Tell
 from spacemap_vtk.scenes.footprint import PictureAsked, fits_picture, picture_bytes
 from spacemap_vtk.scenes.runs import paths_in
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.vanishing import hidden, vanishing
+from spacemap_vtk.vanishing import hidden, taken, vanishing
 from spacemap_vtk.workers import EndedError, in_processes, process_count
 
 #: What is added to a film's name for the folder of its frames, and the file that says whose.
@@ -151,11 +145,9 @@ class KeptFrames:
                     cure="Move that away, or choose another name.",
                 )
             self.folder.mkdir(exist_ok=True)
-            with mark.open("a") as file:
-                if fcntl is None:  # Windows removes no file that is open
-                    break
+            with ExitStack() as held:
                 try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    there = taken(self.folder, held)
                 except BlockingIOError:
                     raise BusyError(
                         f"{self.output} is being made by another process, whose frames wait in "
@@ -163,12 +155,12 @@ class KeptFrames:
                         cure="Wait until it has ended, or choose another name.",
                     ) from None
                 except OSError:
-                    pass  # a disk that knows no locks
-                # Whoever has ended just now has taken the file along.
-                if mark.exists() and os.path.samestat(os.fstat(file.fileno()), mark.stat()):
+                    there = True  # a disk that knows no locks
+                # Whoever has ended just now has taken the folder along.
+                if there:
+                    mark.touch()
                     yield
                     return
-        yield
 
     def open(self, count: int) -> list[int]:
         """Return the numbers of those that are there; those of another film go."""
