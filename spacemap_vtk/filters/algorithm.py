@@ -321,7 +321,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._is_late = self.GetMTime() != changed
         if _TIME_RANGE.Has(info):
             made = time if UPDATE_TIME.Has(info) else self._own_time(in_info)
-            output.GetInformation().Set(_DATA_TIME, made)
+            for key in (_DATA_TIME, UPDATE_TIME):  # VTK 9.4 believes neither alone
+                output.GetInformation().Set(key, made)
 
     def _own_time(self, in_info: Inputs) -> float:
         """Return which time an output is of that nobody asked a time of."""
