@@ -20,6 +20,8 @@ ROOT = Path(__file__).parents[1]
 #: What makes the package beside its two folders.
 _FILES = ("pyproject.toml", "setup.cfg", "MANIFEST.in", "LICENSE", "README.md", "CITATION.cff")
 
+PUBLIC = "https://forge.example/weavers/cloth"
+
 
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -31,6 +33,8 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / folder, checkout / folder, ignore=ignored)
     for file in _FILES:
         shutil.copy(ROOT / file, checkout)
+    shutil.copytree(ROOT / ".ci", checkout / ".ci")
+    subprocess.run([checkout / ".ci/addresses", PUBLIC, "v1.2"], check=True)
 
     def build(kind: str, source: Path) -> None:
         code = f"import setuptools.build_meta as b; b.build_{kind}({str(work)!r})"
@@ -51,6 +55,8 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_wheel_from_the_sdist_has_all_files_and_runs_alone(published: Path) -> None:
     (wheel,) = published.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
+        (about,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+        told = archive.read(about).decode()
         inside = {name for name in archive.namelist() if ".dist-info/" not in name}
         archive.extractall(published / "installed")
     files = (
@@ -60,6 +66,12 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs_alone(published: Path) ->
         if path.is_file() and "__pycache__" not in path.parts and _LIBRARY not in path.parents
     )
     assert inside == {str(name) for _, name in files}
+    for what in ("Source", "Documentation", "Changelog", "Issues"):
+        assert f"\nProject-URL: {what}, {PUBLIC}/" in told
+    assert f"]({PUBLIC}/raw/v1.2/docs/drape.png)" in told
+    assert not re.search(r"\]\((?!https?:|#)", told.partition("\n\n")[2])
+    citation = (published / "checkout/CITATION.cff").read_text("utf-8")
+    assert f'\nrepository-code: "{PUBLIC}"\nversion: "1.2"\n' in citation
     # Of the wheel, not of the checkout that is installed here.
     code = (
         "import spacemap_vtk, pathlib; from spacemap_vtk.cli.main import main;"
