@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 # Workers have a core each. OpenBLAS' threads keep one while they wait for the next call: of tests
 # that solve small problems they take two thirds of the time. It reads this as NumPy is imported.
@@ -70,6 +71,11 @@ except MissingLibraryError:
 else:
     os.environ["PYTEST_QT_API"] = os.environ["QT_API"] = "pyside6"
     pytest_plugins = ["pytestqt.plugin"]
+
+
+# An example may take as long as a busy machine lets it.
+settings.register_profile("busy", deadline=None)
+settings.load_profile("busy")
 
 
 @contextmanager
@@ -147,6 +153,9 @@ def freed_stages() -> Iterator[None]:
     yield
     if any(stage() is not None for stage in _made[before:]):
         gc.collect()
+        # What is left then stays, as what had been imported: the next look need not go through it.
+        if all(stage() is None for stage in _made):
+            gc.freeze()
     leaked = [stage for stage in _made[before:] if stage() is not None]
     del _made[before:]
     assert not leaked
