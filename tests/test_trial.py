@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import _thread
 import gc
 import os
+import signal
 import threading
 import time
 from pathlib import Path
@@ -104,10 +104,17 @@ def test_who_gives_up_leaves_no_process_and_no_pipe(
     monkeypatch.setattr(trial, "_children", [])
     with trial.tried(tmp_path, "os:stat"):
         pass
-    monkeypatch.setattr(trial, "_SECONDS", 3)
-    threading.Timer(0.5, _thread.interrupt_main).start()
-    with pytest.raises(KeyboardInterrupt), trial.tried(tmp_path, f"{__name__}:busy"):
-        pass
+    monkeypatch.setattr(trial, "_SECONDS", 1)
+    # As Ctrl-C does, it ends the wait for an answer: that would come after this second.
+    stop = threading.Timer(0.5, signal.pthread_kill, (threading.get_ident(), signal.SIGINT))
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
+    stop.start()
+    try:
+        with pytest.raises(KeyboardInterrupt), trial.tried(tmp_path, f"{__name__}:busy"):
+            pass
+    finally:
+        stop.join()
+        signal.signal(signal.SIGINT, usual)
     assert trial._children == []
     gc.collect()
 
@@ -130,12 +137,15 @@ def test_a_file_is_tried_once_and_again_when_it_has_changed(
     assert [task[2] for task in asked] == [file, file]
 
 
-def test_a_file_is_tried_again_when_one_that_it_names_has_changed(tmp_path: Path) -> None:
+def test_a_file_is_tried_again_when_one_that_it_names_has_changed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """What it names may be what is damaged, and end this process."""
     (tmp_path / "a.ele").write_text("1 4 0\n1 1 2 3 4\n")
     (tmp_path / "a.node").write_text("4 3 0 0\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n")
     assert read_object(tmp_path / "a.ele").data.GetNumberOfCells() == 1
     (tmp_path / "a.node").write_text("# a file without an end")
+    monkeypatch.setattr(trial, "_SECONDS", 1)
     with pytest.raises(InputError, match="SIGXCPU"):
         read_object(tmp_path / "a.ele")
 
