@@ -12,7 +12,7 @@ COLORS = np.array([[0x2D, 0x6A, 0x8E], [0xE8, 0xC7, 0x8F]])  # warp, weft
 
 weave = simple.WeaveSource(Ends=ENDS, Picks=ENDS)
 cage = simple.TetraCage(Input=weave, Divisions=[4, 4, 1], Order=2)
-modal = simple.ModalSolver(Input=cage, YoungsModulus=1e6)
+modal = simple.ModalSolver(Input=cage, Modes=20, YoungsModulus=1e6)
 response = simple.ModalResponse(Input=modal, Duration=0.04, Frames=6)
 warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp, Subdivisions=3)

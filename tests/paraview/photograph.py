@@ -18,7 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from spacemap_vtk.paraview import environment
 
 HERE = Path(__file__).resolve().parent
-PATIENCE = 60.0
+PATIENCE = 120.0
+#: Pixels of the view that the fabric lies in: of it there are more than 256 colours.
+MIDDLE = (400, 250, 1100, 750)
 
 
 def main() -> None:
@@ -49,9 +51,14 @@ def main() -> None:
                         log.seek(0)
                         sys.exit(f"ParaView's script did not end well:\n{log.read()}")
                     time.sleep(0.5)
-                # The panel is laid out when the window is idle: nothing changes any more.
+                # The panel is laid out when the window is idle: nothing changes any more. On a busy
+                # machine that may be so before anything is painted.
                 picture, before = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]), None
-                while before is None or ImageChops.difference(picture, before).getbbox():
+                while (
+                    before is None
+                    or ImageChops.difference(picture, before).getbbox()
+                    or (picture.crop(MIDDLE).getcolors(256) and time.monotonic() < deadline)
+                ):
                     time.sleep(1.0)
                     picture, before = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]), picture
                 picture.save(sys.argv[1], optimize=True)
