@@ -4,7 +4,7 @@ from paraview import simple
 
 weave = simple.WeaveSource(Ends=3, Picks=3)
 cage = simple.TetraCage(Input=weave, Divisions=[2, 2, 1], Order=2)
-modal = simple.ModalSolver(Input=cage, Modes=5)
+modal = simple.ModalSolver(Input=cage)
 warp = simple.BarycentricWarp(Input=weave, Cage=simple.ModalResponse(Input=modal))
 surface = simple.PatchTessellator(Input=warp)
 
