@@ -403,15 +403,15 @@ def test_speed():
     """A tenth of the 100 x 100 weave: 0.04 s and 1 ms where it is quiet."""
     vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     points = cloud(215_000, 0, 0, 1) * [1, 1, 0.1]
-    start = time.perf_counter()
+    start = time.process_time()
     where = locate(points, vertices, tetrahedra, threads=1)
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5
     ride = Interpolation(where, tetrahedra, len(vertices))
     best = np.inf
     for _ in range(7):
-        start = time.perf_counter()
+        start = time.process_time()
         ride.apply(vertices)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
     assert best < 0.02
 
 
@@ -482,6 +482,6 @@ def test_a_lattice_is_fast():
     """Ten million points a second where it is quiet; a tenth of that is asked for here."""
     vertices, tetrahedra = lattice((0, 1, 0, 1, 0, 0.1), (20, 20, 4))
     points = cloud(500_000, 0, 0, 1) * [1, 1, 0.1]
-    start = time.perf_counter()
+    start = time.process_time()
     assert locate(points, vertices, tetrahedra, threads=1).outside == 0
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5

@@ -390,9 +390,9 @@ def test_speed():
     surface = Tessellation(connectivity, (3, 3), 3)
     best = np.inf
     for _ in range(7):
-        start = time.perf_counter()
+        start = time.process_time()
         surface.evaluate(points)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
     assert best < 0.05
 
 
